@@ -13,7 +13,7 @@ from polarsim.geometry.boxes import around, iou
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import Sand
 from polarsim.rocks.heights import filled
-from polarsim.rocks.regions import PEAK_SHARE, Limits, Region, in_order, marked_region, surface_points
+from polarsim.rocks.regions import PEAK_SHARE, Limits, Region, measure_mask, sort_regions, surface_points
 
 FLANK = 3  # cells around a point that may be its flanks and are excluded from the ground below
 GROUND_RADIUS = 0.15  # metres around a point within which ground determines the height of the ground below
@@ -21,7 +21,9 @@ MIN_ANNOTATED_HEIGHT = 0.005  # minimum height above the surrounding ground, met
 ANNOTATED_FOOT = 0.001  # minimum height above the ground of a rock's cells, metres
 
 
-def with_annotated(sand: Sand, regions: list[Region], limits: Limits, evidence: Evidence) -> tuple[Sand, list[Region]]:
+def add_annotated_rocks(
+    sand: Sand, regions: list[Region], limits: Limits, evidence: Evidence
+) -> tuple[Sand, list[Region]]:
     """Return sand and regions after adding rocks at boxes of two positions that no region explains.
 
     Boxes of different rocks also intersect somewhere. Points are a rock if they fill both boxes and are higher than
@@ -43,7 +45,7 @@ def with_annotated(sand: Sand, regions: list[Region], limits: Limits, evidence: 
             if standing is not None and standing[1].size >= limits.size:
                 sand = standing[0]
                 detected.append(replace(standing[1], confirmed=(first, second)))
-    return sand, in_order([*regions, *detected])
+    return sand, sort_regions([*regions, *detected])
 
 
 def _shared(pixels: Sequence[np.ndarray], boxes: Sequence[np.ndarray], min_iou: float) -> np.ndarray:
@@ -81,7 +83,7 @@ def raised(sand: Sand, cells: np.ndarray, foot: float, lowest: float) -> tuple[S
     standing = around & (below.above > foot)
     if not standing.any() or np.quantile(below.above[standing], PEAK_SHARE) < lowest:
         return None
-    return below, marked_region(below, standing)
+    return below, measure_mask(below, standing)
 
 
 def _enlarge(window: tuple[slice, ...], margin: int) -> tuple[slice, ...]:

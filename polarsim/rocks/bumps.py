@@ -12,7 +12,15 @@ from polarsim.rocks.annotated import raised
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import FOOT_MARGIN, Sand
 from polarsim.rocks.heights import filled
-from polarsim.rocks.regions import MIN_HEIGHT_SHARE, WALL_CLEARANCE, Limits, Region, in_order, largest_piece, region_of
+from polarsim.rocks.regions import (
+    MIN_HEIGHT_SHARE,
+    WALL_CLEARANCE,
+    Limits,
+    Region,
+    largest_piece,
+    region_of,
+    sort_regions,
+)
 
 SMOOTHING = 0.012  # metres, sigma: removes caps of scanner noise, but not a rock of 4 cm
 CURVATURE = 6.0  # minimum downward curvature of a cap in all directions, 1 / m; ridges and crests are straight in one
@@ -58,7 +66,7 @@ class Cap:
     known: float  # share of the ring that is visible and not rock
 
 
-def with_bumps(
+def add_bumps(
     sand: Sand, regions: Sequence[Region], limits: Limits, evidence: Evidence, bumps: Bumps
 ) -> tuple[Sand, list[Region]]:
     """Return sand and regions after adding small caps between the regions as rocks, with or without annotations.
@@ -79,7 +87,7 @@ def with_bumps(
         if region.size >= limits.size and len(np.setdiff1d(region.seen, cap.cells)) == 0:
             sand = below
             detected.append(region)
-    return sand, in_order([*regions, *detected])
+    return sand, sort_regions([*regions, *detected])
 
 
 def caps(sand: Sand, regions: Sequence[Region]) -> Iterator[Cap]:

@@ -12,8 +12,8 @@ from polarsim.rocks.annotated import raised
 from polarsim.rocks.creases import neighbours
 from polarsim.rocks.evidence import ANNOTATION_IOU, Evidence
 from polarsim.rocks.ground import Sand
-from polarsim.rocks.grouping import grouped
-from polarsim.rocks.regions import Limits, Region, in_order, largest_piece, region_of, surface_points
+from polarsim.rocks.grouping import group_pieces
+from polarsim.rocks.regions import Limits, Region, largest_piece, region_of, sort_regions, surface_points
 
 MIN_CUT_IOU = 0.65  # minimum IoU of the cut rock with its box: there is no second position to confirm it
 BIN_PX = 8  # side of the squares of the photo that keep only the nearest points
@@ -49,7 +49,9 @@ class _ProjectedCells:
         return self.cells[inside[self.away[inside] < nearest[number] + DEPTH]]
 
 
-def carved(sand: Sand, regions: Sequence[Region], limits: Limits, evidence: Evidence) -> tuple[Sand, list[Region]]:
+def add_carved_rocks(
+    sand: Sand, regions: Sequence[Region], limits: Limits, evidence: Evidence
+) -> tuple[Sand, list[Region]]:
     """Return sand and regions after adding rocks at boxes that no region explains.
 
     The rock of a box may be connected to another rock, or have a side as gentle as sand. Cells of a box are a rock if
@@ -75,7 +77,7 @@ def carved(sand: Sand, regions: Sequence[Region], limits: Limits, evidence: Evid
             best = max((cut for cut in cuts if cut is not None), key=lambda cut: cut.fit, default=None)
             if best is not None:
                 sand, regions = best.sand, best.regions
-    return sand, in_order(_join_touching(sand, regions, evidence))
+    return sand, sort_regions(_join_touching(sand, regions, evidence))
 
 
 def _join_touching(sand: Sand, regions: list[Region], evidence: Evidence) -> list[Region]:
@@ -86,7 +88,7 @@ def _join_touching(sand: Sand, regions: list[Region], evidence: Evidence) -> lis
     reached = ndimage.grey_dilation(numbers, size=(3, 3))
     touching = [(first - 1, second - 1) for first, second in neighbours(np.where(numbers > 0, numbers, reached))]
     boxes = evidence.boxes(_surfaces(sand, regions))
-    rock = grouped(np.arange(len(regions)), touching, boxes, evidence.agreed, evidence.min_iou)
+    rock = group_pieces(np.arange(len(regions)), touching, boxes, evidence.agreed, evidence.min_iou)
     groups = [[regions[number] for number in np.flatnonzero(rock == label)] for label in np.unique(rock)]
     return [
         group[0] if len(group) == 1 else region_of(sand, np.concatenate([region.seen for region in group]), evidence)

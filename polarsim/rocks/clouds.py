@@ -110,7 +110,7 @@ def tangents(normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return across, np.cross(normals, across)
 
 
-def settling_translations(scans: Sequence[ScanPoints]) -> np.ndarray | None:
+def alignment_translations(scans: Sequence[ScanPoints]) -> np.ndarray | None:
     """Return translations (s, 3), metres, that align a rock's scans; zero if a translation does not improve them.
 
     Distances are measured between the smooth surfaces of scans, along normals. Therefore a rock needs faces towards

@@ -13,7 +13,7 @@ from scipy import ndimage
 from polarsim.rocks.ground import FOOT_MARGIN, Sand
 from polarsim.rocks.heights import filled
 from polarsim.rocks.overrides import Cuboid, Overrides
-from polarsim.rocks.regions import WALL_CLEARANCE, Region, by_id, marked_region
+from polarsim.rocks.regions import WALL_CLEARANCE, Region, measure_mask, number_regions
 from polarsim.rocks.scans import ScanPoints
 from polarsim.rocks.splitting import is_upright
 
@@ -82,7 +82,7 @@ def rock_of_points(sand: Sand, rocks: dict[int, Rock], scans: ScanPoints, foot: 
 
 def _keep_ids(sand: Sand, regions: Sequence[Region], positions: Mapping[int, np.ndarray]) -> dict[int, Region]:
     """Return regions by id: regions at the given positions (2,) keep the given ids, the rest is renumbered."""
-    finds, kept, cells = by_id(regions), {}, sand.grid.centres().reshape(-1, 2)
+    finds, kept, cells = number_regions(regions), {}, sand.grid.centres().reshape(-1, 2)
     for rock, position in positions.items():
         gaps = {
             number: np.linalg.norm(cells[region.footprint] - position, axis=1).min() for number, region in finds.items()
@@ -127,7 +127,7 @@ def _cropped(sand: Sand, cuboid: Cuboid, foot: float) -> Region | None:
     mask = _cells_of(sand, cuboid) & (sand.above > foot)
     if not mask.any():
         return None
-    return marked_region(sand, mask)
+    return measure_mask(sand, mask)
 
 
 def _around(sand: Sand, region: Region) -> Cuboid:

@@ -33,7 +33,7 @@ class Evidence:
             if position in self.localised and len(consensus)
         }
 
-    def of_their_position(self, rocks: Sequence[np.ndarray]) -> Evidence:
+    def without_mislabelled(self, rocks: Sequence[np.ndarray]) -> Evidence:
         """Exclude positions with boxes of another position, by rocks (n, 3) from shape only; log a warning."""
         cameras = {position: rig.camera("L") for position, rig in self.localised.items() if not rig.unproven}
         names = positions_of_strangers(self.agreed, cameras, rocks)
@@ -41,7 +41,7 @@ class Evidence:
             self, annotated={position: boxes for position, boxes in self.annotated.items() if position not in names}
         )
 
-    def confirming(self, points: np.ndarray) -> list[str]:
+    def confirming_positions(self, points: np.ndarray) -> list[str]:
         """Return positions with a seed box that matches a rock, by its points (n, 3) in the sandbox, metres."""
         positions = []
         for position, annotated in sorted(self.annotated.items()):

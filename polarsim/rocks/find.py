@@ -17,10 +17,10 @@ from polarsim.formats.ply import Cloud
 from polarsim.formats.yolo import read_rock_boxes
 from polarsim.geometry.poses import Pose
 from polarsim.rocks import table
-from polarsim.rocks.annotated import with_annotated
-from polarsim.rocks.bumps import Bumps, with_bumps
-from polarsim.rocks.carving import carved
-from polarsim.rocks.clouds import settling_translations, surface_cloud, voxel_means
+from polarsim.rocks.annotated import add_annotated_rocks
+from polarsim.rocks.bumps import Bumps, add_bumps
+from polarsim.rocks.carving import add_carved_rocks
+from polarsim.rocks.clouds import alignment_translations, surface_cloud, voxel_means
 from polarsim.rocks.crops import Rock, crop_rocks, rock_of_points
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import GROUND_CELL, Sand, find_ground, sand_extent
@@ -79,31 +79,33 @@ def find_rocks(
         size=options.min_size_mm / 1000,
     )
     cut = cut_by_shape(sand, limits)
-    evidence = _of_their_position(sand, limits, evidence, cut)
+    evidence = _without_mislabelled(sand, limits, evidence, cut)
     bumps = Bumps(BUMP_HEIGHT, options.bump_size_mm / 1000)
-    sand, regions = with_annotated(sand, find_regions(sand, limits, evidence, cut), limits, evidence)
-    sand, regions = carved(sand, regions, limits, evidence)
-    sand, regions = with_bumps(sand, regions, limits, evidence, bumps)
+    sand, regions = add_annotated_rocks(sand, find_regions(sand, limits, evidence, cut), limits, evidence)
+    sand, regions = add_carved_rocks(sand, regions, limits, evidence)
+    sand, regions = add_bumps(sand, regions, limits, evidence, bumps)
     sand, cropped = crop_rocks(sand, regions, typed, limits.foot)
     rock_of_point = rock_of_points(sand, cropped, scans, limits.foot)
     points = {rock: _by_scan(scans.select(rock_of_point == rock), localised) for rock in cropped}
-    translations = {rock: settling_translations(list(parts.values())) for rock, parts in points.items()}
+    translations = {rock: alignment_translations(list(parts.values())) for rock, parts in points.items()}
     unlabelled = [rock for rock, crop in cropped.items() if not crop.region.confirmed]
     log.info("terrain %02d: %d rocks, without a seed box: %s", terrain, len(cropped), unlabelled or "none")
     rows = [_row(rock, crop, points[rock], translations[rock]) for rock, crop in cropped.items()]
     rock_clouds = {
-        rock: surface_cloud(voxel_means(_settled(points[rock], translations[rock]), options.rock_cell_mm / 1000))
+        rock: surface_cloud(
+            voxel_means(_apply_translations(points[rock], translations[rock]), options.rock_cell_mm / 1000)
+        )
         for rock in cropped
     }
     _write(rocks, cuboids, ids, clouds, rows, cropped, rock_clouds, ground_cloud(sand), localised)
 
 
-def _of_their_position(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut) -> Evidence:
+def _without_mislabelled(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut) -> Evidence:
     """Exclude seeds with the name of another position, by rocks that were detected by shape only."""
     if not evidence.agreed or len(evidence.localised) < 2:
         return evidence
     by_shape = find_regions(sand, limits, replace(evidence, annotated={}), cut)
-    return evidence.of_their_position([surface_points(sand, region.seen) for region in by_shape])
+    return evidence.without_mislabelled([surface_points(sand, region.seen) for region in by_shape])
 
 
 def ground_cloud(sand: Sand) -> Cloud:
@@ -138,7 +140,7 @@ def _by_scan(points: ScanPoints, localised: Mapping[str, LocalisedRig]) -> dict[
     return {position: part for position, part in parts.items() if len(part)}
 
 
-def _settled(parts: Mapping[str, ScanPoints], translations: np.ndarray | None) -> ScanPoints:
+def _apply_translations(parts: Mapping[str, ScanPoints], translations: np.ndarray | None) -> ScanPoints:
     """Return the points of all scans of a rock, translated if translations (s, 3) are given."""
     if translations is None:
         return merged(list(parts.values()))

@@ -21,7 +21,7 @@ Group = frozenset[int]  # numbers of pieces
 Grouping = frozenset[Group]
 
 
-def grouped(
+def group_pieces(
     rock: np.ndarray,
     touching: Sequence[tuple[int, int]],
     boxes: Mapping[str, np.ndarray],

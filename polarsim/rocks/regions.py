@@ -12,9 +12,9 @@ from scipy import ndimage
 from polarsim.rocks.creases import neighbours
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import Sand
-from polarsim.rocks.grouping import grouped
+from polarsim.rocks.grouping import group_pieces
 from polarsim.rocks.heights import hull_mask
-from polarsim.rocks.splitting import Pieces, cut_apart, is_upright, join_slivers
+from polarsim.rocks.splitting import Pieces, cut_into_pieces, is_upright, join_slivers
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
 PEAK_SHARE = 0.99  # quantile of heights that defines a region's height, to ignore stray cells
@@ -62,7 +62,7 @@ class Cut:
 def cut_by_shape(sand: Sand, limits: Limits) -> Cut:
     """Cut the surface above the ground into pieces for `find_regions`, without boxes."""
     above, labels, seen = standing(sand, limits.foot)
-    return Cut(above, seen, cut_apart(above, labels, seen, sand.grid.cell))
+    return Cut(above, seen, cut_into_pieces(above, labels, seen, sand.grid.cell))
 
 
 def find_regions(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut | None = None) -> list[Region]:
@@ -80,20 +80,22 @@ def find_regions(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut | None
 
     boxes = evidence.boxes([points_of(pieces.numbers == number) for number in range(1, len(pieces.rock) + 1)])
     touching = [(first - 1, second - 1) for first, second in neighbours(pieces.numbers)]
-    rock = grouped(pieces.rock, touching, boxes, evidence.agreed, evidence.min_iou)
+    rock = group_pieces(pieces.rock, touching, boxes, evidence.agreed, evidence.min_iou)
     labels = np.concatenate([[0], rock])[pieces.numbers] * seen
-    labels = join_slivers(above, labels, sand.grid.cell, lambda mask: bool(evidence.confirming(points_of(mask))))
+    labels = join_slivers(
+        above, labels, sand.grid.cell, lambda mask: bool(evidence.confirming_positions(points_of(mask)))
+    )
     regions: list[Region] = []
     for number, box in enumerate(ndimage.find_objects(labels), 1):
         if box is None:
             continue
-        region = measured_region(sand, box, labels[box] == number)
+        region = measure_region(sand, box, labels[box] == number)
         if region.size < limits.size or region.height < limits.confirmed_height:
             continue
-        confirmed = tuple(evidence.confirming(surface_points(sand, region.seen)))
+        confirmed = tuple(evidence.confirming_positions(surface_points(sand, region.seen)))
         if confirmed or (_has_rock_shape(region, limits) and not _at_wall(sand, box)):
             regions.append(replace(region, confirmed=confirmed))
-    return in_order(regions)
+    return sort_regions(regions)
 
 
 def standing(sand: Sand, foot: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -120,12 +122,12 @@ def _at_wall(sand: Sand, box: tuple[slice, ...]) -> bool:
     )
 
 
-def in_order(regions: Sequence[Region]) -> list[Region]:
+def sort_regions(regions: Sequence[Region]) -> list[Region]:
     """Return regions in the order of an oblique sweep."""
     return sorted(regions, key=lambda region: float(region.centre @ SWEEP))
 
 
-def by_id(regions: Sequence[Region]) -> dict[int, Region]:
+def number_regions(regions: Sequence[Region]) -> dict[int, Region]:
     """Return regions by the number of the sandbox square that contains their centre, from 1, along x, then along y.
 
     Of several regions in a square, the largest has this number, the next 256 more, the third 512 more; further regions
@@ -147,16 +149,16 @@ def surface_points(sand: Sand, cells: np.ndarray) -> np.ndarray:
     return np.column_stack([nodes, sand.surface.ravel()[cells]])
 
 
-def marked_region(sand: Sand, mask: np.ndarray) -> Region:
+def measure_mask(sand: Sand, mask: np.ndarray) -> Region:
     """Measure the region that the non-empty `mask` (rows, columns) marks on the entire grid."""
     box = ndimage.find_objects(mask.astype(np.int8))[0]
-    return measured_region(sand, box, mask[box])
+    return measure_region(sand, box, mask[box])
 
 
 def region_of(sand: Sand, cells: np.ndarray, evidence: Evidence) -> Region:
     """Measure the region of flat cells (n,), and add the positions that confirm it."""
-    region = marked_region(sand, _mask(sand, cells))
-    return replace(region, confirmed=tuple(evidence.confirming(surface_points(sand, region.seen))))
+    region = measure_mask(sand, _mask(sand, cells))
+    return replace(region, confirmed=tuple(evidence.confirming_positions(surface_points(sand, region.seen))))
 
 
 def largest_piece(sand: Sand, cells: np.ndarray) -> np.ndarray:
@@ -172,7 +174,7 @@ def _mask(sand: Sand, cells: np.ndarray) -> np.ndarray:
     return mask
 
 
-def measured_region(sand: Sand, box: tuple[slice, ...], mask: np.ndarray) -> Region:
+def measure_region(sand: Sand, box: tuple[slice, ...], mask: np.ndarray) -> Region:
     """Measure the region that `mask` marks in a window of the grid."""
     rows, columns = np.nonzero(mask)
     hidden = ~np.isfinite(sand.surface[box])

@@ -26,7 +26,7 @@ class Pieces:
     rock: np.ndarray  # (n,) number from 1 of each piece's rock
 
 
-def cut_apart(above: np.ndarray, labels: np.ndarray, seen: np.ndarray, cell: float) -> Pieces:
+def cut_into_pieces(above: np.ndarray, labels: np.ndarray, seen: np.ndarray, cell: float) -> Pieces:
     """Cut regions into pieces, and group pieces into rocks.
 
     Parameters

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from polarsim.rocks.bumps import Bumps, curvature, with_bumps
+from polarsim.rocks.bumps import Bumps, add_bumps, curvature
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import Sand, find_ground
 from polarsim.rocks.heights import FloorGrid
-from polarsim.rocks.regions import Limits, Region, marked_region
+from polarsim.rocks.regions import Limits, Region, measure_mask
 from polarsim.rocks.scans import Extent, ScanPoints
 
 CELL, HALF = 0.005, 0.4  # metres
@@ -34,7 +34,7 @@ def sand_of(height: Height, seed: int = 1, unseen: Height | None = None) -> Sand
 
 
 def found(sand: Sand, regions: list[Region] | None = None, bumps: Bumps = BUMPS) -> list[Region]:
-    return with_bumps(sand, regions or [], LIMITS, NOBODY, bumps)[1]
+    return add_bumps(sand, regions or [], LIMITS, NOBODY, bumps)[1]
 
 
 def cap(size: float, height: float, x0: float = 0.0, y0: float = 0.0) -> Height:
@@ -106,14 +106,14 @@ def test_options_bound_size_and_height():
 def test_existing_rocks_are_kept_and_not_detected_again():
     sand = sand_of(lambda x, y: cap(0.07, 0.017, -0.2)(x, y) + cap(0.06, 0.014, 0.2)(x, y))
     points = sand.grid.centres()
-    rock = marked_region(sand, np.hypot(points[..., 0] + 0.2, points[..., 1]) < 0.03)
+    rock = measure_mask(sand, np.hypot(points[..., 0] + 0.2, points[..., 1]) < 0.03)
     left, right = found(sand, [rock])
     assert left is rock
     np.testing.assert_allclose(right.centre, [0.2, 0], atol=0.006)
 
 
 def test_detections_do_not_overlap_and_are_not_ground():
-    sand, regions = with_bumps(
+    sand, regions = add_bumps(
         sand_of(lambda x, y: cap(0.06, 0.015, -0.036)(x, y) + cap(0.06, 0.015, 0.036)(x, y)), [], LIMITS, NOBODY, BUMPS
     )
     seen = np.concatenate([region.seen for region in regions])

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.boxes import around
-from polarsim.rocks.carving import carved
+from polarsim.rocks.carving import add_carved_rocks
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import find_ground
-from polarsim.rocks.regions import Limits, find_regions, marked_region, surface_points
+from polarsim.rocks.regions import Limits, find_regions, measure_mask, surface_points
 from polarsim.rocks.scans import Extent
 from tests.rocks.conftest import Scene, angular_rock
 
@@ -48,7 +48,7 @@ def box(localised, position, rock):
 
 def found(sand, localised, **annotated):
     evidence = Evidence(localised, {name: [np.array(boxes).reshape(-1, 4)] for name, boxes in annotated.items()}, 0.3)
-    return carved(sand, find_regions(sand, LIMITS, evidence), LIMITS, evidence)[1]
+    return add_carved_rocks(sand, find_regions(sand, LIMITS, evidence), LIMITS, evidence)[1]
 
 
 def sizes(regions):
@@ -93,12 +93,12 @@ def test_touching_regions_are_joined_if_boxes_show_one_rock(sand, localised):
     for half in (points[:, 0] < rock.centre[0], points[:, 0] >= rock.centre[0]):
         mask = np.zeros(sand.surface.shape, bool)
         mask.ravel()[rock.seen[half]] = True
-        halves.append(marked_region(sand, mask))
+        halves.append(measure_mask(sand, mask))
     annotated = around(localised["A"].project("L", surface_points(sand, rock.seen)))
-    [joined] = carved(sand, halves, LIMITS, Evidence(localised, {"A": [annotated[None]]}, 0.3))[1]
+    [joined] = add_carved_rocks(sand, halves, LIMITS, Evidence(localised, {"A": [annotated[None]]}, 0.3))[1]
     np.testing.assert_array_equal(joined.seen, np.sort(rock.seen))
     assert joined.confirmed == ("A",)
-    assert len(carved(sand, halves, LIMITS, Evidence({}, {}, 0.3))[1]) == 2
+    assert len(add_carved_rocks(sand, halves, LIMITS, Evidence({}, {}, 0.3))[1]) == 2
 
 
 def test_a_box_on_bare_sand_adds_no_rock(sand, localised):

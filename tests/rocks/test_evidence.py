@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.boxes import around
-from polarsim.rocks.annotated import with_annotated
+from polarsim.rocks.annotated import add_annotated_rocks
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import find_ground
 from polarsim.rocks.regions import Limits, find_regions
@@ -32,7 +32,7 @@ def evidence(localised, **annotated):
 def test_a_box_around_a_rock_confirms_it(localised):
     rock = ball(0.2, 0.1)
     found = evidence(localised, A=[box(localised, "A", rock)], C=[box(localised, "C", rock) + 400], B=[[0, 0, 9, 9]])
-    assert found.confirming(rock) == ["A"]  # C has other boxes, and B has no pose
+    assert found.confirming_positions(rock) == ["A"]  # C has other boxes, and B has no pose
 
 
 def test_parts_have_a_box_in_every_photo_that_was_annotated_in(localised):
@@ -54,11 +54,11 @@ def test_boxes_that_no_rock_fills_are_unexplained(localised):
 def test_boxes_that_belong_to_another_position_are_no_evidence(localised, caplog):
     rocks = [ball(x, y) for x, y in [(0.2, 0.1), (-0.5, 0.4), (0.6, -0.3), (-0.2, -0.7), (0.8, 0.5)]]
     own = {name: [box(localised, name, rock) for rock in rocks] for name in "AC"}
-    assert sorted(evidence(localised, **own).of_their_position(rocks).agreed) == ["A", "C"]
+    assert sorted(evidence(localised, **own).without_mislabelled(rocks).agreed) == ["A", "C"]
     assert not caplog.records
-    kept = evidence(localised, A=own["A"], C=own["A"]).of_their_position(rocks)
+    kept = evidence(localised, A=own["A"], C=own["A"]).without_mislabelled(rocks)
     assert list(kept.agreed) == ["A"]
-    assert kept.confirming(rocks[0]) == ["A"]
+    assert kept.confirming_positions(rocks[0]) == ["A"]
     assert "position C" in caplog.text
 
 
@@ -81,7 +81,7 @@ def around_point(localised, position, spot):
 def looked_into(localised, sand, **points):
     boxes = {name: [around_point(localised, name, position)] for name, position in points.items()}
     shown = evidence(localised, **boxes)
-    return with_annotated(sand, find_regions(sand, LIMITS, shown), LIMITS, shown)
+    return add_annotated_rocks(sand, find_regions(sand, LIMITS, shown), LIMITS, shown)
 
 
 def test_a_low_rock_is_detected_if_two_positions_show_it(localised, low_rock):
@@ -96,7 +96,7 @@ def test_two_boxes_of_a_low_rock_add_it_once(localised, low_rock):
     shown = evidence(localised, A=[around_point(localised, "A", MOUND)], C=[around_point(localised, "C", MOUND)])
     twice = Evidence(localised, {"A": shown.annotated["A"], "C": shown.annotated["C"]}, 0.3)
     twice.agreed["C"] = np.concatenate([twice.agreed["C"], twice.agreed["C"] + 1])
-    _, regions = with_annotated(low_rock, [], LIMITS, twice)
+    _, regions = add_annotated_rocks(low_rock, [], LIMITS, twice)
     assert len(regions) == 1
 
 

@@ -9,7 +9,7 @@ from polarsim.rocks.crops import crop_rocks
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import find_ground, sand_extent
 from polarsim.rocks.overrides import Cuboid, Overrides
-from polarsim.rocks.regions import Limits, Region, by_id, find_regions
+from polarsim.rocks.regions import Limits, Region, find_regions, number_regions
 from polarsim.rocks.scans import Extent, ScanPoints
 
 CELL = 0.008
@@ -121,24 +121,24 @@ def test_an_id_is_the_number_of_a_square_of_the_sandbox():
     low, next_one, above, high = (
         region(*position) for position in [(-1.9, -1.9), (-1.6, -1.9), (-1.9, -1.6), (1.9, 1.9)]
     )
-    assert {rock: id(one) for rock, one in by_id([above, high, next_one, low]).items()} == {
+    assert {rock: id(one) for rock, one in number_regions([above, high, next_one, low]).items()} == {
         1: id(low), 2: id(next_one), 17: id(above), 256: id(high),
     }  # fmt: skip
 
 
 def test_ids_in_a_square_are_ordered_by_size_and_rocks_outside_get_ids_of_the_border():
     many = [region(0.1 + 0.01 * k, 0.1, 0.2 - 0.01 * k) for k in range(5)]
-    assert list(by_id(many)) == [137, 393, 649, 769, 770]
-    assert [id(one) for one in by_id(many).values()] == [id(one) for one in many]
-    assert list(by_id([region(-2.1, 2.1)])) == [241]
+    assert list(number_regions(many)) == [137, 393, 649, 769, 770]
+    assert [id(one) for one in number_regions(many).values()] == [id(one) for one in many]
+    assert list(number_regions([region(-2.1, 2.1)])) == [241]
 
 
 @given(gone=st.integers(0, 39), seed=st.integers(0, 50))
 def test_a_removed_rock_changes_only_ids_of_its_square(gone, seed):
     rng = np.random.default_rng(seed)
     rocks = [region(*rng.uniform(-1.9, 1.9, 2), size) for size in rng.uniform(0.05, 0.3, 40)]
-    before = {id(one): rock for rock, one in by_id(rocks).items()}
-    after = {id(one): rock for rock, one in by_id(rocks[:gone] + rocks[gone + 1 :]).items()}
+    before = {id(one): rock for rock, one in number_regions(rocks).items()}
+    after = {id(one): rock for rock, one in number_regions(rocks[:gone] + rocks[gone + 1 :]).items()}
     square = np.floor(rocks[gone].centre / 0.25)
     for one in rocks:
         if one is not rocks[gone] and (np.floor(one.centre / 0.25) != square).any():
@@ -147,7 +147,7 @@ def test_a_removed_rock_changes_only_ids_of_its_square(gone, seed):
 
 def test_cuboids_and_drops_of_the_override_file_are_applied(found):
     sand, regions = found
-    (_, kept), (second, _), (third, _) = by_id(regions).items()
+    (_, kept), (second, _), (third, _) = number_regions(regions).items()
     around = Cuboid(np.array([*(kept.centre - 0.2), -1.0]), np.array([*(kept.centre + 0.2), 1.0]))
     _, rocks = crop_rocks(sand, regions, Overrides({7: around}, drop=(second,)), LIMITS.foot)
     assert {rock: one.source for rock, one in rocks.items()} == {third: "scan", 7: "override"}
@@ -156,7 +156,7 @@ def test_cuboids_and_drops_of_the_override_file_are_applied(found):
 
 def test_a_region_with_a_used_id_gets_the_next_free_id(found):
     sand, regions = found
-    (_, kept), (second, _), (third, moved) = by_id(regions).items()
+    (_, kept), (second, _), (third, moved) = number_regions(regions).items()
     around = Cuboid(np.array([*(kept.centre - 0.2), -1.0]), np.array([*(kept.centre + 0.2), 1.0]))
     _, rocks = crop_rocks(sand, regions, Overrides({third: around}), LIMITS.foot)
     assert sorted(rocks) == [second, third, third + 1]
@@ -165,7 +165,7 @@ def test_a_region_with_a_used_id_gets_the_next_free_id(found):
 
 def test_regions_keep_the_ids_of_their_positions(found, caplog):
     sand, regions = found
-    (_, one), (_, other), (third, last) = by_id(regions).items()
+    (_, one), (_, other), (third, last) = number_regions(regions).items()
     points = {2: one.centre + 0.01, 9: other.centre, third: np.array([-1.2, 1.2])}
     _, rocks = crop_rocks(sand, regions, Overrides(positions=points), LIMITS.foot)
     kept = {rock: id(found.region) for rock, found in rocks.items()}
@@ -187,7 +187,7 @@ def test_ids_of_positions_do_not_depend_on_other_regions(found, gone):
 
 def test_drops_use_the_ids_of_positions(found):
     sand, regions = found
-    (_, one), (second, _), (third, _) = by_id(regions).items()
+    (_, one), (second, _), (third, _) = number_regions(regions).items()
     overrides = Overrides(positions={8: one.centre}, drop=(8,))
     _, rocks = crop_rocks(sand, regions, overrides, LIMITS.foot)
     assert sorted(rocks) == [second, third]
@@ -199,10 +199,12 @@ def test_a_rock_that_is_only_annotated_changes_no_other_id(three_rock_scans):
     picky = Limits(foot=0.006, height=lowest + 0.001, confirmed_height=0.010, size=0.035)
 
     class Annotated(Evidence):
-        def confirming(self, points):
+        def confirming_positions(self, points):
             return ["A"]
 
-    before, after = (by_id(find_regions(sand, picky, evidence({}, {}, 0.3))) for evidence in (Evidence, Annotated))
+    before, after = (
+        number_regions(find_regions(sand, picky, evidence({}, {}, 0.3))) for evidence in (Evidence, Annotated)
+    )
     assert len(before) == 2
     assert len(after) == 3
     for rock, one in before.items():
@@ -227,7 +229,7 @@ def test_a_low_region_is_kept_if_labels_confirm_it(three_rock_scans):
     assert find_regions(sand, high, Evidence({}, {}, 0.3)) == []
 
     class Right(Evidence):
-        def confirming(self, points):
+        def confirming_positions(self, points):
             return ["A"] if points[:, 0].mean() > 0.5 else []
 
     confirmed = find_regions(sand, high, Right({}, {}, 0.3))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.rocks.grouping import MAX_EXHAUSTIVE_PIECES, grouped
+from polarsim.rocks.grouping import MAX_EXHAUSTIVE_PIECES, group_pieces
 
 
 def span(first, last, top=0.0):
@@ -23,7 +23,7 @@ def groups(rock, *annotated, boxes=None, touching=None):
     boxes = [row(n)] * len(annotated) if boxes is None else boxes
     touching = [(k, k + 1) for k in range(n - 1)] if touching is None else touching
     names = "ABC"[: len(annotated)]
-    found = grouped(
+    found = group_pieces(
         np.array(rock),
         touching,
         dict(zip(names, boxes, strict=True)),

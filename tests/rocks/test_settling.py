@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from polarsim.rocks.clouds import settling_translations
+from polarsim.rocks.clouds import alignment_translations
 from polarsim.rocks.scans import ScanPoints, merged
 
 OFF = np.array([0.0015, -0.0020, 0.0010])  # metres
@@ -27,7 +27,7 @@ def scan(eye, count=8000, noise=0.002, seed=0, off=(0, 0, 0), flat=False):
 @pytest.mark.parametrize("seed", range(3))
 def test_a_displaced_scan_is_aligned(seed):
     near, far = scan((2.0, -1.0, 1.5), seed=seed), scan((0.5, -3.0, 1.5), seed=seed + 10, off=OFF)
-    translations = settling_translations([near, far])
+    translations = alignment_translations([near, far])
     assert translations is not None
     assert np.linalg.norm((translations[0] - translations[1]) - OFF) < 0.4e-3
     weights = np.array([near.weights.sum(), far.weights.sum()])
@@ -36,15 +36,15 @@ def test_a_displaced_scan_is_aligned(seed):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_aligned_scans_are_not_moved(seed):
-    translations = settling_translations([scan((2.0, -1.0, 1.5), seed=seed), scan((0.5, -3.0, 1.5), seed=seed + 10)])
+    translations = alignment_translations([scan((2.0, -1.0, 1.5), seed=seed), scan((0.5, -3.0, 1.5), seed=seed + 10)])
     assert translations is not None
     assert not translations.any()
 
 
 def test_the_order_of_scans_and_points_hardly_matters():
     scans = [scan((2.0, -1.0, 1.5)), scan((0.5, -3.0, 1.5), seed=1, off=OFF)]
-    translations = settling_translations(scans)
-    backwards = settling_translations([part.select(np.arange(len(part))[::-1]) for part in reversed(scans)])
+    translations = alignment_translations(scans)
+    backwards = alignment_translations([part.select(np.arange(len(part))[::-1]) for part in reversed(scans)])
     assert backwards == pytest.approx(translations[::-1], abs=0.1e-3)
 
 
@@ -60,4 +60,4 @@ def test_the_order_of_scans_and_points_hardly_matters():
     ids=["one scan", "few points of the other", "a plate", "no point", "no scan"],
 )
 def test_an_undetermined_direction_prevents_alignment(scans):
-    assert settling_translations(scans) is None
+    assert alignment_translations(scans) is None

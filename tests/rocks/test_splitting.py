@@ -1,7 +1,7 @@
 import numpy as np
 from scipy import ndimage
 
-from polarsim.rocks.splitting import cut_apart, is_upright, join_slivers
+from polarsim.rocks.splitting import cut_into_pieces, is_upright, join_slivers
 
 Y, X = np.mgrid[0:80, 0:120]
 CELL = 0.005  # metres
@@ -14,7 +14,7 @@ def dome(x, y, radius, height):
 def pieces_of(above, seen=None):
     seen = np.ones_like(above, bool) if seen is None else seen
     labels, _ = ndimage.label((above > 0.006) & seen)
-    return cut_apart(above, labels, seen, CELL), labels
+    return cut_into_pieces(above, labels, seen, CELL), labels
 
 
 def count(above):
