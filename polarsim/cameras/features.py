@@ -23,7 +23,7 @@ from polarsim.run_files.best_photos import Photos, Pictures, read_shrunk
 from polarsim.run_files.rigs import FEATURES, LocalisedRig
 from polarsim.tone import to_8bit
 
-SCALE = 0.5  # of the photos in which features are detected
+FEATURE_SCALE = 0.5  # of the photos in which features are detected
 _MAX_FEATURES = 6000  # maximum number of features of a photo
 _MAX_REPROJECTION_PX = 2.0  # maximum reprojection error of an inlier, pixels of the shrunk photo
 _DRAWS = 5000
@@ -46,7 +46,7 @@ def localise_by_features(
         Photos by view and azimuth of the Sun lamp.
     """
     rig = next(iter(localised.values())).rig
-    lens = rig.left.scaled(SCALE)
+    lens = rig.left.scaled(FEATURE_SCALE)
     shown: dict[str, Photos] = {
         view[0]: {azimuth: read_shrunk(path, lens) for azimuth, path in by_azimuth.items()}
         for view, by_azimuth in pictures.items()
@@ -57,7 +57,7 @@ def localise_by_features(
     for position in sorted(set(positions) & set(features)):
         points, pixels = [np.empty((0, 3))], [np.empty((0, 2))]
         for other, rig_of_other in localised.items():
-            camera = rig_of_other.camera("L").scaled(SCALE)
+            camera = rig_of_other.camera("L").scaled(FEATURE_SCALE)
             for azimuth in sorted(set(features[position]) & set(features.get(other, ()))):
                 here, there = features[position][azimuth], features[other][azimuth]
                 first, second = match_features(there, here)
@@ -107,7 +107,7 @@ def _pose(points: np.ndarray, pixels: np.ndarray, lens: Lens) -> tuple[Pose | No
     chosen = inliers[:, 0]
     rotation, translation = cv2.solvePnPRefineLM(points[chosen], rays[chosen], plain, None, rotation, translation)
     projected, _ = cv2.projectPoints(points[chosen], rotation, translation, plain, None)
-    off_px = np.linalg.norm(projected[:, 0] - rays[chosen], axis=1) * lens.fx / SCALE
+    off_px = np.linalg.norm(projected[:, 0] - rays[chosen], axis=1) * lens.fx / FEATURE_SCALE
     pose = Pose.from_rotvec(rotation.ravel(), translation.ravel()).inverse()
     metrics = {"matches": len(points), "agreeing": len(chosen), "features_off_px": np.median(off_px)}
     return rounded(pose), rounded_metrics({name: float(value) for name, value in metrics.items()})

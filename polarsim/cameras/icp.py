@@ -31,8 +31,8 @@ FACING_AWAY = 0.5  # minimum cosine between normals of points on the same surfac
 PARTNER_REACH = 0.04  # maximum distance of a pair, metres
 TUKEY = 4.685  # standard deviations: 95 % efficient for Gaussian errors
 WIDTHS = (4.0, 2.0, 1.0)  # factors of Tukey's scale, one per pass of the joint alignment
-ROUNDS = 25  # maximum number of steps of a pass
-CONVERGED = 1e-7  # metres and radians: smaller steps end a pass
+MAX_STEPS = 25  # maximum number of steps of a pass
+ALIGNMENT_CONVERGED = 1e-7  # metres and radians: smaller steps end a pass
 PATCH = 0.2  # metres: side of the patches of ground with independent errors
 
 
@@ -132,7 +132,7 @@ def align_jointly(surfaces: Mapping[str, ScanSurface], start: Mapping[str, Pose]
     poses = dict(start)
     samples = {name: surfaces[name].sample(FINE_SAMPLES) for name in surfaces}
     for width in WIDTHS:
-        for _ in range(ROUNDS):
+        for _ in range(MAX_STEPS):
             normal, right = np.zeros((6 * len(names), 6 * len(names))), np.zeros(6 * len(names))
             for pair in _pairs(names, surfaces, samples, poses, width):
                 normal += (pair.slopes * pair.weights[:, None]).T @ pair.slopes
@@ -140,7 +140,7 @@ def align_jointly(surfaces: Mapping[str, ScanSurface], start: Mapping[str, Pose]
             step = np.linalg.solve(normal + 1e-9 * np.trace(normal) * np.eye(len(normal)), right).reshape(-1, 6)
             for name, change in zip(names, step, strict=True):
                 poses[name] = Pose(Rotation.from_rotvec(change[:3]).as_matrix(), change[3:]) @ poses[name]
-            if np.abs(step).max(initial=0) < CONVERGED:
+            if np.abs(step).max(initial=0) < ALIGNMENT_CONVERGED:
                 break
     return poses
 

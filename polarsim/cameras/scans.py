@@ -30,7 +30,7 @@ MIN_SAND_POINTS = 1000
 MIN_SAND_AREA = 1.0  # square metres: scans of the analog show 5 to 11
 MIN_RELIEF = 0.005  # minimum standard deviation, metres: the relief of flatter scans cannot be compared
 HEIGHT_REACH = 1.0  # metres from the sand's level; curtains and stands are higher
-LEVEL, FLAT = 0.2, 0.8  # sand near the walls: maximum |z|, metres, and minimum |z| of normals
+MAX_LEVEL_HEIGHT, MIN_FLAT_NORMAL = 0.2, 0.8  # sand near the walls: maximum |z|, metres, and minimum |z| of normals
 COARSE_VOXELS = [0.04, 0.02]  # metres
 AGREE = 0.015  # maximum height difference in a cell of two scans that agree, metres
 GUESSED_POSITION = np.array([3.6, 0.0, 1.55])  # metres: start for a position that was not surveyed
@@ -70,7 +70,7 @@ class _Levelled:
         """Return the fine grid without walls: they have two sides, and the cloth on them moves between scans."""
         points, normals = self.fine.points, self.fine.normals
         inside = (np.abs(points[:, :2]) < SAND_REACH).all(axis=1)
-        level = (np.abs(points[:, 2]) < LEVEL) & (np.abs(normals[:, 2]) > FLAT)
+        level = (np.abs(points[:, 2]) < MAX_LEVEL_HEIGHT) & (np.abs(normals[:, 2]) > MIN_FLAT_NORMAL)
         return self.fine.select(inside | level)
 
 
@@ -179,7 +179,9 @@ def _level_scan(position: str, points: np.ndarray, stations: Mapping[str, Pose])
 
 def _sand_area(coarse: icp.ScanSurface) -> float:
     """Return the area of level surface near the centre, square metres, on the coarsest grid."""
-    sand = (np.abs(coarse.points) < [SAND_REACH, SAND_REACH, LEVEL]).all(axis=1) & (np.abs(coarse.normals[:, 2]) > FLAT)
+    sand = (np.abs(coarse.points) < [SAND_REACH, SAND_REACH, MAX_LEVEL_HEIGHT]).all(axis=1) & (
+        np.abs(coarse.normals[:, 2]) > MIN_FLAT_NORMAL
+    )
     return float(sand.sum() * COARSE_VOXELS[0] ** 2)
 
 

@@ -15,13 +15,13 @@ from polarsim.cameras.heightmaps import height_map
 from polarsim.geometry.planes import level_from, tracked_plane
 from polarsim.geometry.poses import Pose
 
-REACH, STEP = 3.0, 0.02  # half side of the searched square about the origin, and side of a cell, metres
+SEARCH_REACH, MAP_CELL = 3.0, 0.02  # half side of the searched square about the origin, and side of a cell, metres
 MIN_BOX_HEIGHT = 0.08  # minimum height of the box above the floor, metres
-GAP = 0.06  # maximum width of closed gaps, metres; rocks and walls occlude parts of the box
+MAX_GAP = 0.06  # maximum width of closed gaps, metres; rocks and walls occlude parts of the box
 SIZE_SLACK = 0.3  # maximum relative error of a side of the square
 SQUARE = 0.8  # minimum share of the bounding rectangle that the square covers
 SAND_SHARE = 0.8  # of the half width; farther out are walls and piles of sand
-SCALES = [0.10, 0.08, 0.06, 0.05, 0.04, 0.03, 0.03, 0.03]  # metres: scales of the robust fits of floor and sand
+PLANE_SCALES = [0.10, 0.08, 0.06, 0.05, 0.04, 0.03, 0.03, 0.03]  # metres: scales of the robust fits of floor and sand
 
 
 def small_box_frame(points: np.ndarray, half_width: float, cameras: Iterable[Pose]) -> Pose | None:
@@ -36,7 +36,7 @@ def small_box_frame(points: np.ndarray, half_width: float, cameras: Iterable[Pos
     """
     upright = _level_floor(points)
     points = upright.apply(points)
-    centre, heading = _square(height_map(points, REACH, STEP).height, half_width)
+    centre, heading = _square(height_map(points, SEARCH_REACH, MAP_CELL).height, half_width)
     if centre is None:
         return None
     home = Pose.from_rotvec(np.array([0, 0, -heading]), np.zeros(3)) @ Pose(np.eye(3), -np.append(centre, 0.0))
@@ -45,7 +45,7 @@ def small_box_frame(points: np.ndarray, half_width: float, cameras: Iterable[Pos
     home = Pose.from_rotvec(np.array([0, 0, quarters * np.pi / 2]), np.zeros(3)) @ home
     moved = home.apply(points)
     sand = moved[(np.abs(moved[:, :2]) < SAND_SHARE * half_width).all(axis=1)]
-    plane = tracked_plane(sand, np.array([0, 0, np.median(sand[:, 2])]), SCALES)
+    plane = tracked_plane(sand, np.array([0, 0, np.median(sand[:, 2])]), PLANE_SCALES)
     return Pose(np.eye(3), np.array([0, 0, -plane[2]])) @ home @ upright
 
 
@@ -54,9 +54,9 @@ def _level_floor(points: np.ndarray) -> Pose:
 
     The sand of a small box is less accurate: its relief tilts a plane by a degree.
     """
-    near = points[(np.abs(points[:, :2]) < REACH).all(axis=1)]
-    floor = _floor(height_map(points, REACH, STEP).height)
-    return level_from(tracked_plane(near[:: max(1, len(near) // 100_000)], np.array([0, 0, floor]), SCALES))
+    near = points[(np.abs(points[:, :2]) < SEARCH_REACH).all(axis=1)]
+    floor = _floor(height_map(points, SEARCH_REACH, MAP_CELL).height)
+    return level_from(tracked_plane(near[:: max(1, len(near) // 100_000)], np.array([0, 0, floor]), PLANE_SCALES))
 
 
 def _square(heights: np.ndarray, half_width: float) -> tuple[np.ndarray | None, float]:
@@ -64,7 +64,7 @@ def _square(heights: np.ndarray, half_width: float) -> tuple[np.ndarray | None, 
     import cv2
 
     raised = np.nan_to_num(heights, nan=-np.inf) > _floor(heights) + MIN_BOX_HEIGHT
-    raised = ndimage.binary_closing(raised, np.ones((3, 3), bool), iterations=round(GAP / STEP / 2))
+    raised = ndimage.binary_closing(raised, np.ones((3, 3), bool), iterations=round(MAX_GAP / MAP_CELL / 2))
     raised = ndimage.binary_opening(raised, np.ones((5, 5), bool))  # removes objects that lean on the box
     parts, _ = ndimage.label(raised)
     best: tuple[float, np.ndarray | None, float] = (np.inf, None, 0.0)
@@ -72,10 +72,10 @@ def _square(heights: np.ndarray, half_width: float) -> tuple[np.ndarray | None, 
         row, column = np.nonzero(parts[window] == number)
         cells = np.stack([column + window[1].start, row + window[0].start], axis=1).astype(np.float32)
         sides = cv2.minAreaRect(cells)[1]
-        width = (np.array(sides) + 1) * STEP
+        width = (np.array(sides) + 1) * MAP_CELL
         off = float(np.abs(width / (2 * half_width) - 1).max())
-        if off < min(best[0], SIZE_SLACK) and len(cells) * STEP**2 > SQUARE * np.prod(width):
-            best = off, *_by_area((cells + 0.5) * STEP - REACH)
+        if off < min(best[0], SIZE_SLACK) and len(cells) * MAP_CELL**2 > SQUARE * np.prod(width):
+            best = off, *_by_area((cells + 0.5) * MAP_CELL - SEARCH_REACH)
     return best[1:]
 
 
@@ -92,5 +92,5 @@ def _by_area(cells: np.ndarray) -> tuple[np.ndarray, float]:
 def _floor(heights: np.ndarray) -> float:
     """Return the height of the floor: the centre of the fullest bin of 2 cm."""
     heights_of_cells = heights[np.isfinite(heights)]
-    bins = np.floor(heights_of_cells / STEP).astype(int)
-    return float((np.bincount(bins - bins.min()).argmax() + bins.min() + 0.5) * STEP)
+    bins = np.floor(heights_of_cells / MAP_CELL).astype(int)
+    return float((np.bincount(bins - bins.min()).argmax() + bins.min() + 0.5) * MAP_CELL)

@@ -20,7 +20,7 @@ PAIRINGS = 3  # number of times that rocks and boxes are paired
 OUTLIER_SD = 2.0  # standard deviations of the prior beyond which a rock was clearly moved: the prior loses weight
 MAX_TRANSLATION = 0.1  # maximum translation, metres: boxes that imply more belong to another rock
 STEPS = 30  # maximum number of steps of a fit
-CONVERGED = 1e-6  # metres and radians: smaller steps end a fit
+TRANSLATIONS_CONVERGED = 1e-6  # metres and radians: smaller steps end a fit
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def fit_translations(
             for number, position in enumerate(unknowns):
                 unknowns[position] = unknowns[position] + step[6 * number : 6 * number + 6]
             metres = metres + step[6 * len(positions) :].reshape(-1, 3)
-            if np.abs(step).max() < CONVERGED:
+            if np.abs(step).max() < TRANSLATIONS_CONVERGED:
                 break
         mismatched |= np.linalg.norm(metres, axis=1) > MAX_TRANSLATION
         metres = np.where(mismatched[:, None], 0.0, metres)

@@ -19,7 +19,9 @@ from numpy.polynomial import chebyshev
 from polarsim.photo import HEIGHT, WIDTH
 
 CHUNK = 1 << 14  # number of pixels with arrays that fit the cache
-CONVERGED = 1e-7  # convergence of the undistortion, in units of the focal length: the next step squares the error
+UNDISTORTION_CONVERGED = (
+    1e-7  # convergence of the undistortion, in units of the focal length: the next step squares the error
+)
 HALF_PIXEL = 0.5  # OpenCV's (0, 0) is our (0.5, 0.5)
 MAX_ERROR_PX = 1e-6  # maximum reprojection error of a polynomial
 _DEGREES = (14, 24, 40)
@@ -114,7 +116,7 @@ class Lens:
             mixed = slope * xy + 2 * p1 * x + 2 * p2 * y
             determinant = xx * yy - mixed * mixed
             x, y = x - (yy * ex - mixed * ey) / determinant, y - (xx * ey - mixed * ex) / determinant
-            if max(np.abs(ex).max(initial=0), np.abs(ey).max(initial=0)) < CONVERGED:
+            if max(np.abs(ex).max(initial=0), np.abs(ey).max(initial=0)) < UNDISTORTION_CONVERGED:
                 break
         return np.stack([x, y], axis=-1)
 

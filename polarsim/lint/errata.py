@@ -17,7 +17,7 @@ from polarsim.lint.folders import lint_release
 from polarsim.lint.rules import RULES, chosen
 from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH
 
-WIDTH_PX = 484  # of a figure on the page
+FIGURE_WIDTH_PX = 484  # of a figure on the page
 _SHOWN = 3  # maximum number of files named in a caption
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 1560px; padding: 0 1rem; color: #222; }
@@ -118,7 +118,7 @@ def _picture(path: Path, finding: Finding, twins: Mapping[str, Path]) -> str:
     )
     polygons += "".join(f'<polygon class="lacking" points="{_points(_corners(*box))}"/>' for box in finding.lacking)
     background = _twin(path, twins)
-    return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH_PX}" role="img">{background}{polygons}</svg>'
+    return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{FIGURE_WIDTH_PX}" role="img">{background}{polygons}</svg>'
 
 
 def _twin(path: Path, twins: Mapping[str, Path]) -> str:
@@ -126,7 +126,7 @@ def _twin(path: Path, twins: Mapping[str, Path]) -> str:
     twin = twins.get(path.stem)
     if twin is None:
         return ""
-    return f'<image href="{thumbnails.of_photo(twin, WIDTH_PX)}" width="{WIDTH}" height="{HEIGHT}"/>'
+    return f'<image href="{thumbnails.of_photo(twin, FIGURE_WIDTH_PX)}" width="{WIDTH}" height="{HEIGHT}"/>'
 
 
 def _shapes(path: Path) -> Iterator[tuple[str, np.ndarray]]:

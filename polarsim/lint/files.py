@@ -14,7 +14,7 @@ from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, ROCK, SHADOW, W
 Boxes = tuple[np.ndarray, np.ndarray]  # class numbers (n,), boxes (n, 4) in pixels
 Size = tuple[int, int]  # width and height of the photo, pixels
 
-SAME, NEAR = 0.9999, 0.7  # minimum IoU of duplicates, and of near-duplicates
+DUPLICATE_IOU, NEAR_DUPLICATE_IOU = 0.9999, 0.7  # minimum IoU of duplicates, and of near-duplicates
 SLIVER_PX = 6.0  # minimum side of a box
 GIANT_SIDE, GIANT_AREA = 0.6, 0.2  # maximum shares of the photo
 OUTSIDE_PX = 0.02  # rounding error of six decimals
@@ -22,7 +22,7 @@ MISSING_SHADOWS, EXTRA_SHADOWS = 4, 3  # minimum number of shadows fewer, or mor
 
 ROCK_CLASS, SHADOW_CLASS = (BOX_CLASSES.index(name) for name in (ROCK, SHADOW))
 Polygons = list[tuple[int, np.ndarray]]  # class number, vertices (n, 2) in pixels
-TINY_PX2, THIN_PX = 9.0, 2.0  # minimum area and extent of a polygon
+TINY_PX2, MIN_EXTENT_PX = 9.0, 2.0  # minimum area and extent of a polygon
 HUGE_PX2 = 300_000.0  # maximum area of a rock or shadow
 COVERED = 0.98  # minimum share of the photo that polygons cover
 COVER_STEP = 4  # pixels between the samples of the coverage
@@ -40,9 +40,9 @@ def box_defects(classes: np.ndarray, boxes: np.ndarray, size: Size = (WIDTH, HEI
     alike = classes[:, None] == classes[None]
     extent, photo = boxes[:, 2:] - boxes[:, :2], np.array(size, float)
     pairs = {
-        "duplicate": alike & (overlap > SAME),
-        "near_duplicate": alike & (overlap > NEAR) & (overlap <= SAME),
-        "rock_on_shadow": ~alike & (overlap > NEAR),
+        "duplicate": alike & (overlap > DUPLICATE_IOU),
+        "near_duplicate": alike & (overlap > NEAR_DUPLICATE_IOU) & (overlap <= DUPLICATE_IOU),
+        "rock_on_shadow": ~alike & (overlap > NEAR_DUPLICATE_IOU),
     }
     singles = {
         "sliver": (extent < SLIVER_PX).any(axis=1),
@@ -85,7 +85,7 @@ def ring_defects(polygons: Polygons) -> Iterator[Defect]:
         for name, present in (
             ("invalid_ring", not ring.is_valid),
             ("tiny_polygon", ring.area < TINY_PX2),
-            ("thin_polygon", extent.min() < THIN_PX),
+            ("thin_polygon", extent.min() < MIN_EXTENT_PX),
             ("triangle", len(vertices) == 3),
             ("out_of_photo", outside),
             ("giant_shadow", kind == SHADOW_POLYGON and ring.area > HUGE_PX2),
@@ -122,8 +122,8 @@ def file_defects(polygons: Polygons) -> Iterator[Defect]:
         kind = POLYGON_CLASSES[kinds[late[0]]]
         yield Defect("paint_order", f"polygon {late[0] + 1}: {kind}", tuple(late.tolist()))
     overlap = iou(boxes_of(polygons, ROCK_POLYGON), boxes_of(polygons, SHADOW_POLYGON))
-    if (overlap > NEAR).any():
-        yield Defect("polygons_coincide", f"{(overlap > NEAR).sum()} pairs")
+    if (overlap > NEAR_DUPLICATE_IOU).any():
+        yield Defect("polygons_coincide", f"{(overlap > NEAR_DUPLICATE_IOU).sum()} pairs")
 
 
 def against_boxes(polygons: Polygons, labels: Boxes) -> Iterator[Defect]:

@@ -32,7 +32,7 @@ from polarsim.lint.rules import RULES, Defect
 from polarsim.lint.siblings import modal_file, of_class, set_defects, swapped_classes
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey, by_bracket
 
-CHANGES = "changes.csv"
+REPAIR_TABLE = "changes.csv"
 _LABELS = (release.BOXES, release.POLYGONS)  # copied folders
 _LEFT_OUT = ("stray_name", "system_file", "wrong_folder")
 _OF_SET = {
@@ -91,7 +91,7 @@ def write_repaired(root: Path, findings: Iterable[Finding], out: Path, names: Co
             for finding in done
         ]
         columns = ["file", "line", "code", "defect", "repair", "detail"]
-        tables.write_csv(copy / CHANGES, pd.DataFrame(rows, columns=columns))
+        tables.write_csv(copy / REPAIR_TABLE, pd.DataFrame(rows, columns=columns))
     return len(done)
 
 

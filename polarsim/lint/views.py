@@ -26,7 +26,7 @@ MIN_PAIRS = 6  # minimum number of pairs for a plane
 ACROSS_PX, OFF_PX = 25.0, 15.0  # maximum horizontal and minimum vertical offset of a violation
 MAX_LOG_SIDES = 0.4  # maximum log ratio of the sides of a rock's boxes in left and right
 ROCK_FOOT, SHADOW_FOOT = 0.75, 0.5  # share of a box's height, from its top, at which its centre is on the ground
-REACH = 0.12  # maximum distance on the ground between the boxes of a rock and its shadow, metres
+MAX_SHADOW_GAP = 0.12  # maximum distance on the ground between the boxes of a rock and its shadow, metres
 AWAY, TOWARDS = 0.0, -0.7  # minimum cosine to the direction of light of a possible shadow, maximum of an impossible one
 
 
@@ -203,7 +203,7 @@ def _on_sunny_side(rocks: np.ndarray, shadows: np.ndarray, lamp: np.ndarray) -> 
     distance = np.linalg.norm(offset, axis=-1)
     cosine = (offset * light).sum(axis=-1) / np.maximum(distance, 1e-6)
     half, shadow_half = (np.linalg.norm(feet[:, 2] - feet[:, 1], axis=1) / 2 for feet in (rocks, shadows))
-    near = distance < REACH + half[None] + shadow_half[:, None]
+    near = distance < MAX_SHADOW_GAP + half[None] + shadow_half[:, None]
     may_be = near & (cosine > AWAY)
     against = near & (cosine < TOWARDS) & ~may_be.any(axis=0)
     return np.asarray(against.any(axis=1) & ~may_be.any(axis=1))

@@ -28,7 +28,7 @@ from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.rock_translations import read_translations
 
 log = logging.getLogger("polarsim")
-HALF_WIDTH = 2.10  # metres: the origin of published frames may be a decimetre off the centre of the box
+PUBLISHED_HALF_WIDTH = 2.10  # metres: the origin of published frames may be a decimetre off the centre of the box
 MAX_GROUND_SIZE = 20.0  # maximum size of a ground, metres: the sandbox measures 4, a ground in other units much more
 MIN_FOOT_ON_GROUND = 0.5  # minimum share of the points of a rock's foot with ground below or above
 MAX_FOOT_GAP = 0.05  # maximum distance between rocks' feet and the ground, metres, median over rocks
@@ -111,7 +111,10 @@ def adopt_rocks(*, terrain: int, inventory: Path, cameras: Path, rocks: Path, cu
     translations = read_translations(cameras)
     as_published = {rock: cleaned(obj.read(path)) for rock, path in files.items()}
     adopted = {rock: moved(mesh, translations.get(rock, np.zeros(3))) for rock, mesh in as_published.items()}
-    grid = FloorGrid(Extent(-HALF_WIDTH, -HALF_WIDTH, HALF_WIDTH, HALF_WIDTH), FITTED_GROUND_CELL)
+    grid = FloorGrid(
+        Extent(-PUBLISHED_HALF_WIDTH, -PUBLISHED_HALF_WIDTH, PUBLISHED_HALF_WIDTH, PUBLISHED_HALF_WIDTH),
+        FITTED_GROUND_CELL,
+    )
     if published.ground:
         ground = read_ground(published.ground, {rock: rim(mesh) for rock, mesh in as_published.items()})
         heights, made_from = heights_on(grid, ground), scene.PUBLISHED

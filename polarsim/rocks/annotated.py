@@ -15,7 +15,7 @@ from polarsim.rocks.ground import Sand
 from polarsim.rocks.heights import filled
 from polarsim.rocks.regions import PEAK_SHARE, Limits, Region, measure_mask, sort_regions, surface_points
 
-FLANK = 3  # cells around a point that may be its flanks and are excluded from the ground below
+FLANK_CELLS = 3  # cells around a point that may be its flanks and are excluded from the ground below
 GROUND_RADIUS = 0.15  # metres around a point within which ground determines the height of the ground below
 MIN_ANNOTATED_HEIGHT = 0.005  # minimum height above the surrounding ground, metres; excludes ripples and noise
 ANNOTATED_FOOT = 0.001  # minimum height above the ground of a rock's cells, metres
@@ -71,7 +71,7 @@ def raised(sand: Sand, cells: np.ndarray, foot: float, lowest: float) -> tuple[S
         return None
     around = np.zeros(sand.surface.shape, bool)
     around.ravel()[cells] = True
-    redrawn = ndimage.binary_dilation(around, iterations=FLANK)
+    redrawn = ndimage.binary_dilation(around, iterations=FLANK_CELLS)
     is_ground = sand.is_ground & ~redrawn
     window = _enlarge(ndimage.find_objects(redrawn.astype(np.int8))[0], round(GROUND_RADIUS / sand.grid.cell))
     if not is_ground[window].any():

@@ -22,11 +22,11 @@ from polarsim.rocks.regions import (
     sort_regions,
 )
 
-SMOOTHING = 0.012  # metres, sigma: removes caps of scanner noise, but not a rock of 4 cm
+CAP_SMOOTHING = 0.012  # metres, sigma: removes caps of scanner noise, but not a rock of 4 cm
 CURVATURE = 6.0  # minimum downward curvature of a cap in all directions, 1 / m; ridges and crests are straight in one
-REACH = 0.11  # metres around a cap that are analysed
-FLANK = 0.015  # metres from the convex core to the end of the foot
-RING = 0.035  # width of the ring of sand farther out, which determines height and evenness of the ground, metres
+CAP_REACH = 0.11  # metres around a cap that are analysed
+FLANK_WIDTH = 0.015  # metres from the convex core to the end of the foot
+RING_WIDTH = 0.035  # width of the ring of sand farther out, which determines height and evenness of the ground, metres
 FOOT_SHARE, FOOT = 0.25, 0.003  # share of the height, and minimum, metres, from which a cap is measured (noise below)
 FIT_ROUNDS = 4  # rounds of reweighted least squares: objects on the ring lose their weight
 NOISE = 1e-5  # metres: minimum residual of a surface without noise
@@ -97,7 +97,7 @@ def caps(sand: Sand, regions: Sequence[Region]) -> Iterator[Cap]:
     taken = ndimage.binary_dilation(taken, np.ones((3, 3), bool), iterations=FOOT_MARGIN)
     known = np.isfinite(sand.surface) & ~taken
     height = filled(np.nan_to_num(sand.surface), known)
-    bend = curvature(height, sand.grid.cell, SMOOTHING)
+    bend = curvature(height, sand.grid.cell, CAP_SMOOTHING)
     peaks = (bend == ndimage.maximum_filter(bend, 5)) & (bend > CURVATURE) & known
     margin = round(WALL_CLEARANCE / sand.grid.cell)
     peaks[:margin] = peaks[-margin:] = peaks[:, :margin] = peaks[:, -margin:] = False
@@ -124,18 +124,18 @@ def _measure_cap(
     height: np.ndarray, known: np.ndarray, taken: np.ndarray, convex: np.ndarray, cell: float, node: np.ndarray
 ) -> Cap | None:
     """Measure the cap at a position (2,) of the grid; None if the ring or the cap cannot be measured."""
-    reach = round(REACH / cell)
+    reach = round(CAP_REACH / cell)
     window = tuple(slice(max(0, at - reach), at + reach + 1) for at in node.tolist())
     peak = tuple(at - part.start for at, part in zip(node.tolist(), window, strict=True))
     away = ndimage.distance_transform_edt(~_part_at(convex[window], peak)) * cell
-    ring = (away > FLANK) & (away < FLANK + RING)
+    ring = (away > FLANK_WIDTH) & (away < FLANK_WIDTH + RING_WIDTH)
     sand = ring & known[window]
     if sand.sum() < 0.5 * MIN_KNOWN_RING * ring.sum() or not ring.any():
         return None
     level, unevenness = _quadric(height[window], sand, cell)
     above = height[window] - level
     foot = max(FOOT, FOOT_SHARE * np.quantile(above[away == 0], 0.95))
-    near = (away < FLANK) & ~taken[window]
+    near = (away < FLANK_WIDTH) & ~taken[window]
     cap = _part_at((above > foot) & near, peak)
     if not cap.any():
         return None

@@ -17,7 +17,7 @@ from polarsim.rocks.regions import Limits, Region, largest_piece, region_of, sor
 
 MIN_CUT_IOU = 0.65  # minimum IoU of the cut rock with its box: there is no second position to confirm it
 BIN_PX = 8  # side of the squares of the photo that keep only the nearest points
-DEPTH = 0.05  # maximum distance from the nearest point of such a square, metres
+VISIBLE_DEPTH = 0.05  # maximum distance from the nearest point of such a square, metres
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class _ProjectedCells:
         number = np.unique(bins, axis=0, return_inverse=True)[1].ravel()
         nearest = np.full(number.max() + 1, np.inf)
         np.minimum.at(nearest, number, self.away[inside])
-        return self.cells[inside[self.away[inside] < nearest[number] + DEPTH]]
+        return self.cells[inside[self.away[inside] < nearest[number] + VISIBLE_DEPTH]]
 
 
 def add_carved_rocks(

@@ -22,11 +22,11 @@ PASSES = 2  # the second pass starts with better normals, so that it preserves e
 RIDGE = np.diag([0, 1e-6, 1e-6, 1e-3, 1e-3, 1e-3])
 BLOCK = 4096  # points per block, to limit memory
 MIN_SCAN_POINTS = 50  # minimum number of points of a thinned scan on a rock
-VOXEL = 0.006  # metres: grid of the thinned scans
-REACH = 0.009  # metres: maximum distance to a partner in the other scan
+ALIGNMENT_VOXEL = 0.006  # metres: grid of the thinned scans
+PARTNER_DISTANCE = 0.009  # metres: maximum distance to a partner in the other scan
 MIN_NORMAL_COSINE = 0.9  # minimum cosine between the normals of partners
-LIMITS = (0.004, 0.003, 0.002, 0.002)  # metres: distance from the partner's plane with zero weight, one per round
-TRANSLATION_SD = 0.001  # metres: prior of the offset of a scan at a rock
+WEIGHT_LIMITS = (0.004, 0.003, 0.002, 0.002)  # metres: distance from the plane with zero weight, one per round
+SCAN_OFFSET_SD = 0.001  # metres: prior of the offset of a scan at a rock
 LARGEST_SD = 0.0003  # maximum standard deviation of a translation in its least certain direction, metres
 MIN_DETERMINED = 0.03  # minimum share of all pairs that determine the least certain direction: noise is not a slope
 EXPLAINED = 0.5  # minimum share of the explained variance of the distances: shape alone can suggest a millimetre
@@ -122,7 +122,7 @@ def alignment_translations(scans: Sequence[ScanPoints]) -> np.ndarray | None:
     scans : sequence of ScanPoints
         The points of each scan on the rock; scans with few points are not translated.
     """
-    thinned = [voxel_means(scan, VOXEL) for scan in scans]
+    thinned = [voxel_means(scan, ALIGNMENT_VOXEL) for scan in scans]
     usable = [number for number, scan in enumerate(thinned) if len(scan) >= MIN_SCAN_POINTS]
     if len(usable) < 2:
         return None
@@ -130,17 +130,17 @@ def alignment_translations(scans: Sequence[ScanPoints]) -> np.ndarray | None:
     trees = [KDTree(part.points) for part in parts]
     moved: np.ndarray = np.zeros((len(usable), 3))
     variances = []
-    for limit in LIMITS:
+    for limit in WEIGHT_LIMITS:
         normal, right, variance = _equations(parts, trees, moved, limit)
         variances.append(variance)
         pairs, least_eigenvalue = np.trace(normal) / 2, np.linalg.eigvalsh(normal)[_FREE]
         if least_eigenvalue < MIN_DETERMINED * pairs or variance > LARGEST_SD**2 * least_eigenvalue:
             return None
-        moved = np.linalg.solve(normal / variance + np.eye(len(normal)) / TRANSLATION_SD**2, right / variance).reshape(
+        moved = np.linalg.solve(normal / variance + np.eye(len(normal)) / SCAN_OFFSET_SD**2, right / variance).reshape(
             -1, 3
         )
     translations = np.zeros((len(scans), 3))
-    if _equations(parts, trees, moved, LIMITS[0])[2] > (1 - EXPLAINED) * variances[0]:
+    if _equations(parts, trees, moved, WEIGHT_LIMITS[0])[2] > (1 - EXPLAINED) * variances[0]:
         return translations
     weights = np.array([scans[number].weights.sum() for number in usable])
     translations[usable] = moved - weights @ moved / weights.sum()
@@ -155,7 +155,7 @@ def _equations(
     normal, right, squares, total = np.zeros((size, size)), np.zeros(size), 0.0, 0.0
     for moving, fixed in permutations(range(len(parts)), 2):
         between = moved[moving] - moved[fixed]
-        gap, nearest = trees[fixed].query(parts[moving].points + between, distance_upper_bound=REACH)
+        gap, nearest = trees[fixed].query(parts[moving].points + between, distance_upper_bound=PARTNER_DISTANCE)
         rows = np.flatnonzero(np.isfinite(gap))
         partner = np.asarray(nearest)[rows]
         direction = parts[fixed].normals[partner]

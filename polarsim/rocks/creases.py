@@ -17,14 +17,14 @@ from scipy.spatial import ConvexHull, QhullError
 
 from polarsim.rocks.heights import hull_mask
 
-SMOOTHING = 0.0075  # metres, sigma of the heights for curvatures
+CURVATURE_SMOOTHING = 0.0075  # metres, sigma of the heights for curvatures
 NORMAL_SMOOTHING = 0.005  # metres, sigma of the heights for normals
-BESIDE = 0.0125  # metres, sigma of the weights of normals near a border's cell
-DEPTH = 15.0  # minimum curvature of a crease above the centres of both pieces, 1 / m
+BORDER_SMOOTHING = 0.0125  # metres, sigma of the weights of normals near a border's cell
+CREASE_DEPTH = 15.0  # minimum curvature of a crease above the centres of both pieces, 1 / m
 CURVATURES = (-60.0, 120.0)  # 1 / m: curvatures are clipped to this range
 SMALLEST = 12  # minimum number of cells of a piece
 FOLD = 0.25  # radians: minimum angle of a folded border
-BASE = 0.02  # metres below the lowest point to which a body is extended
+BODY_BASE = 0.02  # metres below the lowest point to which a body is extended
 
 TERMS = (
     "folded",  # share of the border along which the two pieces meet in a fold
@@ -64,7 +64,9 @@ class Relief:
         """Larger principal curvature of the surface, 1 / m: positive if it is concave in some direction."""
 
         def slope(*order: int) -> np.ndarray:
-            return ndimage.gaussian_filter(self.above, SMOOTHING / self.cell, order=order) / self.cell ** sum(order)
+            return ndimage.gaussian_filter(self.above, CURVATURE_SMOOTHING / self.cell, order=order) / self.cell ** sum(
+                order
+            )
 
         p, q, r, s, t = slope(0, 1), slope(1, 0), slope(0, 2), slope(1, 1), slope(2, 0)
         squared = 1 + p**2 + q**2
@@ -75,7 +77,7 @@ class Relief:
 
 def cut_along_creases(relief: Relief, labels: np.ndarray) -> np.ndarray:
     """Return numbers (rows, columns) from 1 of the pieces between creases, 0 outside of connected regions `labels`."""
-    pieces = basins(relief.bend, labels, DEPTH)
+    pieces = basins(relief.bend, labels, CREASE_DEPTH)
     while True:
         sizes = np.bincount(pieces.ravel())
         moved = False
@@ -217,7 +219,7 @@ class Joining:
         for mask in (first, second):
             weights = mask / normals[..., 2]
             values = np.concatenate([normals, points, np.ones((*mask.shape, 1))], axis=-1) * weights[..., None]
-            sigma = BESIDE / self.relief.cell
+            sigma = BORDER_SMOOTHING / self.relief.cell
             sides.append(ndimage.gaussian_filter(values, (sigma, sigma, 0), truncate=2, mode="constant")[border])
         (a, b), (p, q) = (
             [side[:, :3] / np.linalg.norm(side[:, :3], axis=1, keepdims=True) for side in sides],
@@ -235,7 +237,7 @@ def chance_of_two(terms: np.ndarray, coefficients: tuple[float, ...] = COEFFICIE
 def depths_below_hull(points: np.ndarray) -> np.ndarray:
     """Return depths (n,) of points (n, 3) of a surface below the convex hull of the body under it, metres."""
     base = points.copy()
-    base[:, 2] = points[:, 2].min() - BASE
+    base[:, 2] = points[:, 2].min() - BODY_BASE
     try:
         planes = ConvexHull(np.concatenate([points, base])).equations
     except QhullError:  # cells on one line

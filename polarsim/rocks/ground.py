@@ -12,11 +12,11 @@ from polarsim.rocks.scans import MIN_WALL_HEIGHT, Extent, ScanPoints
 from polarsim.survey import SANDBOX_HALF_WIDTH
 
 GROUND_CELL = 0.005  # cell of the grid of scanned heights, metres
-WALL_MARGIN = 0.03  # width of the excluded sand along a wall, metres
-WALL_SLACK = 0.4  # maximum distance of a wall from its nominal line, metres
+EXCLUDED_WALL_MARGIN = 0.03  # width of the excluded sand along a wall, metres
+MAX_WALL_OFFSET = 0.4  # maximum distance of a wall from its nominal line, metres
 LEVEL_TOLERANCE = 0.010  # maximum height of an area of ground within steep edges above its surroundings, metres
 _SQUARE = np.ones((3, 3), bool)
-EDGE_SHARE = 0.65  # minimum slope of an edge that outlines a low rock, share of the sand's maximum slope
+OUTLINE_SLOPE_SHARE = 0.65  # minimum slope of an edge that outlines a low rock, share of the sand's maximum slope
 OUTLINE_SIDES = (0.025, 0.60)  # metres: shorter steep edges are pebbles, longer edges do not outline a single rock
 RAISED_SHARE = 0.15  # minimum share of an outlined area above the level tolerance
 FOOT_MARGIN = 2  # cells around rocks that are excluded from the heights of the ground
@@ -55,7 +55,7 @@ def sand_extent(scans: ScanPoints, half: float = SANDBOX_HALF_WIDTH, cell: float
     On each side, points higher than a wall above the median height of the sand are collected in strips. The wall is at
     the median over strips of their minimum distance from the centre. `half`: nominal half width of the sand, metres.
     """
-    area = scans.points[(np.abs(scans.points[:, :2]) < half + WALL_SLACK).all(axis=1)]
+    area = scans.points[(np.abs(scans.points[:, :2]) < half + MAX_WALL_OFFSET).all(axis=1)]
     if not len(area):
         return Extent(-half, -half, half, half)
     central = (np.abs(area[:, :2]) < half / 2).all(axis=1)
@@ -65,12 +65,12 @@ def sand_extent(scans: ScanPoints, half: float = SANDBOX_HALF_WIDTH, cell: float
     for axis in (0, 1):
         for sign in (-1, 1):
             sides[axis, sign] = sign * _wall_distance(sign * high[:, axis], high[:, 1 - axis], half, cell)
-    return Extent(sides[0, -1], sides[1, -1], sides[0, 1], sides[1, 1]).grown(-WALL_MARGIN)
+    return Extent(sides[0, -1], sides[1, -1], sides[0, 1], sides[1, 1]).grown(-EXCLUDED_WALL_MARGIN)
 
 
 def _wall_distance(outward: np.ndarray, along: np.ndarray, half: float, cell: float) -> float:
     """Return the distance of a wall from the origin, from outward and along coordinates (n,) of its high points."""
-    beyond = (outward > half - WALL_SLACK) & (np.abs(along) < half)
+    beyond = (outward > half - MAX_WALL_OFFSET) & (np.abs(along) < half)
     strip = np.round(along[beyond] / cell).astype(int)
     if not len(strip):
         return half
@@ -101,7 +101,7 @@ def find_ground(scans: ScanPoints, extent: Extent, cell: float, max_slope: float
     surface = np.where(seen, surface, np.nan)
     slope = _slope(filled(np.nan_to_num(surface), seen), cell)
     is_ground = _level_areas(surface, seen & (slope < np.tan(max_slope)))
-    is_ground = _without_outlined(surface, seen & (slope > EDGE_SHARE * np.tan(max_slope)), is_ground, cell)
+    is_ground = _without_outlined(surface, seen & (slope > OUTLINE_SLOPE_SHARE * np.tan(max_slope)), is_ground, cell)
     ground = filled(np.nan_to_num(surface), is_ground)
     top = np.where(seen, smoothed(*top_heights(grid, scans.points, scans.weights), 1.0), np.nan)
     return Sand(grid, surface, mean, top, ground, is_ground)

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import compacted, is_watertight, largest_island, numbered_edges
 
-FLAT = 1e-6  # radians: coincident faces enclose an angle of zero, not a full turn
+COINCIDENT_ANGLE = 1e-6  # radians: coincident faces enclose an angle of zero, not a full turn
 PARTING = 1e-5  # metres: displacement that separates touching parts of a surface
 
 
@@ -145,6 +145,6 @@ def _solid_pairs(mesh: Mesh, rows: np.ndarray, edges: np.ndarray) -> np.ndarray:
     along = np.cross(across, line)
     angle = np.arctan2(apex @ across * np.linalg.norm(line), apex @ along)
     forward = edges[rows, 0] == low
-    solid = np.mod(angle[forward][:, None] - angle[~forward][None] + FLAT, 2 * np.pi)
+    solid = np.mod(angle[forward][:, None] - angle[~forward][None] + COINCIDENT_ANGLE, 2 * np.pi)
     along_it, against_it = linear_sum_assignment(np.sqrt(solid))  # of equal sums, the pairing with the thinnest part
     return np.stack([rows[forward][along_it], rows[~forward][against_it]], axis=1)

@@ -29,10 +29,10 @@ DENSE_STEP = 0.35  # of the points' spacing
 ROOM, GROUND_ROOM = 1.2, 1.02  # minimum side of the solver's cube over the cloud's; the ground's border is cut off
 NO_AREA = 1e-12  # area of a parallelogram below which a face has no normal, square metres
 MIN_DEPTH, MAX_DEPTH = 4, 11  # of the octree
-SINK = 0.015  # depth of a rock's closed underside below the ground, metres
+UNDERSIDE_DEPTH = 0.015  # depth of a rock's closed underside below the ground, metres
 UNSEEN_COSINE = 0.05  # minimum cosine between a facet's normal and a scanner for a visible facet
-GAP = 0.0075  # minimum distance of the hidden surface from the scanned surface, metres
-BARE = 0.03  # minimum distance along a facet to the nearest scanned point for a hidden facet, metres
+MIN_HIDDEN_GAP = 0.0075  # minimum distance of the hidden surface from the scanned surface, metres
+MIN_HIDDEN_DISTANCE = 0.03  # minimum distance along a facet to the nearest scanned point for a hidden facet, metres
 BULGE = 0.25  # outward bulge of the hidden surface beyond the hull, metres per metre from the scanned surface
 
 
@@ -66,7 +66,7 @@ def closing_points(
     cosine = (to_scanners * normals[:, None]).sum(axis=-1) / np.linalg.norm(to_scanners, axis=-1)
     buried = above < -spacing  # ends below the ground, so that no plinth is visible
     facing_away = cosine.max(axis=1, initial=-1) < UNSEEN_COSINE
-    back = (above >= -spacing) & (gap > GAP) & (facing_away | (distance_along_facet > BARE))
+    back = (above >= -spacing) & (gap > MIN_HIDDEN_GAP) & (facing_away | (distance_along_facet > MIN_HIDDEN_DISTANCE))
     points = points + np.where(back, BULGE * np.minimum(gap, np.maximum(above, 0)), 0)[:, None] * normals
     kept = (buried | back) & ~bare.ravel()[np.maximum(grid.cell_of(points), 0)]
     return Cloud(points[kept], normals[kept])
@@ -96,7 +96,7 @@ def _outline(points: np.ndarray) -> np.ndarray:
 
 def _sink(points: np.ndarray, grid: FloorGrid, ground: np.ndarray) -> np.ndarray:
     """Return points (n, 3) below the ground at points (n, 2)."""
-    return np.column_stack([points, grid.sample(ground, points) - SINK])
+    return np.column_stack([points, grid.sample(ground, points) - UNDERSIDE_DEPTH])
 
 
 def hull_points(mesh: Mesh, spacing: float) -> Cloud:

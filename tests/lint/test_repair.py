@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import tables, yolo
 from polarsim.lint.folders import lint
-from polarsim.lint.repair import CHANGES, _drop_malformed, write_repaired
+from polarsim.lint.repair import REPAIR_TABLE, _drop_malformed, write_repaired
 from polarsim.lint.rules import RULES
 from polarsim.photo import exposures
 from tests.lint.conftest import BOXES, CLASSES, KEY, LABELS, path
@@ -22,7 +22,7 @@ def repaired(root):
     before = lint(root, set(RULES))
     out = root.with_name("repaired")
     count = write_repaired(root, before.findings, out)
-    changes = tables.read_csv(out / CHANGES, ["file", "code"])
+    changes = tables.read_csv(out / REPAIR_TABLE, ["file", "code"])
     assert len(changes) == count == sum(bool(RULES[one.defect].repair) for one in before.findings)
     assert [one for one in lint(out, set(RULES)).findings if RULES[one.defect].repair] == []
     return out, changes
@@ -43,7 +43,7 @@ def test_a_sound_tree_is_copied_byte_by_byte(root):
     out, changes = repaired(root)
     assert len(changes) == 0
     compared = filecmp.dircmp(root, out)
-    assert compared.right_only == [CHANGES]
+    assert compared.right_only == [REPAIR_TABLE]
     assert compared.subdirs["Labels"].subdirs["Terrain11"].diff_files == []
 
 
@@ -193,9 +193,9 @@ def test_a_defect_of_any_number_of_exposures_does_not_spread(folder, data, damag
         assert_boxes(path(out, exposure_ms), (2 if exposure_ms >= 128 and shadows else 1) > CLASSES)
     report = lint(out, set(RULES))
     assert [one for one in report.findings if RULES[one.defect].repair] == []
-    (out / CHANGES).unlink()
+    (out / REPAIR_TABLE).unlink()
     assert write_repaired(out, report.findings, again) == 0
-    (again / CHANGES).unlink()
+    (again / REPAIR_TABLE).unlink()
     assert files_of(again) == files_of(out)
 
 
@@ -225,4 +225,4 @@ def test_a_defect_revealed_by_a_repair_is_repaired_and_listed(root):
     out = root.with_name("repaired")
     write_repaired(root, lint(root, set(RULES)).findings, out)
     assert_whole(out, 1024)
-    assert list(tables.read_csv(out / CHANGES, ["file", "code"])["code"]) == ["B201", "F110"]
+    assert list(tables.read_csv(out / REPAIR_TABLE, ["file", "code"])["code"]) == ["B201", "F110"]
