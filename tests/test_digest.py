@@ -1,4 +1,4 @@
-"""A digest changes with the code that is used, and with nothing else."""
+"""A digest depends only on the code that is used; imports follow the layers of the design."""
 
 import ast
 import json
@@ -12,22 +12,22 @@ from pathlib import Path
 from polarsim import digest
 
 
-def test_the_digest_reaches_what_is_imported_inside_functions():
+def test_the_digest_includes_imports_inside_functions():
     assert "polarsim.geometry.rays_taichi" in digest.imported_modules("polarsim.geometry.casters")
 
 
-def test_docstrings_and_comments_do_not_count():
+def test_docstrings_and_comments_are_ignored():
     plain = ast.parse("def area(r):\n    return 3 * r * r\n")
-    told = ast.parse('"""Areas."""\n\ndef area(r):\n    """Of a disc."""\n    return 3 * r * r  # nearly\n')
-    assert ast.dump(digest._without_docstrings(told)) == ast.dump(plain)
+    documented = ast.parse('"""Areas."""\n\ndef area(r):\n    """Of a disc."""\n    return 3 * r * r  # nearly\n')
+    assert ast.dump(digest._without_docstrings(documented)) == ast.dump(plain)
 
 
-def test_the_renderer_is_no_part_of_the_meshes():
+def test_meshing_does_not_depend_on_the_renderer():
     assert not any("render" in name for name in digest._reached(("polarsim.rocks.mesh",)))
     assert digest.code_digest("polarsim.rocks.mesh") != digest.code_digest("polarsim.render.twins")
 
 
-FLOORS = (  # from the bottom up: a package or module sees the floors below and itself, never one beside it
+FLOORS = (  # from bottom to top: a package or module imports only lower floors
     {"errors", "digest", "progress", "public", "randomness", "survey", "user_path"},
     {"intervals", "kernels", "photo", "schemas"},
     {"geometry", "grid", "tone"},
@@ -43,8 +43,8 @@ FLOORS = (  # from the bottom up: a package or module sees the floors below and 
     {"cli"},
     {"__main__"},
 )
-TALLER = {  # of the stages these see only these: drives and strewn rocks are rendered, a report shows scores, what is
-    # published for KITTI is rectified, the explorer counts false positives and reads corrections
+TALLER = {  # imports of stages by packages above: rendering of drives and scenes, scores in reports, rectification
+    # for KITTI, false positives and corrections in the explorer
     "rover": {"render", "detect"},
     "scenes": {"rocks", "render"},
     "cover_photos": {"detect"},
@@ -55,7 +55,7 @@ TALLER = {  # of the stages these see only these: drives and strewn rocks are re
 
 
 def all_imports(folder: str = "") -> dict[str, tuple[str, ...]]:
-    """Modules of polarsim, or of a folder of it, and what of polarsim each imports."""
+    """Return the imports of each module of polarsim, or of a folder of it."""
     package = Path(digest.__file__).parent
     paths = [path.relative_to(package.parent) for path in sorted((package / folder).rglob("*.py"))]
     names = [".".join(path.with_suffix("").parts).removesuffix(".__init__") for path in paths]
@@ -63,27 +63,27 @@ def all_imports(folder: str = "") -> dict[str, tuple[str, ...]]:
 
 
 def upwards(imports: dict[str, Iterable[str]]) -> list[str]:
-    """The imports, module by module, that go up or sideways in `FLOORS`."""
+    """Return the imports that violate `FLOORS`."""
     floor = {part: number for number, parts in enumerate(FLOORS) for part in parts}
     found = []
-    for module, seen in imports.items():
-        for other in seen:
-            own, part = (name.split(".")[1] if "." in name else "" for name in (module, other))
-            if part and own != part:  # polarsim itself holds the version
-                stage = floor[part] == floor["lint"] and part not in TALLER.get(own, FLOORS[floor["lint"]])
-                found += [f"{module} imports {other}"] if floor[part] >= floor[own] or stage else []
+    for module, imported in imports.items():
+        for other in imported:
+            package, part = (name.split(".")[1] if "." in name else "" for name in (module, other))
+            if part and package != part:  # polarsim itself contains only the version
+                stage = floor[part] == floor["lint"] and part not in TALLER.get(package, FLOORS[floor["lint"]])
+                found += [f"{module} imports {other}"] if floor[part] >= floor[package] or stage else []
     return found
 
 
-def test_imports_run_one_way_and_in_no_circle():
+def test_imports_point_downwards_without_cycles():
     imports = all_imports()
     assert {name.split(".")[1] for name in imports if "." in name} == set().union(*FLOORS)
     assert upwards(imports) == []
-    TopologicalSorter(imports).prepare()  # raises where modules import each other in a circle
+    TopologicalSorter(imports).prepare()  # raises an error for a cycle
 
 
-def test_only_scoring_reads_truth():
-    """Rules that are given truth or people's labels run code of `scoring` alone; the analog's makers write truth."""
+def test_only_scoring_reads_ground_truth():
+    """Rules with ground truth or annotations as input run only code of `scoring`."""
     given = re.compile(r"=\s*PATHS\.(truth|true_labels|annotated_labels|annotated_polygons)\b")
     for path in sorted(RULES.glob("*.smk")):
         for block in re.split(r"^(?=\s*rule \w+:$)", path.read_text(), flags=re.MULTILINE):
@@ -95,28 +95,28 @@ def test_only_scoring_reads_truth():
                 assert packages <= {"polarsim.scoring", *of_scripts}, script[1]
 
 
-ROVER_FLOORS = (  # from the bottom up: a room sees the floors below and itself, rooms of one floor never each other
+ROVER_FLOORS = (  # from bottom to top: a subpackage imports only lower floors
     {"soil", "world", "vehicle"},
     {"drive"},
     {"cameras"},
     {"perception", "export"},
     {"planning"},
     {"learn"},
-    {"options", "run"},  # no rooms: where the command line and the configuration come in
+    {"options", "run"},  # modules for the command line and the configuration
 )
-ROVER_BLIND = {"soil", "world", "vehicle", "drive"}  # a drive needs neither pictures nor detectors
+ROVER_BLIND = {"soil", "world", "vehicle", "drive"}  # a drive requires neither images nor detectors
 
 
 def room_of(module: str) -> str | None:
-    """The rover's room that a module lies in; None for the rover's package itself and for what is not the rover's."""
+    """Return the subpackage of the rover that contains a module; None for other modules."""
     parts = module.split(".")
     return parts[2] if parts[:2] == ["polarsim", "rover"] and len(parts) > 2 else None
 
 
 def against_the_floors(imports: dict[str, Iterable[str]]) -> list[str]:
-    """The imports, module by module, that go up or sideways between the rover's rooms, or bring pictures into a drive.
+    """Return the imports that violate `ROVER_FLOORS`, or import rendering or detection into a drive.
 
-    Beside the rooms lie modules; these may see each other.
+    Modules of the top floor may import each other.
     """
     floor = {room: number for number, rooms in enumerate(ROVER_FLOORS) for room in rooms}
     top, found = len(ROVER_FLOORS) - 1, []
@@ -134,7 +134,7 @@ def against_the_floors(imports: dict[str, Iterable[str]]) -> list[str]:
     return found
 
 
-def test_the_rovers_rooms_stand_on_each_other():
+def test_imports_of_the_rover_point_downwards():
     imports = all_imports("rover")
     assert {room_of(name) for name in imports} - {None} == set().union(*ROVER_FLOORS)
     assert against_the_floors(imports) == []
@@ -145,7 +145,7 @@ RULES = SCRIPTS.parent / "rules"
 
 
 def imports_by_text(text: str) -> set[str]:
-    """Modules of polarsim that a file's import lines name, found by another way than the digest's."""
+    """Return the imported modules of polarsim from the text of a file, independent of the digest."""
     flat = re.sub(r"\(([^)]*)\)", lambda found: " ".join(found[1].split()), text)
     found = set(re.findall(r"^\s*import (polarsim[\w.]*)$", flat, re.MULTILINE))
     for package, names in re.findall(r"^\s*from (polarsim[\w.]*) import (.+?)(?:#.*)?$", flat, re.MULTILINE):
@@ -169,8 +169,8 @@ def reached_by_text(script: Path) -> set[str]:
     return reached
 
 
-def test_every_module_is_reached():
-    """By a script or rule, by the command line, by who imports the environment for learners, or by a command."""
+def test_every_module_is_used():
+    """By a script, a rule, the command line, the environment for learning, or a command of a document."""
     starts = {"polarsim.__main__", "polarsim.cli", "polarsim.render", "polarsim.schemas.__main__"}
     starts |= {"polarsim.rover.learn.environment", "polarsim.labels.fit_annotator"}
     for path in [*SCRIPTS.glob("*.py"), *RULES.glob("*.smk"), SCRIPTS.parent / "Snakefile"]:
@@ -201,7 +201,7 @@ def test_an_edit_of_a_script_changes_its_digest_and_a_comment_does_not(tmp_path)
     assert digest.script_digest(script) != plain
 
 
-def test_what_is_kept_beside_a_file_says_what_parsing_it_says(tmp_path):
+def test_the_cached_result_equals_the_parsed_result(tmp_path):
     script = tmp_path / "measure.py"
     script.write_text("import numpy\nfrom polarsim import grid\nfrom polarsim.grid import GridOptions\n")
     parsed = digest._parsed(script)
@@ -225,15 +225,15 @@ def test_digests_need_no_folder_that_can_be_written(tmp_path):
     assert digest._parsed(script)[1] == ("polarsim.grid",)
 
 
-def test_planning_a_run_imports_nothing_that_takes_long():
+def test_planning_a_run_imports_no_slow_module():
     planned = set().union(*(imports_by_text(path.read_text()) for path in RULES.glob("*.smk")))
     slow = {"torch", "scipy", "numba", "cv2"}
     code = f"import sys, {', '.join(sorted(planned))}; print(sorted({slow} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
-def test_packages_hold_nothing_but_names_of_their_modules():
-    """So an edit of one changes nothing for whoever imports a module from it, and its digest may leave it out."""
+def test_packages_contain_only_names_of_modules():
+    """Therefore digests may exclude packages: an edit does not change the modules."""
     for path in sorted(Path(digest.__file__).parent.rglob("__init__.py")):
         kinds = {type(node) for node in digest._without_docstrings(ast.parse(path.read_text())).body}
         assert kinds <= {ast.Import, ast.ImportFrom, ast.Assign}, path
@@ -241,7 +241,7 @@ def test_packages_hold_nothing_but_names_of_their_modules():
 
 def test_only_one_script_imports_the_module_of_a_figure():
     """An edit of the module repeats the drawing of one figure and no scoring."""
-    shared = {"canvas", "cover_photos", "difference", "shots"}  # `shots`: two of a kind
+    shared = {"canvas", "cover_photos", "difference", "shots"}  # `shots`: two similar figures
     scripts = {path.stem: path for path in sorted(SCRIPTS.glob("*.py"))}
     reached = {name: digest._reached(digest._parsed(path)[1]) for name, path in scripts.items()}
     figures = sorted((Path(digest.__file__).parent / "report/figures").glob("[a-z]*.py"))
@@ -262,6 +262,6 @@ def test_an_edit_of_a_figure_changes_the_digest_of_its_script_and_of_no_scoring_
     assert {name for name in scripts if before[name] != after[name]} == {"draw_photos"}
 
 
-def test_scripts_read_what_their_rules_declare_and_build_no_path_of_results():
+def test_scripts_read_declared_files_and_contain_no_path_of_results():
     for path in sorted(SCRIPTS.glob("*.py")):
         assert not re.search(r'"results"|results/', path.read_text()), path

@@ -1,4 +1,4 @@
-"""A script gives one function each file of its rule by name: nothing is missing, misspelt or unused."""
+"""A script passes every file of the rule by name: no argument is missing, misspelt or unused."""
 
 import ast
 import re
@@ -13,14 +13,14 @@ import pytest
 WORKFLOW = Path(__file__).parents[1] / "workflow"
 SCRIPTS = sorted(path.stem for path in (WORKFLOW / "scripts").glob("*.py"))
 SECTIONS = ("input", "output", "params")
-DIGESTS = {"code", "packaged"}  # params that re-run a job: no function takes them
+DIGESTS = {"code", "packaged"}  # params that only repeat a job
 CONVERTED = {"paths", "optional_path"}
 THROUGH = re.compile(r"# (?:read|written) through ([\w.]+)")
 
 
 @dataclass(frozen=True)
 class Rule:
-    """Names in a rule, by section, each with the name through which a function finds its files; and its wildcards."""
+    """Names in a rule by section, each with the name from which a function derives the files, and wildcards."""
 
     name: str
     script: str | None
@@ -29,9 +29,9 @@ class Rule:
 
 
 def entries(block: str) -> dict[str, str | None]:
-    """Names of a section, and what a comment behind a name or in the line above says that its files are found through.
+    """Return the names of a section, each with the name from which the files are derived according to a comment.
 
-    Several names that come out of a `**` are `*`.
+    The names of a `**` expression are `*`.
     """
     found: dict[str, str | None] = {}
     through = None
@@ -46,12 +46,12 @@ def entries(block: str) -> dict[str, str | None]:
         elif line.startswith(f"{indent}#"):
             through = comment[1] if comment else None
         else:
-            assert not re.match(rf"{indent}[\w\"'*]", line), f"{line.strip()}: no name"
+            assert not re.match(rf"{indent}[\w\"'*]", line), f"{line.strip()}: without name"
     return found
 
 
 def rules() -> dict[str, Rule]:
-    """Rules of all rule files by name; one that uses another has that one's script and sections, but for its own."""
+    """Return all rules by name; a `use rule` inherits script and sections unless it replaces them."""
     found: dict[str, Rule] = {}
     blocks = [
         block
@@ -80,7 +80,7 @@ def tree_of(script: str) -> ast.Module:
 
 
 def used_by(script: str) -> set[str]:
-    """What a script takes from its rule: `input.photos`; `input.*` for all inputs."""
+    """Return the items of the rule that a script uses: `input.photos`; `input.*` for all inputs."""
     found = set()
     for node in ast.walk(tree_of(script)):
         parts = ast.unparse(node).split(".") if isinstance(node, ast.Attribute) else []
@@ -90,7 +90,7 @@ def used_by(script: str) -> set[str]:
 
 
 def calls_of(script: str) -> Iterator[tuple[object, ast.Call]]:
-    """The functions and classes of polarsim that a script calls, and how."""
+    """Yield the functions and classes of polarsim that a script calls, with the calls."""
     tree = tree_of(script)
     imported = {
         alias.name: getattr(import_module(node.module), alias.name)
@@ -103,7 +103,7 @@ def calls_of(script: str) -> Iterator[tuple[object, ast.Call]]:
             yield imported[name], node
 
 
-def test_every_script_has_a_rule_and_every_rule_s_script_is_there():
+def test_every_script_has_a_rule_and_every_rule_has_a_script():
     assert {rule.script for rule in RULES.values()} == set(SCRIPTS)
     assert len(SCRIPTS) > 80
 
@@ -121,18 +121,18 @@ def test_a_script_is_a_list_of_calls_with_named_arguments(script):
 
 
 @pytest.mark.parametrize("script", SCRIPTS)
-def test_what_a_script_calls_for_arguments_has_the_arguments_that_it_is_given(script):
+def test_classes_and_functions_for_arguments_accept_the_arguments(script):
     for function, node in calls_of(script):
         named = {word.arg: word.value for word in node.keywords if word.arg}
         if len(named) == len(node.keywords):
             signature(function).bind(*node.args, **named)
-        else:  # options as a whole, `Options(**...)`: their model refuses a name that it has not
+        else:  # `Options(**...)`: the model rejects unknown names
             assert named.keys() <= signature(function).parameters.keys()
             assert function.model_config["extra"] == "forbid"
 
 
 @pytest.mark.parametrize("rule", RULES.values(), ids=RULES)
-def test_a_rule_names_what_its_script_uses(rule):
+def test_a_rule_defines_every_item_of_its_script(rule):
     named = {f"{section}.{name}" for section, names in rule.sections.items() for name in names}
     named |= {f"wildcards.{name}" for name in rule.wildcards}
     used = used_by(rule.script)
@@ -142,7 +142,7 @@ def test_a_rule_names_what_its_script_uses(rule):
 
 
 @pytest.mark.parametrize("rule", RULES.values(), ids=RULES)
-def test_a_script_uses_every_file_and_param_of_its_rule_or_the_rule_says_through_which_it_is_found(rule):
+def test_a_script_uses_every_file_and_param_of_its_rule_or_the_rule_states_how_it_is_derived(rule):
     used = used_by(rule.script)
     for section in SECTIONS:
         for name, through in rule.sections.get(section, {}).items():

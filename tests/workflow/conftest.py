@@ -18,12 +18,12 @@ SMALL = {
     "terrains": [1],
     "positions": ["A", "C"],
     "source": {"kind": "analog", "root": "data/analog"},
-    "analog": {"ground_step_mm": 20, "rock_detail": 3, "scan_step_deg": 0.2},  # an eighth of the points of a scan
-    "rocks": {"rock_cell_mm": 8, "ground_mesh_cell_mm": 40},
+    "analog": {"ground_step_mm": 20, "rock_detail": 4, "scan_step_deg": 0.15},  # a quarter of the points of a scan
+    "rocks": {"rock_cell_mm": 8, "ground_mesh_cell_mm": 30},
     "grid": {"azimuths": ["30", "180"], "lights": ["off"], "exposures_ms": [128, 256]},
     "render": {"models": ["hapke"]},
     "detect": {
-        "training": {"model": "compact", "epochs": 1},  # starts in a tenth of the time of a YOLO detector
+        "training": {"model": "compact", "epochs": 1},  # starts ten times faster than a YOLO detector
         "pictures": {"imgsz": 96},
         "splits": ["position"],
         "mixes": {"mixed": {"analog": 0.5, "hapke": 1}},
@@ -47,7 +47,7 @@ def planned(done: subprocess.CompletedProcess) -> dict[str, int]:
 
 @pytest.fixture(scope="session")
 def make_checkout() -> Callable[[Path], Path]:
-    """Copy everything that a run reads into a folder, but the library, whose compiled kernels all tests share."""
+    """Copy all inputs of a run to a folder, without the library, because all tests share its compiled kernels."""
 
     def make(folder: Path) -> Path:
         shutil.copy(CHECKOUT / "Snakefile", folder)
@@ -92,27 +92,27 @@ def snakemake(tmp_path_factory) -> Callable[..., subprocess.CompletedProcess]:
 
 @pytest.fixture(scope="session")
 def small(tmp_path_factory, make_checkout, snakemake) -> Path:
-    """A checkout with a finished run of the whole pipeline, `config/small.yaml`, that no test changes.
+    """A read-only checkout with a complete run of the pipeline, `config/small.yaml`.
 
-    All workers share it: the first makes it, another waits.
+    Shared by all workers: the first worker makes the run, others wait.
     """
     folder = tmp_path_factory.getbasetemp()
     folder = (folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "small"
-    said = folder.with_suffix(".txt")  # a run that failed fails for every worker, and is not tried again
+    failure = folder.with_suffix(".txt")  # a failed run fails for every worker and is not repeated
     with FileLock(folder.with_suffix(".lock")):
         if not folder.exists():
             folder.mkdir()
             done = snakemake(make_checkout(folder), "--cores", "2", "--configfile", "config/small.yaml")
-            said.write_text("" if done.returncode == 0 else f"exit code {done.returncode}\n{done.stderr[-3000:]}")
-    assert not said.read_text(), said.read_text()
+            failure.write_text("" if done.returncode == 0 else f"exit code {done.returncode}\n{done.stderr[-3000:]}")
+    assert not failure.read_text(), failure.read_text()
     return folder
 
 
 @pytest.fixture(scope="session")
 def dry_run(tmp_path_factory, make_checkout, snakemake) -> Callable[..., subprocess.CompletedProcess]:
-    """Plan the jobs of a checkout that nobody changed, each set of arguments once.
+    """Plan the jobs of an unchanged checkout, once per set of arguments.
 
-    The paths that `config/*.yaml` name exist: NASA's folder without content, a seed of each terrain, weights.
+    The paths in `config/*.yaml` exist: NASA's empty folder, a seed of each terrain, weights.
     """
     folder = make_checkout(tmp_path_factory.mktemp("planned"))
     seeds = [f"data/polar-sim/Labels/Terrain{n:02d}/{n:02d}_A_off_30_L_0256.txt" for n in range(1, 14)]

@@ -1,4 +1,4 @@
-"""Whether figures show what they should, from their pixels."""
+"""Checks of the content of figures by their pixels."""
 
 from pathlib import Path
 
@@ -11,17 +11,17 @@ from polarsim.run_files.pictures import pictures_at
 from polarsim.tone import to_8bit
 from tests.report.pixels import coloured
 
-REDUCED = 8  # pixels of a figure to one that is compared
-NARROWEST = 0.15  # of the width of a figure: a picture in it
+REDUCED = 8  # reduction factor before the comparison
+NARROWEST = 0.15  # minimum width of an image relative to the figure
 BLOCK = 16  # px
-ALIKE = 0.9  # correlation of a picture with itself in a figure, under its labels; other photos reach 0.8
-WHITE = 253  # and brighter: paper; the palest cell of a matrix has 251
-NOTE = 0.05  # of a figure: what words take
-GREYS = 24  # distinct greys in a block of a picture; lines, letters and areas of one colour have fewer
+ALIKE = 0.9  # minimum correlation of an image with its copy under labels; other photos reach 0.8
+WHITE = 253  # minimum grey value of the background; the brightest matrix cell has 251
+NOTE = 0.05  # maximum inked share of a figure that contains only a note
+GREYS = 24  # minimum distinct greys in a block of an image; lines, text and uniform areas have fewer
 
 
 def find_picture(figure: Path, picture: Path) -> tuple[float, np.ndarray]:
-    """Return the highest correlation of a picture of any size with a part of a figure, and where that part is.
+    """Return the highest correlation of an image of any size with a part of a figure, and the location.
 
     Returns
     -------
@@ -46,19 +46,19 @@ def find_picture(figure: Path, picture: Path) -> tuple[float, np.ndarray]:
 
 
 def pictured_share(figure: Path) -> float:
-    """Return the share of a figure's blocks that are of photos or renderings: many greys, and none of them in most."""
+    """Return the share of blocks of a figure that show photos or renderings: many greys, none of them dominant."""
     pixels = np.round(grey(png.read(figure))).astype(int)
     rows, columns = (size // BLOCK for size in pixels.shape)
     blocks = pixels[: rows * BLOCK, : columns * BLOCK].reshape(rows, BLOCK, columns, BLOCK).swapaxes(1, 2)
     ordered = np.sort(blocks.reshape(rows * columns, -1), axis=1)
     many = (np.diff(ordered, axis=1) > 0).sum(axis=1) >= GREYS
     half = ordered.shape[1] // 2
-    even = (ordered[:, half:] == ordered[:, :-half]).any(axis=1)  # half of the pixels in one run of equal ones
+    even = (ordered[:, half:] == ordered[:, :-half]).any(axis=1)  # half of the pixels have the same value
     return float((many & ~even).mean())
 
 
 def grey(pixels: np.ndarray) -> np.ndarray:
-    """(h, w) float32 from 0 to 255."""
+    """Return (h, w) float32 from 0 to 255."""
     return (pixels if pixels.ndim == 2 else pixels[..., :3].mean(axis=-1)).astype(np.float32)
 
 
@@ -67,7 +67,7 @@ def resized(pixels: np.ndarray, width: int) -> np.ndarray:
 
 
 def shown_pictures(results: Path, terrain: str, position: str) -> dict[str, list[Path]]:
-    """Photos and twins that figures of one position must show, by the path of the figure."""
+    """Return the photos and twins in the figures of a position, by path of the figure."""
     photos = pictures_at(results / f"acquire/Terrain{terrain}/photos.parquet")
     keys = [key for key in photos if key.position == position]
     usual = min(keys, key=lambda key: (key.azimuth != "30", key.light, key.camera, key.stops_off_usual))
@@ -83,7 +83,7 @@ def shown_pictures(results: Path, terrain: str, position: str) -> dict[str, list
 
 
 def empty_figures(results: Path) -> dict[str, str]:
-    """Return the figures of a run that do not show what they should, each with what is missing.
+    """Return the figures of a run with missing content, each with a description.
 
     Contact sheets, comparisons and residuals must hold their photos and twins, at a place each; figures of pictures and
     meshes have areas of many greys; plots have data in colour. A figure that consists of a note is `note`.
@@ -92,7 +92,7 @@ def empty_figures(results: Path) -> dict[str, str]:
     for path in sorted((results / "figures").rglob("*.png")):
         name = str(path.relative_to(results / "figures"))
         least = [(measure, share) for start, measure, share in LEAST if name.startswith(start)]
-        assert least, f"{name}: tell LEAST what this figure shows"
+        assert least, f"{name}: add this figure to LEAST"
         (measure, share), *_ = least
         value = measure(path)
         if value < share:
@@ -115,7 +115,7 @@ def inked_share(figure: Path) -> float:
     return float((grey(png.read(figure)) < WHITE).mean())
 
 
-LEAST = (  # start of a figure's path, a measure of it and the smallest value of one that is not blank
+LEAST = (  # start of the path, measure, and minimum value of a figure that is not blank
     ("comparison_", pictured_share, 0.1),
     ("contact_", pictured_share, 0.1),
     ("crops_", pictured_share, 0.05),

@@ -1,7 +1,7 @@
-"""Snakemake and its jobs in forks of one process that has imported what they do: imports are half of a small job.
+"""Snakemake and jobs as forks of a process that has imported all modules: imports take half of the time of a small job.
 
-A server forks for every command. Its client stands in for Python: `sys.executable` of a forked Snakemake, which starts
-scripts with it. All else is as it is outside of tests: the same scripts, in processes of their own.
+The server forks for every command. The client replaces the Python interpreter: it is `sys.executable` of a forked
+Snakemake, which starts scripts with it. Otherwise jobs run as usual: the same scripts in separate processes.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ import tempfile
 import time
 from pathlib import Path
 
-LONGEST_S = 1800  # a command that hangs ends; busy machines are slow
+LONGEST_S = 1800  # timeout of a command, also on busy machines
 CHECKOUT = Path(__file__).parents[2]
-LATE = ("open3d", "snakemake.cli", "torch._dynamo")  # which functions import when they are called
+LATE = ("open3d", "snakemake.cli", "torch._dynamo")  # imported inside functions
 
 
 class Server:
@@ -32,16 +32,16 @@ class Server:
     def __init__(self, folder: Path, hash_seed: str | None = None) -> None:
         folder.mkdir()
         self._environment = os.environ | ({} if hash_seed is None else {"PYTHONHASHSEED": hash_seed})
-        self._place = tempfile.TemporaryDirectory(prefix="forked")  # a socket's path has 107 characters at most
+        self._place = tempfile.TemporaryDirectory(prefix="forked")  # the path of a socket has at most 107 characters
         self.address, self.python = Path(self._place.name, "socket"), folder / "python"
-        # A client must start soon: no site, no environment of its own.
+        # Options for a fast start of the client: no site packages, no environment.
         words = (sys.executable, "-I", "-S", __file__, str(self.address), str(self.python), sys.executable)
         self.python.write_text(f'#!/bin/sh\nexec {shlex.join(words)} "$@"\n')
         self.python.chmod(0o755)
         self._process: subprocess.Popen | None = None
 
     def call(self, folder: Path, arguments: list[str], environment: dict[str, str]) -> subprocess.CompletedProcess:
-        """What `snakemake ARGUMENTS` in a folder returns and prints."""
+        """Run `snakemake ARGUMENTS` in a folder; return exit code and output."""
         if self._process is None:
             self._process = subprocess.Popen(
                 [sys.executable, "-c", _SERVE, str(self.address)], cwd=CHECKOUT, env=self._environment
@@ -60,7 +60,7 @@ _SERVE = "import sys; from tests.workflow.forked import serve; serve(sys.argv[1]
 
 
 def serve(address: str) -> None:
-    """Import what jobs do, then fork for every connection, for as long as whoever started this is there."""
+    """Import the modules of all scripts, then fork for every connection until the parent process ends."""
     parent = os.getppid()
     scripts = [path.read_text() for path in (CHECKOUT / "workflow/scripts").glob("*.py")]
     imported = set(re.findall(r"^from (polarsim\S*) import", "".join(scripts), re.MULTILINE))
@@ -69,8 +69,8 @@ def serve(address: str) -> None:
     with socket.socket(socket.AF_UNIX) as server:
         server.bind(f"{address}.new")
         server.listen(64)
-        Path(f"{address}.new").rename(address)  # whoever sees it can connect
-        signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for forks
+        Path(f"{address}.new").rename(address)  # the socket accepts connections before the file appears
+        signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # forks are not awaited
         server.settimeout(2)
         while os.getppid() == parent:
             try:
@@ -84,7 +84,7 @@ def serve(address: str) -> None:
 
 
 def _answer(connection: socket.socket) -> None:
-    """Run what a client asks for, in its folder, with its environment and outputs, and send back the exit code."""
+    """Run the command of a client with its folder, environment and outputs, and send the exit code."""
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     message, descriptors, _, _ = socket.recv_fds(connection, 1 << 20, 3)
     asked = json.loads(message)
@@ -105,7 +105,7 @@ def _answer(connection: socket.socket) -> None:
 
 
 def _run(python: str, arguments: list[str]) -> int:
-    """`python ARGUMENTS`, of a script or of Snakemake; its exit code."""
+    """Run `python ARGUMENTS` of a script or of Snakemake; return the exit code."""
     sys.executable = python
     try:
         if arguments[:2] == ["-m", "snakemake"]:
@@ -127,7 +127,7 @@ def _run(python: str, arguments: list[str]) -> int:
 
 
 def client(address: str, itself: str, python: str, arguments: list[str]) -> int:
-    """Let the server run `python ARGUMENTS` here, with `itself` for Python; its exit code."""
+    """Run `python ARGUMENTS` on the server, with `itself` as interpreter; return the exit code."""
     if arguments[:2] != ["-m", "snakemake"] and not arguments[0].endswith(".py"):
         os.execv(python, [python, *arguments])
     with socket.socket(socket.AF_UNIX) as connection:

@@ -1,4 +1,4 @@
-"""Profiles of clusters: few submissions a terrain, memory and time of every rule, GPUs where a device is named."""
+"""Cluster profiles: submissions per terrain, memory and time of every rule, GPUs of configured devices."""
 
 import re
 import subprocess
@@ -13,12 +13,12 @@ PROFILES = {name: ROOT / f"config/profiles/{name}" for name in ("slurm", "cluste
 
 @pytest.fixture(scope="module")
 def plan(dry_run) -> subprocess.CompletedProcess:
-    """What the demo would submit to SLURM."""
+    """Plan of the demo with the SLURM profile."""
     return dry_run("--profile", "config/profiles/slurm", "--configfile", "config/config.yaml")
 
 
 def submissions(done: subprocess.CompletedProcess) -> list[list[str]]:
-    """Rules and wildcards of the jobs of every submission that a dry-run would make."""
+    """Return rules and wildcards of the jobs of every planned submission."""
     assert done.returncode == 0, done.stdout + done.stderr
     text = (done.stdout + done.stderr).replace("localrule", "local")
     parts = re.split(r"^(?:\[.*\] Group job \w+|rule \w+:)", text, flags=re.MULTILINE)
@@ -30,14 +30,14 @@ def terrains_of(jobs: list[str]) -> set[str]:
     return {word for word in jobs if word.startswith("terrain=")}
 
 
-def test_a_terrain_is_few_submissions_and_none_holds_two_terrains(plan):
+def test_a_terrain_has_four_submissions_and_no_submission_has_two_terrains(plan):
     made = submissions(plan)
     own = [jobs for jobs in made if terrains_of(jobs)]
     assert sum(len([word for word in jobs if word.startswith("rule")]) for jobs in own) > 50
-    assert all(len(terrains_of(jobs)) == 1 for jobs in own)  # one that fails stops no other
+    assert all(len(terrains_of(jobs)) == 1 for jobs in own)  # a failed terrain does not stop others
     counts = [sum(terrain in jobs for jobs in own) for terrain in set().union(*map(terrains_of, own))]
-    assert counts == [4] * 4  # generated, surveyed, seen, figures of meshes
-    assert len(made) - len(own) < 30  # detectors', and one for all tables
+    assert counts == [4] * 4  # generation, survey, views, figures of meshes
+    assert len(made) - len(own) < 30  # detectors, and one for all tables
 
 
 def test_both_profiles_make_the_same_groups_of_rules_that_are_there():
@@ -50,13 +50,13 @@ def test_both_profiles_make_the_same_groups_of_rules_that_are_there():
 
 
 def rules() -> dict[str, str]:
-    """Text of every rule that runs a script and takes its resources from no other."""
+    """Return the text of every rule with script and resources."""
     parts = re.split(r"^ *rule ", "".join(p.read_text() for p in (ROOT / "workflow/rules").glob("*.smk")), flags=re.M)
     texts = [re.split(r"^ *use rule ", part, flags=re.MULTILINE)[0] for part in parts]
     return {text.partition(":")[0]: text for text in texts if "    script:" in text}
 
 
-def test_every_rule_says_how_much_memory_and_time_it_takes():
+def test_every_rule_defines_memory_and_time():
     known = rules()
     assert len(known) > 60
     for name, text in known.items():
@@ -64,7 +64,7 @@ def test_every_rule_says_how_much_memory_and_time_it_takes():
         assert re.search(r"runtime=\d+", text), name
 
 
-def test_no_rule_asks_for_more_memory_than_a_submission_may_have():
+def test_no_rule_exceeds_the_memory_of_a_submission():
     first = yaml.safe_load((PROFILES["slurm"] / "config.yaml").read_text())
     most = max(int(found) for text in rules().values() for found in re.findall(r"growing\((\d+)\)", text))
     assert 2 ** first["retries"] * most <= first["resources"]["mem_mb"]
@@ -86,7 +86,7 @@ def test_a_second_try_has_twice_the_memory(checkout, snakemake):
     assert (checkout / "tried").read_text().split() == ["100", "200", "400"]
 
 
-def test_jobs_on_a_device_ask_for_a_gpu_and_others_do_not(dry_run, plan):
+def test_only_jobs_on_a_device_request_a_gpu(dry_run, plan):
     device = "detect={prediction: {device: cuda}, training: {model: compact}}"
     done = dry_run("--config", device, "render={engine: taichi, device: cuda}")
     assert done.returncode == 0, done.stdout + done.stderr
@@ -99,7 +99,7 @@ def test_jobs_on_a_device_ask_for_a_gpu_and_others_do_not(dry_run, plan):
 
 
 @pytest.mark.parametrize("state", ["COMPLETED", "PENDING", "RUNNING", "REQUEUED", "FAILED", "CANCELLED", "TIMEOUT"])
-def test_the_status_script_tells_states_apart(tmp_path, state):
+def test_the_status_script_distinguishes_states(tmp_path, state):
     told = tmp_path / "scontrol"
     told.write_text(f"#!/bin/sh\necho JobId=7 JobName=x JobState={state} Reason=None\n")
     told.chmod(0o755)
@@ -109,7 +109,7 @@ def test_the_status_script_tells_states_apart(tmp_path, state):
     assert done.stdout.strip() == expected.get(state, "failed")
 
 
-def test_the_submit_script_asks_for_what_it_is_given(tmp_path):
+def test_the_submit_script_passes_the_resources(tmp_path):
     told = tmp_path / "sbatch"
     told.write_text('#!/bin/sh\necho "$@"\n')
     told.chmod(0o755)

@@ -1,6 +1,6 @@
-"""Every command on the outputs of a small run and of the other commands: polarsim reads what polarsim writes.
+"""Every command with outputs of a small run and of other commands: polarsim reads all formats that it writes.
 
-Each test looks at what a command made: numbers against the run's own tables, pictures for content.
+Each test checks the output of a command: numbers against tables of the run, images for content.
 """
 
 import ast
@@ -41,24 +41,24 @@ pytestmark = pytest.mark.slow
 
 EDGES = ["x0", "y0", "x1", "y1"]
 KEY = "01_A_off_180_L_0256"
-KEYS = "*_L_0256"  # of four photos: two positions under two azimuths
+KEYS = "*_L_0256"  # four photos: two positions, two azimuths
 READ_FORMS = ("yolo", "coco", "detectors")  # of published sets
-FORMS_FOR_OTHERS = {  # forms that no command of polarsim reads: tests/publish reads each by its own tool's rules
-    "croissant": "its tables and pictures are those of the run; mlcroissant reads it",
-    "hf": "its tables and pictures are those of the run; Hugging Face's datasets reads it",
+FORMS_FOR_OTHERS = {  # formats that polarsim does not read: tests/publish checks the rules of each format
+    "croissant": "tables and images of the run; read by mlcroissant",
+    "hf": "tables and images of the run; read by Hugging Face datasets",
     "parquet": "as hf",
-    "kitti": "rectified pairs, whose boxes are on other pixels than the photos'",
+    "kitti": "rectified pairs, whose boxes have other pixel coordinates",
     "colmap": "lenses, poses and points without labels",
     "nerfstudio": "lenses, poses and points without labels",
-    "pds4": "an archive's form of the run's pictures and tables",
-    "ro-crate": "a description of the run's own files",
+    "pds4": "archive format of images and tables",
+    "ro-crate": "description of the files of the run",
     "gltf": "meshes for viewers",
     "usd": "meshes for simulators",
     "mcap": "messages of ROS 2",
-    "euroc": "a drive, which the small run does not have",
-    "tum": "a drive, which the small run does not have",
+    "euroc": "a drive; the small run has none",
+    "tum": "a drive; the small run has none",
 }
-NOT_READ_AGAIN = {  # commands that print, or whose files only people and other programs read
+NOT_READ_AGAIN = {  # commands that print, or whose files polarsim does not read
     "brdf": "prints two numbers and draws a figure",
     "compare": "a table for people",
     "explore": "a page for browsers",
@@ -66,19 +66,19 @@ NOT_READ_AGAIN = {  # commands that print, or whose files only people and other 
     "report": "a page for browsers",
     "rerun": "a recording for the Rerun viewer",
     "rules": "prints a list",
-    "run": "writes the run that all other commands read",
+    "run": "writes the run",
     "schema": "for editors",
     "score": "prints a report",
-    "validate": "prints a report; its repaired copy is a folder that it reads (tests/lint)",
+    "validate": "prints a report; tests/lint reads the repaired copy",
 }
-READ_AGAIN = {  # commands whose output another test of this module hands on
+READ_AGAIN = {  # commands whose output is read by another command in this module
     "detect", "drive", "export", "fiftyone", "import", "masks", "outline", "publish", "render", "show", "undo",
 }  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def place(small, make_checkout, tmp_path_factory) -> Path:
-    """A checkout with the finished run, in which commands write: files are replaced there, never changed."""
+    """A writable checkout with the complete run; commands replace files, so hard links are safe."""
     folder = make_checkout(tmp_path_factory.mktemp("place"))
     (folder / "data").symlink_to(small / "data")
     shutil.copytree(small / "results", folder / "results", copy_function=os.link)
@@ -88,21 +88,21 @@ def place(small, make_checkout, tmp_path_factory) -> Path:
 
 @pytest.fixture(autouse=True)
 def here(place, monkeypatch) -> Path:
-    """The run's folder; the checkout is the current one."""
+    """Folder of the run; the checkout is the working folder."""
     monkeypatch.chdir(place)
     return place / "results/small"
 
 
 @pytest.fixture(scope="module")
 def labels(small) -> pd.DataFrame:
-    """The run's labels as its stages read them, without those outside the photo."""
+    """Labels of the run, without labels outside the photo."""
     table = pd.read_parquet(small / "results/small/labels/labels.parquet")
     corners = clip(table[EDGES].to_numpy(float))
     return table.assign(**dict(zip(EDGES, corners.T, strict=True)))[area(corners) > 0]
 
 
 def in_process_of_its_own(*arguments: object) -> subprocess.CompletedProcess:
-    """Call the command as a shell does: `polarsim run` ends all children of its process at its end."""
+    """Run a command in a separate process, because `polarsim run` ends all child processes."""
     words = [sys.executable, "-m", "polarsim", *map(str, arguments)]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
     return subprocess.run(words, capture_output=True, text=True, env=environment, check=False)
@@ -110,12 +110,12 @@ def in_process_of_its_own(*arguments: object) -> subprocess.CompletedProcess:
 
 @pytest.fixture
 def call(polarsim):
-    """Call a command that must succeed; what it printed."""
+    """Call a command that must succeed; return the output."""
 
     def run(*arguments: object, code: int = 0) -> str:
         done = in_process_of_its_own(*arguments) if arguments[0] == "run" else polarsim(*arguments)
         assert done.returncode == code, (done.stderr, done.stdout[-2000:])
-        assert "stray" not in done.stderr, done.stderr  # nothing that polarsim writes is a stray file
+        assert "stray" not in done.stderr, done.stderr  # all files of polarsim are known
         return done.stdout
 
     return run
@@ -123,7 +123,7 @@ def call(polarsim):
 
 @pytest.fixture
 def exported(call, tmp_path):
-    """Export the four photos for a labelling tool."""
+    """Return a function that exports the four photos for a labelling tool."""
 
     def write(tool: str) -> Path:
         call("export", tmp_path / tool, "--run", "small", "--keys", KEYS, "--tool", tool)
@@ -139,7 +139,7 @@ def found_once(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def found(exported, call, found_once) -> Path:
-    """What the packaged detector finds in the four photos, once for all tests."""
+    """Detections of the packaged detector in the four photos, shared by all tests."""
     folder = found_once / "found"
     if not folder.exists():
         shutil.copytree(exported("labelimg"), found_once / "pictures")
@@ -152,9 +152,12 @@ def of_keys(table: pd.DataFrame, pattern: str = KEYS) -> pd.DataFrame:
 
 
 def in_coco(*paths: Path) -> pd.DataFrame:
-    """Boxes of COCO files: key, kind, x0, y0, x1, y1."""
+    """Return the boxes of COCO files: key, kind, x0, y0, x1, y1."""
     rows = [
-        (str(key), one.kind, *one.box) for path in paths for key, own in coco.read_coco(path).items() for one in own
+        (str(key), label.kind, *label.box)
+        for path in paths
+        for key, labels in coco.read_coco(path).items()
+        for label in labels
     ]
     return pd.DataFrame(rows, columns=["key", "kind", *EDGES])
 
@@ -178,7 +181,7 @@ def same_boxes(folder: Path, wanted: pd.DataFrame) -> None:
 
 
 def has_content(path: Path, *, least: int = 40) -> np.ndarray:
-    """The pixels of a picture that shows more than areas of few grey values."""
+    """Return the pixels of an image after checking that the image has enough grey values and contrast."""
     import cv2
 
     pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
@@ -195,7 +198,7 @@ def report_of(call, tmp_path: Path, *arguments: object, code: int = 0) -> dict:
 
 
 def called_here() -> Iterable[str]:
-    """First arguments of all calls of commands in this module."""
+    """Yield the first argument of all calls of commands in this module."""
     for node in ast.walk(ast.parse(Path(__file__).read_text())):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("call", "report_of"):
             words = [one.value for one in node.args if isinstance(one, ast.Constant) and isinstance(one.value, str)]
@@ -231,7 +234,7 @@ def test_an_export_is_imported(call, exported, labels, tmp_path, tool):
         same_boxes(tmp_path / f"back{number}", of_keys(labels))
 
 
-def test_what_cvat_and_label_studio_make_of_an_export_is_imported(call, exported, labels, tmp_path):
+def test_exports_that_were_edited_in_cvat_and_label_studio_are_imported(call, exported, labels, tmp_path):
     """Files in these tools' own forms, with the boxes that they read from our export."""
     annotated = coco.read_coco(exported("cvat") / "annotations/instances_default.json")
     root = ElementTree.Element("annotations")
@@ -316,7 +319,7 @@ def test_labels_of_the_run_are_validated(call, here, tmp_path, root):
     assert report["errors"] == 0
 
 
-def test_what_a_detector_finds_is_scored_compared_imported_and_validated(call, found, here, labels, tmp_path):
+def test_detections_are_scored_compared_imported_and_validated(call, found, here, labels, tmp_path):
     table = pd.read_csv(found / "detections.csv")
     assert len(table) > 20
     truth = tmp_path / "truth"
@@ -336,7 +339,7 @@ def test_what_a_detector_finds_is_scored_compared_imported_and_validated(call, f
         said = call("import", source, tmp_path / f"taken{number}")
         assert f"{len(table)} boxes in 4 photos" in said
         same_boxes(tmp_path / f"taken{number}", wanted)
-    trained = tmp_path / "set"  # as trainers have pictures and labels
+    trained = tmp_path / "set"  # layout of training sets
     shutil.copytree(found.parent / "pictures", trained / "images", ignore=shutil.ignore_patterns("*.txt"))
     shutil.copytree(found / "labels", trained / "labels")
     report = report_of(call, tmp_path, "validate", trained, "--select", "error")
@@ -351,14 +354,14 @@ def test_pictures_of_detections_show_photo_and_boxes(found):
         pixels = has_content(path).astype(int)
         assert (np.ptp(pixels, axis=2) > 60).sum() > 500, "no coloured line"
         grey = has_content(found.parent / "pictures" / f"{path.stem}.png").astype(int)
-        assert np.median(np.abs(pixels.mean(axis=2) - grey)) < 12, "another picture than the photo"
+        assert np.median(np.abs(pixels.mean(axis=2) - grey)) < 12, "not the photo"
 
 
 def test_published_sets_are_read(call, here, labels, tmp_path):
     out = tmp_path / "out"
     call("publish", "small", out, "--format", ",".join(READ_FORMS))
     for domain, stage in (("analog", "labels"), ("hapke", "renders")):
-        wanted = in_coco(here / stage / "coco/Terrain01.json")  # what has no visible pixel is not published
+        wanted = in_coco(here / stage / "coco/Terrain01.json")  # labels without visible pixels are not published
         assert len(wanted) > 0.9 * len(labels)
         call("import", out / "yolo" / domain, tmp_path / f"yolo_{domain}")
         same_boxes(tmp_path / f"yolo_{domain}", wanted)
@@ -388,7 +391,7 @@ def test_a_fiftyone_set_is_imported(call, labels, tmp_path):
 
 
 def test_an_import_is_corrections_of_the_run(call, exported, labels, place, here, tmp_path):
-    """Imported labels, and those that the explorer saves, are what `labels.corrections` reads."""
+    """`labels.corrections` reads imported labels and the corrections of the explorer."""
     call("import", exported("labelimg"), tmp_path / "corrections")
     assert set(map(str, read_corrections(tmp_path / "corrections", 1))) == set(of_keys(labels)["key"])
     corrections = Corrections(Run.at(here))
@@ -427,7 +430,7 @@ def test_show_draws_the_labels_over_the_picture(call, here, labels, tmp_path, mo
     picture = png.read(Run(here).pictures_of(domain, 1)[PhotoKey.parse(KEY)]).astype(float)
     grey = shown[:HEIGHT, :WIDTH, :3].mean(axis=2)
     plain = ~coloured[:HEIGHT, :WIDTH]
-    assert np.corrcoef(np.sqrt(picture[plain]), grey[plain])[0, 1] > 0.8  # the picture itself is below the labels
+    assert np.corrcoef(np.sqrt(picture[plain]), grey[plain])[0, 1] > 0.8  # the image is visible under the labels
 
 
 def test_the_page_of_the_run_has_pictures_and_labels(call, here, labels, tmp_path):
@@ -464,7 +467,7 @@ def test_a_comparison_has_the_metrics_of_both_runs(call, here, tmp_path):
         assert (tmp_path / f"both.{form}").stat().st_size > 1000
 
 
-def test_undo_lists_what_followed_from_a_seed(call, here):
+def test_undo_lists_labels_derived_from_a_seed(call, here):
     seed = sorted((here / "acquire/Terrain01/seeds").glob("01_*.txt"))[0].stem
     said = call("undo", seed, "--configfile", "config/small.yaml")
     changes = pd.read_parquet(here / f"labels/undone/{seed}.parquet")

@@ -1,4 +1,4 @@
-"""Cover photos from files to tables and page, through every rule of the stage."""
+"""All rules of cover photos: from files to tables and page."""
 
 import numpy as np
 import pandas as pd
@@ -27,7 +27,7 @@ RULES = (
 
 @pytest.fixture
 def release(tmp_path):
-    """Terrains with one cover photo each, of a rock and its shadow; terrain 3's has half the size, 1 has polygons."""
+    """Terrains with a cover photo of a rock and its shadow; terrain 3 has half the size, terrain 1 has polygons."""
     root = tmp_path / "release"
     for terrain in TERRAINS:
         photo = np.full((HEIGHT, WIDTH), 90, np.uint8)
@@ -46,7 +46,7 @@ def release(tmp_path):
             yolo.write_polygons(polygon_folder(root, 1) / "01_A_off_30_L_0256.txt", outlines)
         rock = root / "TerrainMeshes" / f"Terrain{terrain:02d}" / f"terrain{terrain:02d}_rock1.obj"
         rock.parent.mkdir(parents=True)
-        rock.touch()  # the closed copies stand in for it
+        rock.touch()  # replaced by the repaired copies
     return root
 
 
@@ -60,7 +60,9 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
     for terrain in TERRAINS:
         vertices, faces, _ = box(np.zeros(3), np.array([0.2, 0.15, 0.1 * terrain]))
         copies = checkout / f"results/covers/repaired/Terrain{terrain:02d}"
-        (checkout / f"results/covers/cameras/located/Terrain{terrain:02d}").mkdir(parents=True)  # no position is known
+        (checkout / f"results/covers/cameras/located/Terrain{terrain:02d}").mkdir(
+            parents=True
+        )  # without located positions
         ground = checkout / f"results/covers/meshes/Terrain{terrain:02d}/terrain{terrain:02d}_ground.obj"
         obj.write(ground, Mesh(vertices, faces), "ground")
         obj.write(copies / f"terrain{terrain:02d}_rock1.obj", Mesh(vertices, faces), "rock")
@@ -89,7 +91,7 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
     assert (table.loc[table["terrain"] == "all", "labels"] == 2).all()
     detector = read_detector(run / "covers/detector.pt")
     assert (detector.start, detector.epochs) == ("detector.pt", 1)  # fine-tuned
-    assert [path.name for path in (run / "covers/folds/carved").glob("seed*")] == ["seed0"]  # both seeds start there
+    assert [path.name for path in (run / "covers/folds/carved").glob("seed*")] == ["seed0"]  # shared by both seeds
     assert len(detector.calibration) == len(detector.sizes) == 2
     assert "2 published cover photos" in (run / "covers/detector.md").read_text()
     pairing = pd.read_csv(run / "covers/pairing.csv")
@@ -110,4 +112,4 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
     page = (run / "results.html").read_text()
     assert "Real cover photos of held-out terrains" in page
     assert "IoU of class masks" in page
-    assert "<h2>Domains</h2>" not in page  # of domains: there are none
+    assert "<h2>Domains</h2>" not in page  # this run has no domains

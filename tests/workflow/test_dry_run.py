@@ -1,4 +1,4 @@
-"""Every configuration plans its jobs, quickly; a broken one ends in one line; an edit re-runs what uses it."""
+"""Plans of all configurations; an invalid configuration is an error of one line."""
 
 import re
 import shutil
@@ -15,7 +15,7 @@ CONFIGURATIONS = Path(__file__).parents[2] / "config"
 
 @pytest.fixture(scope="module")
 def release_like(tmp_path_factory) -> Path:
-    """A folder with one label file and no mesh for each terrain that a configuration names."""
+    """A folder with one label file and no mesh for each terrain."""
     root = tmp_path_factory.mktemp("release")
     for terrain in range(1, 14):
         folder = root / "Labels" / f"Terrain{terrain:02d}"
@@ -74,7 +74,7 @@ def test_mixes_and_novel_views_are_trained_on_and_not_tested_on(checkout, snakem
     assert "_on_views" not in text
 
 
-def test_the_demo_trains_a_yolo_on_its_photos_alone(dry_run):
+def test_the_demo_trains_a_yolo_only_on_photos(dry_run):
     done = dry_run("detect")
     jobs, text = planned(done), done.stdout + done.stderr
     assert [jobs[name] for name in ("train_other_detector", "predict_by_other", "evaluate_other")] == [1, 1, 1]
@@ -82,7 +82,7 @@ def test_the_demo_trains_a_yolo_on_its_photos_alone(dry_run):
     assert "others/yolo/seed0/predictions/hapke_on_analog.parquet" not in text
 
 
-def test_yolo_is_trained_beside_the_demos_own_detector_by_one_more_configuration(dry_run):
+def test_an_overlay_adds_a_yolo_detector_to_the_demo(dry_run):
     done = dry_run("detect", "tables", "--configfile", "config/config.yaml", "config/overlays/yolo.yaml")
     jobs = planned(done)
     own = ("train_detector", "predict", "evaluate")
@@ -95,7 +95,7 @@ def test_yolo_is_trained_beside_the_demos_own_detector_by_one_more_configuration
     assert "detect/others.parquet" in table
 
 
-def test_corrected_label_files_are_input_of_their_terrain_alone(dry_run, tmp_path):
+def test_corrected_label_files_are_input_of_one_terrain(dry_run, tmp_path):
     edited = tmp_path / "edited" / "01_A_off_30_L_0256.txt"
     edited.parent.mkdir()
     edited.write_text("0 0.5 0.5 0.1 0.1\n")
@@ -107,18 +107,18 @@ def test_corrected_label_files_are_input_of_their_terrain_alone(dry_run, tmp_pat
     assert "Terrain01" in users[0]
 
 
-def test_maps_and_materials_are_planned_where_they_are_asked_for(dry_run):
+def test_maps_and_materials_are_planned_if_configured(dry_run):
     done = dry_run("--config", "render={maps: [depth, shading], materials_from_photos: true}")
     assert done.returncode == 0, done.stdout + done.stderr
     assert (done.stdout + done.stderr).count("renders/maps/Terrain") == 4
     jobs = planned(done)
-    assert jobs["fit_materials"] == jobs["score_materials"] == 4  # one a terrain, and truth is known
+    assert jobs["fit_materials"] == jobs["score_materials"] == 4  # one per terrain, with ground truth
     done = dry_run("--configfile", "config/config.yaml")
     assert "renders/maps/Terrain" not in done.stdout + done.stderr
     assert not {"fit_materials", "score_materials"} & set(planned(done))
 
 
-def test_the_ablation_renders_every_component_once_a_terrain_and_trains_its_detectors_alone(dry_run):
+def test_the_ablation_renders_every_component_per_terrain_and_trains_two_detectors(dry_run):
     files = ("--configfile", "config/config.yaml", "config/overlays/gap.yaml")
     done = dry_run("gap", *files)
     jobs, text = planned(done), done.stdout + done.stderr
@@ -133,7 +133,7 @@ def test_the_ablation_renders_every_component_once_a_terrain_and_trains_its_dete
         assert f"gap/twins/{name}/pictures/Terrain03" in text
 
 
-def test_the_papers_split_trains_detectors_beside_those_of_the_strict_one(dry_run):
+def test_an_overlay_adds_the_split_of_the_paper(dry_run):
     files = ("--configfile", "config/config.yaml", "config/overlays/strict.yaml")
     done = dry_run("detect", "tables", *files)
     jobs = planned(done)
@@ -141,7 +141,7 @@ def test_the_papers_split_trains_detectors_beside_those_of_the_strict_one(dry_ru
     assert jobs["split_photos"] == 2
 
 
-def test_a_run_is_published_once_a_form_and_only_where_it_is_asked_for(dry_run):
+def test_publishing_has_one_job_per_format_and_is_not_part_of_all(dry_run):
     done = dry_run("publish", "--config", "publish={forms: [coco, pds4, usd]}")
     jobs = planned(done)
     assert (jobs["publish"], jobs["publish_run"]) == (1, 3)
@@ -175,7 +175,7 @@ def test_thirteen_terrains_plan_fewer_than_1000_jobs(checkout, snakemake):
         ("labels: {taken_back: [04_A_off_30_L_0256]}\n", "04_A_off_30_L_0256"),
     ],
 )
-def test_what_snakemake_itself_accepts_silently_is_an_error_before_any_job(checkout, snakemake, text, named):
+def test_values_that_snakemake_accepts_silently_are_an_error_before_any_job(checkout, snakemake, text, named):
     (checkout / "config/mine.yaml").write_text(text)
     done = snakemake(checkout, "--dry-run", "--configfile", "config/config.yaml", "config/mine.yaml")
     lines = [line for line in done.stderr.splitlines() if line.startswith("error:")]
@@ -196,7 +196,7 @@ def test_the_schema_is_the_configurations():
 
 @pytest.fixture(scope="module")
 def release_with_covers(release_like, tmp_path_factory) -> Path:
-    """The same with a cover photo of every terrain but 11, and rocks of every terrain but 12."""
+    """A release with cover photos of all terrains except 11 and rocks of all terrains except 12."""
     root = tmp_path_factory.mktemp("covers") / "release"
     shutil.copytree(release_like, root)
     for terrain in (1, 3, 4, 8, 11, 12):
@@ -214,9 +214,9 @@ def test_each_terrain_with_cover_photos_is_left_out_in_turn(dry_run, release_wit
         POLAR_SIM_ROOT=str(release_with_covers),
     )  # fmt: skip
     jobs = planned(done)
-    assert jobs["render_scenes"] == 5 + 1  # of terrain 12 there are no rocks to strew; carved ones
-    assert jobs["predict_cover_photos"] == 5 * 2  # none tests 11; before and after fine-tuning
-    assert jobs["train_cover_detector"] == jobs["make_cover_dataset"] == 5 + 2  # of carved rocks, of all terrains
+    assert jobs["render_scenes"] == 5 + 1  # terrain 12 has no rocks; + carved rocks
+    assert jobs["predict_cover_photos"] == 5 * 2  # terrain 11 is not tested; before and after fine-tuning
+    assert jobs["train_cover_detector"] == jobs["make_cover_dataset"] == 5 + 2  # + carved rocks, + all terrains
     assert jobs["fine_tune_cover_detector"] == jobs["make_fine_tuning_dataset"] == 5 + 1
     assert (jobs["read_covers"], jobs["cut_windows"], jobs["score_covers"], jobs["write_results_page"]) == (1, 1, 2, 1)
     text = done.stdout + done.stderr

@@ -1,4 +1,4 @@
-"""The environments that the workflow runs in: `.venv`, one by Conda, and the lock that both are made from."""
+"""Environments of the workflow: `.venv`, Conda, and the lock file of both."""
 
 import os
 import tomllib
@@ -12,9 +12,9 @@ from packaging.version import Version
 
 CHECKOUT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
-LOCKED_EXTRAS = ("cluster", "detect", "dev", "publish", "rover")  # as `make lock` names them
+LOCKED_EXTRAS = ("cluster", "detect", "dev", "publish", "rover")  # as in `make lock`
 ENVIRONMENT = CHECKOUT / "workflow/envs/polarsim.yaml"
-# What Snakemake asks a conda before it plans: enough to plan with, where none is installed.
+# Substitute of conda with the answers that Snakemake needs for planning.
 CONDA = """#!/bin/sh
 case "$1" in
 info) echo '{"conda_version": "25.1.0", "conda_prefix": "/opt/conda", "platform": "linux-64"}' ;;
@@ -31,7 +31,7 @@ def locked() -> dict[str, Version]:
 
 
 @pytest.mark.parametrize("extra", ["", *LOCKED_EXTRAS])
-def test_the_lock_has_what_the_project_asks_for(extra):
+def test_the_lock_satisfies_the_requirements_of_the_project(extra):
     asked = PROJECT["optional-dependencies"][extra] if extra else PROJECT["dependencies"]
     pins = locked()
     for requirement in map(Requirement, asked):

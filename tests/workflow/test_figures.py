@@ -1,4 +1,4 @@
-"""Every figure of a run shows pictures where it should, and data elsewhere."""
+"""Figures of a run contain the expected images and data."""
 
 from pathlib import Path
 
@@ -13,13 +13,13 @@ DEMO = Path(__file__).parents[2] / "results/demo"
 
 @pytest.mark.slow
 def test_figures_of_a_small_run_show_pictures_and_data(small):
-    # One epoch of training finds no rock, and no Sun of this run is near opposition: these figures say so.
+    # After one epoch no rock is detected, and no Sun is near opposition: these figures contain only a note.
     notes = ["gap_rocks_analog.png", "gap_rocks_hapke.png", "opposition.png"]
     assert empty_figures(small / "results/small") == dict.fromkeys(notes, "note")
 
 
 @pytest.mark.slow
-def test_a_sheet_without_photos_is_told_from_one_with_them(small, tmp_path):
+def test_a_contact_sheet_without_photos_is_detected(small, tmp_path):
     results = small / "results/small"
     photos = pictures_at(results / "acquire/Terrain01/photos.parquet")
     labels = results / "labels/tables/Terrain01.parquet"

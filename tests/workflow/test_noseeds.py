@@ -1,4 +1,4 @@
-"""Labels without any seed: `labels.seeds: none`."""
+"""Labels without seeds: `labels.seeds: none`."""
 
 import shutil
 
@@ -8,15 +8,15 @@ import yaml
 
 
 @pytest.mark.slow
-def test_rocks_and_shadows_are_labelled_though_no_annotated_file_can_be_read(small, checkout, snakemake):
+def test_rocks_and_shadows_are_labelled_without_reading_annotated_files(small, checkout, snakemake):
     shutil.copytree(small / "data", checkout / "data")
     annotated = sorted((checkout / "data/analog/Labels").rglob("*.txt"))
     assert annotated
     for path in annotated:
-        path.write_text("who opens this file ends with an error\n")
+        path.write_text("invalid line: reading this file is an error\n")
     files = ("--configfile", "config/small.yaml", "config/overlays/noseeds.yaml")
-    few = "grid={azimuths: ['180'], lights: ['off'], exposures_ms: [256]}"  # of the photos that are there
-    done = snakemake(checkout, "results/noseeds/tables/labels.csv", "labels", *files, "--config", few)
+    few = ("positions=[A]", "grid={azimuths: ['180'], lights: ['off'], exposures_ms: [256]}")  # two photos
+    done = snakemake(checkout, "results/noseeds/tables/labels.csv", "labels", *files, "--config", *few)
     assert done.returncode == 0, done.stderr[-3000:]
     results = checkout / "results/noseeds"
     assert list((results / "acquire/Terrain01/seeds").glob("*.txt")) == []
@@ -31,7 +31,7 @@ def test_rocks_and_shadows_are_labelled_though_no_annotated_file_can_be_read(sma
 
 
 def test_annotated_files_are_no_input_of_a_run_without_seeds(checkout, snakemake, tmp_path):
-    """NASA's layout with two scans, and an annotated file where seeds would be looked for."""
+    """Use NASA's layout with two scans and an annotated file in the folder of seeds."""
     root = tmp_path / "polar"
     for position in "AC":
         scan = root / f"GroundTruth_RectifiedRangeMaps/Terrain01/Pos{position}_org-XYZ.tif"
@@ -48,7 +48,7 @@ def test_annotated_files_are_no_input_of_a_run_without_seeds(checkout, snakemake
         assert done.returncode == 0, done.stdout + done.stderr
         assert (str(annotated) in done.stdout + done.stderr) == read
     scored = snakemake(checkout, "tables", "--dry-run", "--configfile", *files)
-    assert "score_labels" in scored.stdout + scored.stderr  # annotated files still are what labels are scored against
+    assert "score_labels" in scored.stdout + scored.stderr  # labels are still scored against annotated files
 
 
 def test_the_overlay_makes_a_run_of_its_own_from_the_same_data(dry_run):

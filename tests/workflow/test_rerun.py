@@ -1,4 +1,4 @@
-"""An edit of the library re-runs the stages that use it, and no other."""
+"""An edit of the library repeats only the stages that use it."""
 
 import os
 import re
@@ -17,14 +17,14 @@ TOUCH = """
 from snakemake.cli import main
 from snakemake.executors.touch import Executor
 
-Executor.SLEEPING_TIME = 0.001  # of 0.1 s for every job
+Executor.SLEEPING_TIME = 0.001  # instead of 0.1 s per job
 main(["--cores", "1", "--quiet", "all", "--touch"])
 """
 
 
 @pytest.fixture(scope="module")
 def untouched(tmp_path_factory, make_checkout, snakemake) -> Path:
-    """A checkout whose run looks finished: every output is there, and Snakemake has recorded what made it."""
+    """A checkout with empty outputs of all jobs and the metadata of Snakemake, as after a complete run."""
     folder = make_checkout(tmp_path_factory.mktemp("finished"))
     shutil.copytree(Path(polarsim.__file__).parent, folder / "polarsim", ignore=shutil.ignore_patterns("kernels-*"))
     summary = snakemake(folder, "--summary")
@@ -44,7 +44,7 @@ def untouched(tmp_path_factory, make_checkout, snakemake) -> Path:
 
 @pytest.fixture
 def finished(untouched: Path, tmp_path: Path) -> Path:
-    """A copy of that checkout, library and all, which a test may edit."""
+    """A writable copy of this checkout with the library."""
     return Path(shutil.copytree(untouched, tmp_path / "finished"))
 
 
@@ -58,7 +58,7 @@ def edit(path: Path, line: str) -> None:
     path.write_text(path.read_text() + line)
 
 
-def test_an_edit_reruns_what_uses_it_and_nothing_else(finished, snakemake):
+def test_an_edit_repeats_only_jobs_that_use_the_module(finished, snakemake):
     edit(finished / "polarsim/render/brdf.py", "\n# a comment is no change\n")
     assert stale_rules(snakemake, finished) == set()
 
@@ -68,12 +68,12 @@ def test_an_edit_reruns_what_uses_it_and_nothing_else(finished, snakemake):
     assert not stale & {"generate_analog", "index_terrain", "locate_cameras", "find_rocks", "mesh_rocks"}
     assert not stale & {"propagate_labels", "draw_masks"}
 
-    edit(finished / "polarsim/grid.py", "\nCHANGED = 1\n")  # which photos belong to a run: only scripts import it
+    edit(finished / "polarsim/grid.py", "\nCHANGED = 1\n")  # imported by scripts only
     stale = stale_rules(snakemake, finished)
     assert {"propagate_labels", "draw_masks", "render_twins", "score_labels"} <= stale
 
 
-def test_a_seed_or_split_or_mix_more_leaves_finished_detectors_alone(finished, snakemake):
+def test_an_added_seed_split_or_mix_does_not_repeat_trainings(finished, snakemake):
     content = yaml.safe_load((finished / "config/config.yaml").read_text())
     split = content["detect"].get("splits", ["photo"])[0]
     more = {"seeds": [0, 1], "splits": [split, "terrain"], "mixes": {"mixed": {"analog": 1, "hapke": 1}}}
@@ -90,7 +90,7 @@ def test_a_seed_or_split_or_mix_more_leaves_finished_detectors_alone(finished, s
     assert not [name for name in made if name.startswith("pictures/")]
 
 
-def test_another_comparison_or_a_detector_that_is_not_trained_leaves_detectors_and_pictures_alone(finished, snakemake):
+def test_other_options_of_the_comparison_or_stereo_do_not_repeat_trainings(finished, snakemake):
     content = yaml.safe_load((finished / "config/config.yaml").read_text())
     content["detect"] |= {"comparison": {"iou_confidence": 0.3}, "stereo": {"run": True}}
     (finished / "config/config.yaml").write_text(yaml.safe_dump(content))

@@ -1,4 +1,4 @@
-"""The rover in the workflow: nothing of it where the configuration does not drive, a small drive from end to end."""
+"""The rover in the workflow: no jobs without drives, and a complete small drive."""
 
 import json
 import re
@@ -34,7 +34,7 @@ def test_a_job_a_drive_and_one_a_view_of_it(dry_run, tmp_path, name, drives, vie
     jobs = planned(done)
     assert (jobs["drive_rover"], jobs["see_drive"], jobs["write_bag"]) == (drives, drives * views, drives)
     assert jobs["measure_drive"] == drives
-    assert jobs["detect_drive"] == drives  # by a detector that comes with polarsim
+    assert jobs["detect_drive"] == drives  # by the packaged detector
     assert jobs.get("film_drive") == (None if name == "overlays/rover" else drives)
     assert jobs["draw_front"] == jobs["draw_sequence"] == jobs["tabulate_rover"] == jobs["tabulate_onboard"] == 1
     assert "train_detector" not in jobs
@@ -59,7 +59,7 @@ def test_a_drive_of_all_that_it_depends_on_then_tables_and_figures(checkout, sna
     cases = {f"{case}_seed5" for case in own}
     assert set(re.findall(r"output: results/demo/rover/autonomy/([\w-]+)/figures\.parquet", text)) == cases
     assert jobs["drive_alone"] == len(cases) == 2 + 8 + 24
-    assert len(re.findall(r"input: .*Terrain11, site\.tif", text)) == len(cases)  # a new ground is driven over anew
+    assert len(re.findall(r"input: .*Terrain11, site\.tif", text)) == len(cases)  # another ground repeats the drives
     trained = re.findall(r"site\.tif.*detect/position/(seed\d)/detectors/hapke\.pt", text)
     assert [trained.count(seed) for seed in ("seed0", "seed1")] == [8, 8]
     for rule in (
@@ -89,7 +89,10 @@ def test_a_drive_of_all_that_it_depends_on_then_tables_and_figures(checkout, sna
         ({"cameras": {"onboard": {"weights": "packaged_rover"}}}, {"packaged_rover": str(PACKAGED_ROVER)}),
         ({"cameras": {"onboard": {"weights": "own/best.pt"}}}, {"best": "own/best.pt"}),
         ({}, {"none": "None"}),
-        ({"detector": "hapke"}, {"hapke-seed3": "run/detect/photo/seed3/detectors/hapke.pt"}),  # as on plain drives
+        (
+            {"detector": "hapke"},
+            {"hapke-seed3": "run/detect/photo/seed3/detectors/hapke.pt"},
+        ),  # as for drives along a path
         (
             {"detector": "hapke", "autonomy": {"detectors": ["analog", "packaged"]}},
             {f"analog-seed{n}": f"run/detect/photo/seed{n}/detectors/analog.pt" for n in (3, 4)}
@@ -158,7 +161,7 @@ def test_one_more_seed_leaves_finished_drives_as_they_are(checkout, snakemake):
     assert planned(done) == {"drive_alone": 1, "summarise_autonomy": 1, "total": 2}
 
 
-def test_what_detectors_see_is_not_rendered_again_for_another_detector(checkout, snakemake):
+def test_another_detector_does_not_repeat_rendering(checkout, snakemake):
     content = yaml.safe_load((checkout / "config/overlays/rover.yaml").read_text())
     text = {}
     for detector in ("hapke", "analog"):
@@ -189,7 +192,7 @@ def test_an_impossible_drive_ends_in_an_error_that_names_the_key(rover, key):
         parse_config(configured(**rover))
 
 
-def test_tables_of_runs_that_do_not_drive_know_nothing_of_the_rover():
+def test_runs_without_drives_have_no_rover_tables():
     plain = parse_config(yaml.safe_load(DEMO.read_text())).digest()
     assert parse_config(configured(seeds=[3])).digest() == plain
     drives = {"run": True, "world": {"terrains": [1]}}
@@ -203,7 +206,7 @@ def test_a_drive_of_five_seconds_ends_in_tables_figures_and_a_bag(checkout, snak
     write_meshes(checkout / "results/small/meshes/Terrain03", 3)
     content = configured(**SMALL) | {"run": "small", "terrains": [3]}
     (checkout / "config/small.yaml").write_text(yaml.safe_dump(content))
-    # No rule of this call makes the meshes: only missing files are made.
+    # The call excludes the rules of meshes and writes only missing files.
     call = ("rover", "--configfile", "config/small.yaml", "--allowed-rules", "rover", *RULES)
     done = snakemake(checkout, *call)
     assert done.returncode == 0, done.stderr[-3000:]
@@ -214,7 +217,7 @@ def test_a_drive_of_five_seconds_ends_in_tables_figures_and_a_bag(checkout, snak
     each = pd.read_parquet(results / "tables/rover_drives.parquet")
     assert each["duration s"].item() == 5
     assert each["energy missing %"].item() < 2
-    assert each["ended"].item() == "out of time"  # its time was over before the path
+    assert each["ended"].item() == "out of time"  # the time limit was reached
     for name in ("rover", "rover_drives", "rover_onboard"):
         for form in ("csv", "md", "tex", "parquet"):
             assert (results / f"tables/{name}.{form}").stat().st_size
@@ -248,7 +251,7 @@ RULES = (
 
 
 def test_the_rover_takes_a_finished_demo_as_it_is():
-    """Its configurations are overlays of the demo's: else its stages would run again."""
+    """Configurations of the rover are overlays of the demo, so stages of the demo are not repeated."""
     demo = read_configs([DEMO])
     files = [DEMO.parent / "overlays" / name for name in ("rover.yaml", "rover_autonomy.yaml")]
     rover = read_configs(files)

@@ -1,4 +1,4 @@
-"""What Snakemake itself costs beside the jobs."""
+"""Overhead of Snakemake."""
 
 import pytest
 

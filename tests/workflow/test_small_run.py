@@ -1,4 +1,4 @@
-"""A small run of the whole pipeline: it ends, a second call does nothing, and another build has the same bytes."""
+"""A small run of the pipeline is complete, a second call plans no job, and a second build has equal bytes."""
 
 import hashlib
 import json
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 
 
 def digests(folder: Path) -> dict[str, str]:
-    """sha256 of every output that must be the same in every build."""
+    """Return the SHA-256 of every reproducible output."""
     parts = ("cameras", "rocks", "meshes", "labels", "renders")
     return {
         str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
@@ -47,7 +47,7 @@ def test_a_small_run_ends(small, snakemake):
     ablation = pd.read_parquet(results / "gap/ablation.parquet").set_index("component")
     assert len(ablation) == 2 * 2 * 2  # components, detectors, kinds
     scene = ablation.loc["scene"].query("kind == 'rock'")
-    assert (scene["pairs"] > 5).all()  # true rocks have the run's numbers
+    assert (scene["pairs"] > 5).all()  # true rocks have the ids of the run
     assert (results / "figures/gap.png").stat().st_size
 
     again = snakemake(small, "--cores", "2", "--configfile", "config/small.yaml")
@@ -55,12 +55,12 @@ def test_a_small_run_ends(small, snakemake):
 
 
 def test_another_build_from_the_same_data_has_the_same_bytes(small, checkout, snakemake):
-    """From the rocks' meshes on: that scans give the same bytes twice is tested in `tests/cameras/`, `tests/rocks/`."""
+    """Starts with meshes; `tests/cameras/` and `tests/rocks/` test the reproducibility of earlier stages."""
     (checkout / "data").symlink_to(small / "data")
     for part in ("acquire", "cameras/located", "rocks", "meshes"):
         shutil.copytree(small / "results/small" / part, checkout / "results/small" / part, symlinks=True)
     call = ("labels", "render", "--rerun-triggers", "mtime", "--configfile", "config/small.yaml")
-    built = snakemake(checkout, *call, PYTHONHASHSEED="1")  # sets come in another order
+    built = snakemake(checkout, *call, PYTHONHASHSEED="1")  # other order of sets
     assert built.returncode == 0, built.stderr[-3000:]
     assert "refine_cameras" in built.stderr
     assert "mesh_rocks" not in built.stderr
@@ -87,7 +87,7 @@ def test_tables_depend_neither_on_the_name_of_the_run_nor_on_the_folder_of_its_d
         assert without_run(table) == without_run(small / "results/small/tables" / table.name)
 
 
-def test_the_run_is_published_by_a_target_and_nothing_else_is_made_anew(small, snakemake):
+def test_the_target_publish_runs_no_other_job(small, snakemake):
     call = ("publish", "--cores", "2", "--configfile", "config/small.yaml", "--config", "publish={forms: [coco, gltf]}")
     done = snakemake(small, *call)
     assert done.returncode == 0, done.stderr[-3000:]

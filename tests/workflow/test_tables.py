@@ -1,4 +1,4 @@
-"""Tables of a run have the columns that are declared."""
+"""Tables of a run have the declared columns."""
 
 import pandas as pd
 import pytest
@@ -20,7 +20,7 @@ def test_every_table_of_a_small_run_has_the_columns_that_are_declared(small):
             pattern = pattern.replace(part, found)
         for path in run.glob(pattern):
             if "*_" in table.path and path.name.startswith("meshes_"):
-                continue  # a table of its own
+                continue  # separate table
             read = pd.read_parquet if path.suffix == ".parquet" else pd.read_csv
             assert list(read(path).columns) == expected, path
             checked += 1
