@@ -1,4 +1,4 @@
-"""The commands as a user calls them: results on the terminal, bad input in one line with exit code 1 or 2."""
+"""Commands: output on the terminal, invalid input as one line with exit code 1 or 2."""
 
 import json
 import subprocess
@@ -18,7 +18,7 @@ GROUND_POLYGON = (1, np.array([[0.0, 0], [1936, 0], [1936, 1216], [0, 1216]]))
 
 
 def started(*arguments: object) -> subprocess.CompletedProcess:
-    """The command as a process of its own."""
+    """Run the command in a separate process."""
     return subprocess.run(
         [sys.executable, "-m", "polarsim", *map(str, arguments)],
         capture_output=True,
@@ -56,7 +56,7 @@ def test_a_broken_label_ends_in_one_line_with_file_and_number(tmp_path):
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_masks_paint_rocks_over_the_ground_whatever_their_order(polarsim, tmp_path):
+def test_masks_show_rocks_above_ground_in_any_order(polarsim, tmp_path):
     yolo.write_polygons(tmp_path / "in/01_A_off_30_L_0256.txt", [ROCK_POLYGON, GROUND_POLYGON])
     done = polarsim("masks", tmp_path / "in", tmp_path / "out")
     assert done.returncode == 0, done.stderr

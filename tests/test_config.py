@@ -43,7 +43,7 @@ def test_assignments_reach_any_depth_and_the_last_one_wins():
         ("pixel_filter=gaussian", "pixel_filter:"),
     ],
 )
-def test_a_wrong_assignment_is_told_in_one_line(assignment, named):
+def test_a_wrong_assignment_is_an_error(assignment, named):
     with pytest.raises(ConfigError, match=re.escape(named)) as error:
         render_options([assignment])
     assert "\n" not in str(error.value)
@@ -66,13 +66,13 @@ def test_every_key_and_section_is_described_by_a_sentence(name):
     assert [key for key, text in texts.items() if len(text.split()) < 4 or not text.endswith(".")] == []
 
 
-def test_detectors_are_trained_on_mixes_and_views_and_compared_over_domains_alone():
+def test_detectors_are_trained_on_mixes_and_views_and_compared_over_domains():
     found = detect(views="results/views", mixes={"mixed": {"analog": 1, "views": 0.5}})
     assert found.domains == ("analog", "principled", "hapke")
     assert found.training_domains == ("analog", "principled", "hapke", "views", "mixed")
 
 
-def test_a_run_without_detectors_compares_no_domains_whatever_else_stands_in_that_section():
+def test_a_run_without_detectors_compares_no_domains():
     found = detect(run=False, views="results/views", mixes={"mixed": {"analog": 1}}, stereo={"run": True})
     assert found.domains == found.training_domains == ()
     assert found.photo_domain == "analog"
@@ -89,7 +89,7 @@ def ablation(component, kind="analog", **gap):
     return parse_config({"source": {"kind": kind, "root": "data"}, "gap": gap})
 
 
-def test_a_component_changes_its_own_options_and_no_others():
+def test_a_component_changes_only_the_named_options():
     found = ablation({"render": {"noise": True}})
     assert found.render_options_of("one") == found.render.model_copy(update={"noise": True, "models": ("hapke",)})
     assert found.ablation_detectors == ("analog", "hapke")
@@ -105,7 +105,7 @@ def test_a_component_changes_its_own_options_and_no_others():
         ({}, {}, "gap.components.one"),
     ],
 )
-def test_an_impossible_ablation_is_told(component, gap, named):
+def test_an_invalid_ablation_is_an_error(component, gap, named):
     with pytest.raises(ConfigError, match=re.escape(named)) as error:
         ablation(component, **gap)
     assert "\n" not in str(error.value)
@@ -139,7 +139,7 @@ def test_an_impossible_setting_is_named(setting, named):
         ({"one": {"analog": 1}, "two": {"one": 1}}, "detect.mixes.two:"),
     ],
 )
-def test_a_mix_of_what_is_not_there_is_told(mixes, named):
+def test_a_mix_of_unknown_domains_is_an_error(mixes, named):
     with pytest.raises(ConfigError, match=re.escape(named)):
         detect(mixes=mixes)
 
@@ -165,7 +165,7 @@ def test_a_run_may_have_no_seeds():
         ({"camera": "M"}, "polar", "labels.seeds.camera"),
     ],
 )
-def test_impossible_seeds_are_told_in_one_line(seeds, kind, named):
+def test_invalid_seeds_are_an_error(seeds, kind, named):
     with pytest.raises(ConfigError, match=re.escape(named)) as error:
         seeded(seeds, kind)
     assert "\n" not in str(error.value)
@@ -199,7 +199,7 @@ CHECKOUT = Path(__file__).parents[1]
 
 
 def leaves(schema: dict, node: dict, key: tuple[str, ...] = (), seen: tuple[str, ...] = ()) -> set[tuple[str, ...]]:
-    """Return the keys of a JSON schema without keys below them; keys that a user names are left out."""
+    """Return the leaves of a JSON schema, without user-defined keys."""
     if "$ref" in node:
         name = node["$ref"].split("/")[-1]
         return {key} if name in seen else leaves(schema, schema["$defs"][name], key, (*seen, name))

@@ -90,7 +90,7 @@ def test_defaults_and_the_sign_of_zero_do_not_change_the_digest(name):
     ],
     ids=["analog", "detect", "rover", "covers", "bags"],
 )
-def test_options_of_what_the_run_does_not_do_have_no_effect(change, name):
+def test_options_of_unused_sections_do_not_change_the_digest(change, name):
     if name is None:
         base = CONTENTS["config"] | {"rover": change["rover"] | {"bags": True}}
         assert parse_config(base | change).digest() == parse_config(base).digest()

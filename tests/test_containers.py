@@ -1,4 +1,4 @@
-"""Containers are made from the lock, by the script that `make setup` runs: only Python has a version of its own."""
+"""Containers are built from the lock file by the script of `make setup`; only Python has a separate version."""
 
 import re
 from pathlib import Path
@@ -11,10 +11,10 @@ COPIED = {"docker": "COPY . .", "apptainer": "    . /opt/polarsim"}
 
 
 @pytest.mark.parametrize("kind", RECIPES)
-def test_a_container_has_what_the_lock_pins_and_nothing_else(kind):
+def test_a_container_installs_exactly_the_packages_of_the_lock(kind):
     lines = (ROOT / RECIPES[kind]).read_text().splitlines()
     commands = [re.sub(r"^(RUN)?\s+", "", line) for line in lines if not line.startswith("#")]
-    assert COPIED[kind] in lines  # the lock among all
+    assert COPIED[kind] in lines  # includes the lock file
     assert "bash workflow/setup.sh python3" in commands
     assert not [line for line in commands if re.search(r"\bpip\b|==|\bconda\b|\buv\b", line)]
     assert "requirements.lock" in (ROOT / "workflow/setup.sh").read_text()

@@ -1,4 +1,4 @@
-"""Compiled kernels: edits of what they call are seen."""
+"""The cache of compiled kernels depends on the code of called kernels."""
 
 import subprocess
 import sys
@@ -18,7 +18,7 @@ ASK = "from polarsim.outer import outer; print(outer(1), sum(outer.stats.cache_h
 
 @pytest.fixture
 def library(tmp_path: Path) -> Path:
-    """A library of two kernels, one of which calls the other."""
+    """A library of two kernels; the outer kernel calls the inner kernel."""
     package = tmp_path / "polarsim"
     package.mkdir()
     (package / "__init__.py").touch()
@@ -30,12 +30,12 @@ def library(tmp_path: Path) -> Path:
 
 
 def asked(library: Path) -> list[int]:
-    """What the outer kernel makes of 1, and how often a cache had it."""
+    """Return the result of the outer kernel for 1 and the number of cache hits."""
     done = subprocess.run([sys.executable, "-c", ASK], cwd=library, capture_output=True, text=True, check=True)
     return [int(word) for word in done.stdout.split()]
 
 
-def test_a_kernel_is_compiled_anew_when_one_that_it_calls_was_edited(library):
+def test_an_edit_of_a_called_kernel_repeats_the_compilation(library):
     assert asked(library) == [2, 0]
     assert asked(library) == [2, 1]
     (library / "polarsim/inner.py").write_text(INNER.format(number=10))

@@ -1,4 +1,4 @@
-"""Every command with values that no work can come of: one line before the work begins, exit code 1 or 2, no file."""
+"""Invalid arguments of every command: one line before any work, exit code 1 or 2, no output file."""
 
 import os
 import shlex
@@ -29,7 +29,7 @@ lights: [{kind: sun, azimuth_deg: [30], elevation_deg: [20]}]
 
 @pytest.fixture
 def here(tmp_path, monkeypatch):
-    """A folder with one input of every command, in which the command is called."""
+    """Working folder with an input file of every command."""
     monkeypatch.chdir(tmp_path)
     obj.write(Path("meshes") / obj.ground_name(1), SQUARE, "ground")
     yolo.write_boxes(Path("boxes") / f"{KEY}.txt", np.array([0]), np.array([[5.0, 5, 50, 60]]))
@@ -52,7 +52,7 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-# A call a line; its endings follow ::, one for each call.
+# One command per line; each ending after :: is a separate call.
 HOSTILE = """
 :: nonsense | --nonsense | render | score boxes | show | detect | ipd boxes
 render meshes out.png --yaw :: nan | inf | x
@@ -91,17 +91,17 @@ undo KEY :: --run demo | --configfile no.yaml
 
 
 def calls(text: str) -> list[str]:
-    """The calls of such lines."""
+    """Return the calls of these lines."""
     parts = [line.partition("::") for line in text.replace("KEY", KEY).replace("LONG", "a" * 300).splitlines()]
     return [f"{start.strip()} {end.strip()}".strip() for start, _, ends in parts if ends for end in ends.split("|")]
 
 
 def completed(words: str) -> list[str]:
-    """What a Bash shell offers after these words."""
+    """Return the completions of Bash after these words."""
     count = str(len(words.split(" ")) - 1)
-    told = {"_POLARSIM_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": count}
+    variables = {"_POLARSIM_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": count}
     call = [sys.executable, "-c", "from polarsim.cli import main; main()"]
-    return subprocess.run(call, env=os.environ | told, capture_output=True, text=True, check=True).stdout.split()
+    return subprocess.run(call, env=os.environ | variables, capture_output=True, text=True, check=True).stdout.split()
 
 
 def test_the_version_is_that_of_the_package(polarsim):
@@ -149,12 +149,12 @@ def files(folder: Path) -> dict[str, bytes]:
 @pytest.mark.parametrize(
     "line", [*calls(HOSTILE), *(f"{name} --nonsense" for name in COMMANDS)], ids=lambda line: line[:80]
 )
-def test_a_hostile_call_ends_in_one_line_and_writes_nothing(polarsim, here, line):
+def test_invalid_arguments_are_one_line_and_write_no_file(polarsim, here, line):
     before = files(here)
     done = polarsim(*shlex.split(line))
     assert done.returncode in (1, 2)
     assert done.stdout == ""
-    (told,) = done.stderr.splitlines()
-    assert told.startswith("error: ")
-    assert "(polarsim" in told or done.returncode == 1 or "requires" in told
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: ")
+    assert "(polarsim" in line or done.returncode == 1 or "requires" in line
     assert files(here) == before

@@ -1,4 +1,4 @@
-"""What commands say of missing input: a missing folder is missing, and an unknown name gets the known ones."""
+"""Messages about missing folders, unknown names and invalid values."""
 
 from __future__ import annotations
 
@@ -46,15 +46,15 @@ def here(tmp_path, monkeypatch):
     ],
     ids=" ".join,
 )
-def test_a_missing_folder_is_missing_and_an_empty_one_is_not(polarsim, here, call):
-    told = {}
+def test_missing_and_empty_folders_are_distinguished(polarsim, here, call):
+    lines = {}
     for folder in ("nosuch", "empty"):
         done = polarsim(*(folder if word == "FOLDER" else word for word in call))
         assert done.returncode == 1
-        (told[folder],) = done.stderr.splitlines()
-        assert folder in told[folder]
-    assert "no such" in told["nosuch"]
-    assert "no such" not in told["empty"]
+        (lines[folder],) = done.stderr.splitlines()
+        assert folder in lines[folder]
+    assert "no such" in lines["nosuch"]
+    assert "no such" not in lines["empty"]
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def test_a_missing_folder_is_missing_and_an_empty_one_is_not(polarsim, here, cal
     ],
     ids=lambda value: " ".join(value),
 )
-def test_an_unknown_name_is_named_with_the_known_ones(polarsim, here, call, named):
+def test_an_unknown_name_is_listed_with_valid_names(polarsim, here, call, named):
     Path("results/demo/meshes/Terrain01").mkdir(parents=True)
     done = polarsim(*call)
     assert done.returncode == 1
@@ -105,10 +105,10 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("content", "key"), WRONG, ids=[f"{key}-{number}" for number, (_, key) in enumerate(WRONG)])
-def test_a_wrong_value_is_described_once_by_its_key_in_plain_words(content, key):
+def test_an_invalid_value_is_described_once_by_its_key(content, key):
     with pytest.raises(ConfigError) as caught:
         check_config({"source": {"kind": "analog"}, **content}, [])
-    told = str(caught.value)
-    assert told[0].isalpha()
-    assert len(re.findall(rf"(?:^|[ ;]){re.escape(key)}:", told)) == 1
-    assert not WORDS_OF_LIBRARIES.search(told)
+    message = str(caught.value)
+    assert message[0].isalpha()
+    assert len(re.findall(rf"(?:^|[ ;]){re.escape(key)}:", message)) == 1
+    assert not WORDS_OF_LIBRARIES.search(message)

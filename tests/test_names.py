@@ -1,4 +1,4 @@
-"""Each fact of the code has one place: a name is assigned once per scope, the size of a photo is written once."""
+"""Names are assigned once per scope, and the size of a photo is defined once."""
 
 import ast
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ BRANCHES = ("body", "orelse", "finalbody", "handlers", "cases")
 
 
 def targets(node: ast.AST) -> Iterator[str]:
-    """Names that an assignment target binds; `a.b` and `a[0]` bind none."""
+    """Return the names that an assignment target binds; `a.b` and `a[0]` bind none."""
     if isinstance(node, ast.Name):
         yield node.id
     elif isinstance(node, ast.Tuple | ast.List):
@@ -23,7 +23,7 @@ def targets(node: ast.AST) -> Iterator[str]:
 
 
 def bound(node: ast.stmt) -> Iterator[str]:
-    """Names that one statement binds."""
+    """Return the names that a statement binds."""
     if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
         overloads = {ast.unparse(decorator).split(".")[-1] for decorator in node.decorator_list}
         yield from () if overloads & {"overload", "setter", "deleter"} else (node.name,)
@@ -36,7 +36,7 @@ def bound(node: ast.stmt) -> Iterator[str]:
 
 
 def statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
-    """Statements of one scope, those of its branches and loops included."""
+    """Yield the statements of a scope, including branches and loops."""
     for node in body:
         yield node
         if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
@@ -45,7 +45,7 @@ def statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
 
 
 def repeated(source: str) -> list[str]:
-    """`line: name` of each second binding of a name in the module's scope or in one class."""
+    """Return `line: name` of each repeated binding of a name in the module or a class."""
     tree, found = ast.parse(source), []
     for scope in [tree, *(node for node in ast.walk(tree) if isinstance(node, ast.ClassDef))]:
         seen: set[str] = set()
@@ -63,7 +63,7 @@ def test_no_name_of_a_module_or_class_is_assigned_twice():
     assert {path: names for path, names in found.items() if names} == {}
 
 
-# Public functions and classes with one name in more than one package. The list may only shrink.
+# Names of public functions and classes that exist in several packages. The list may only shrink.
 DUPLICATED = """
 Body Caster Drive Grid Ground Job Lamp Light Material Picture Region Rock Samples Sand Scene Section Shape Shot Spot
 State Surface Surroundings Terrain Window World against_boxes assign boxes_of calibration_error centres change changed
@@ -88,7 +88,7 @@ def test_a_public_function_or_class_has_its_name_in_one_package_only():
 
 
 def test_the_size_of_a_photo_is_written_in_one_module():
-    """Numbers of the code, not of texts: the width and height of NASA's photos and their halves."""
+    """Width and height of NASA's photos and their halves occur only in polarsim/photo.py, except in texts."""
     sizes = {WIDTH, HEIGHT, WIDTH // 2, HEIGHT // 2}
     found = {
         f"{path.relative_to(CHECKOUT)}:{node.lineno}"

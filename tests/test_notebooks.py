@@ -1,4 +1,4 @@
-"""The notebooks of the manual run from top to bottom, and packages offer what they import."""
+"""The notebooks of the manual run, and packages define the names that notebooks import."""
 
 import os
 import subprocess
@@ -23,16 +23,16 @@ def test_a_notebook_runs_from_top_to_bottom(path, tmp_path, monkeypatch):
     nbformat.validate(book)
     cells = [cell for cell in book.cells if cell.cell_type == "code"]
     assert len(cells) > 4
-    assert not any(cell.outputs for cell in cells)  # what a reader's own call shows
+    assert not any(cell.outputs for cell in cells)  # notebooks are stored without outputs
     names: dict = {"__name__": "__main__"}
     for number, cell in enumerate(cells):
-        exec(compile(cell.source, f"{path.name}, cell {number}", "exec"), names)  # a failure names its cell
+        exec(compile(cell.source, f"{path.name}, cell {number}", "exec"), names)  # the traceback contains the cell
     mpl.pyplot.close("all")
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("package", OFFERING)
-def test_a_package_offers_names_that_are_there_and_no_others(package):
+def test_a_package_defines_exactly_its_public_names(package):
     module = import_module(f"polarsim.{package}")
     assert module.__all__
     for name in module.__all__:
@@ -42,11 +42,11 @@ def test_a_package_offers_names_that_are_there_and_no_others(package):
         module.nonsense  # noqa: B018
 
 
-def test_what_a_package_offers_is_not_imported_before_it_is_asked_for():
-    told = "print('numpy' in sys.modules)"
-    asked = f"import sys, polarsim.render; {told}; polarsim.render.Scene; {told}"
+def test_public_names_of_a_package_are_imported_lazily():
+    show = "print('numpy' in sys.modules)"
+    program = f"import sys, polarsim.render; {show}; polarsim.render.Scene; {show}"
     done = subprocess.run(
-        [sys.executable, "-c", asked], env=os.environ | {"PYTHONPATH": str(CHECKOUT)}, capture_output=True, text=True,
+        [sys.executable, "-c", program], env=os.environ | {"PYTHONPATH": str(CHECKOUT)}, capture_output=True, text=True,
         check=True,
     )  # fmt: skip
     assert done.stdout.split() == ["False", "True"]

@@ -76,7 +76,7 @@ def test_each_wrong_field_of_a_key_is_named_and_no_other(name, wrong):
     named = {
         field for field in ("terrain", "position", "light", "azimuth", "camera", "exposure") if f" {field} " in told
     }
-    assert set(wrong) <= named <= {*wrong, "terrain", "azimuth"}  # which decide what is possible
+    assert set(wrong) <= named <= {*wrong, "terrain", "azimuth"}  # these fields determine the valid values
 
 
 any_key = st.builds(

@@ -22,7 +22,7 @@ VALUES = st.recursive(
 
 
 def flipped(value):
-    """The value with the other zero in each place."""
+    """Return the value with the opposite sign of each zero."""
     if isinstance(value, float):
         return -value if value == 0 else value
     if isinstance(value, dict):
@@ -48,11 +48,11 @@ def test_arrays_keep_their_type_and_values(kind):
 
 
 def test_numbers_of_other_purposes_stay_as_they_were():
-    """The number that the version before `unsigned_zeros` drew."""
+    """Return the number of the version without `unsigned_zeros`."""
     assert generator(1, "sensor", "01_A_off_30_L_0256", 2.5, [0.5, 1]).integers(2**32) == 3911179663
 
 
-def test_a_configuration_has_one_digest_whatever_the_sign_of_its_zeros():
+def test_the_digest_of_a_configuration_does_not_depend_on_the_sign_of_zero():
     content = read_yaml(CONFIG)
     digests = {parse_config({**content, "render": {"bounce": zero}}).digest() for zero in (0.0, -0.0)}
     assert len(digests) == 1

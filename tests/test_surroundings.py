@@ -41,7 +41,7 @@ SURROUNDINGS = {
 
 
 def outputs(tmp_path: Path, environment: dict[str, str], folder: Path) -> dict[str, bytes]:
-    """Files that the commands write, by path, from a working folder in an environment."""
+    """Return the outputs of the commands by path, for a working folder and an environment."""
     out = tmp_path / "out"
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir()

@@ -1,4 +1,4 @@
-"""The wheel alone, without extras and without a clone: every command works or names what it lacks in one line."""
+"""The wheel without extras and clone: every command works or names the missing extra or file in one line."""
 
 import os
 import subprocess
@@ -42,7 +42,7 @@ SQUARE = Mesh(np.array([[-2.0, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]]), np.a
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory) -> Path:
-    """A folder that holds what the wheel does, built from what git would keep."""
+    """Folder with the content of the wheel, built from files under version control."""
     folder = tmp_path_factory.mktemp("wheel")
     source = folder / "source"
     source.mkdir()
@@ -58,14 +58,14 @@ def installed(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def tmp_path() -> Iterator[Path]:
-    """Not below the checkout: what a configuration names is looked for above it, where a demo may have been made."""
+    """Folder outside the checkout, whose parents may contain a demo."""
     with tempfile.TemporaryDirectory() as folder:
         yield Path(folder)
 
 
 @pytest.fixture
 def call(installed, tmp_path):
-    """Call the wheel's command, without the modules of extras, in an empty folder."""
+    """Call the command of the wheel without modules of extras in an empty folder."""
 
     def run(*arguments: object) -> subprocess.CompletedProcess:
         return subprocess.run(
@@ -91,7 +91,7 @@ def test_configurations_are_in_the_wheel(installed):
         assert field in text
 
 
-def test_commands_need_no_extra_and_no_clone(call, tmp_path):
+def test_commands_work_without_extras_and_clone(call, tmp_path):
     done = call("brdf", "hapke", "--plot", "curves.png")
     assert done.returncode == 0, done.stderr
     assert "pi f_r" in done.stdout
@@ -99,16 +99,16 @@ def test_commands_need_no_extra_and_no_clone(call, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "named"),
     [
         (("detect", "picture.png", "--weights", "x.pt", "--out", "new"), "polarsim[detect]"),
-        (("drive", "--configfile", "config/overlays/rover.yaml"), "polarsim[rover]"),  # the wheel's configuration
+        (("drive", "--configfile", "config/overlays/rover.yaml"), "polarsim[rover]"),  # configuration in the wheel
         (("drive",), "no stored configuration"),
         (("report",), "results: no such folder"),
         (("render", "config/views.yaml", "out"), "the ground mesh is missing"),  # of a run
     ],
 )
-def test_what_is_lacking_is_named_in_one_line(call, tmp_path, arguments, told):
+def test_missing_extras_and_files_are_named_in_one_line(call, tmp_path, arguments, named):
     png.write(tmp_path / "picture.png", np.zeros((48, 64), np.uint8))
     if arguments[0] == "drive":
         for terrain in range(1, 14):
@@ -118,4 +118,4 @@ def test_what_is_lacking_is_named_in_one_line(call, tmp_path, arguments, told):
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()
     assert line.startswith("error: ")
-    assert told in line
+    assert named in line

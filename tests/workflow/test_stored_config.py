@@ -1,4 +1,4 @@
-"""Every run stores its configuration, and commands about a run read it: none pairs a run with another configuration."""
+"""Every run stores its configuration, and commands use the stored configuration."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from polarsim.formats.yaml_files import read_yaml
 from polarsim.running.configuration import STORED, base_of, config_of_run, read_configs, store_config
 
 CONFIGURATIONS = Path(__file__).parents[2] / "config"
-CURVES = "results/mine/renders/reflectance.csv"  # the quickest file of a run: it needs no data
+CURVES = "results/mine/renders/reflectance.csv"  # fastest output of a run, without data
 FIGURE = "results/mine/figures/reflectance.png"
 SEED = "03_A_off_350_R_0256"
 
 
 @pytest.fixture
 def clone(checkout: Path, monkeypatch) -> Path:
-    """A checkout with the overlay `mine.yaml`, in which commands are called."""
+    """Working folder: a checkout with the overlay `mine.yaml`."""
     (checkout / "mine.yaml").write_text("run: mine\nterrains: [3]\nlabels: {min_contrast_dn: 20}\n")
     monkeypatch.chdir(checkout)
     monkeypatch.setenv("PYTHONPATH", str(CONFIGURATIONS.parent))
@@ -35,7 +35,7 @@ def clone(checkout: Path, monkeypatch) -> Path:
 
 
 def polarsim_run(*words: str) -> subprocess.CompletedProcess:
-    """Call `polarsim run` in a process of its own: it ends what its process started."""
+    """Run `polarsim run` in a separate process, because it ends all child processes."""
     call = [sys.executable, "-c", "from polarsim.cli import main; main()", "run", "--min-free", "0", *words]
     return subprocess.run(call, capture_output=True, text=True)
 
@@ -60,7 +60,7 @@ def test_a_run_stores_its_configuration_once_and_its_report_reads_it(clone, snak
     assert set(re.findall(r"^(?:local)?rule (\w+):", again.stdout + again.stderr, re.MULTILINE)) == {"draw_reflectance"}
     assert stored.stat().st_mtime_ns == before
 
-    # A run that was complete before runs stored their configuration.
+    # A complete run without stored configuration.
     stored.unlink()
     assert polarsim_run(FIGURE, "--configfile", "mine.yaml").returncode == 0
     assert config_of_run(Path("results/mine")) == read_configs([Path("mine.yaml")])
@@ -82,7 +82,7 @@ def test_a_run_stores_its_configuration_once_and_its_report_reads_it(clone, snak
 
 @pytest.fixture
 def stored(tmp_path, monkeypatch) -> Callable[..., Path]:
-    """Store a configuration for a run in a folder of results; calls are made beside it."""
+    """Return a function that stores the configuration of a run below the working folder."""
     monkeypatch.chdir(tmp_path)
 
     def store(run: str, **content) -> Path:
@@ -95,7 +95,7 @@ def stored(tmp_path, monkeypatch) -> Callable[..., Path]:
 
 
 @pytest.mark.parametrize("command", [("undo", SEED, "--run"), ("drive",), ("report",)], ids=lambda call: call[0])
-def test_a_run_and_the_configuration_of_another_are_refused_in_one_line(stored, polarsim, command):
+def test_the_configuration_of_another_run_is_an_error(stored, polarsim, command):
     stored("mine")
     Path("other.yaml").write_text("run: other\nsource: {kind: analog}\n")
     Path("Snakefile").touch()
@@ -107,7 +107,7 @@ def test_a_run_and_the_configuration_of_another_are_refused_in_one_line(stored, 
     (line,) = refused.stderr.splitlines()
     assert "other.yaml" in line
     assert "'mine'" in line
-    Path("results/mine").rename("results/copy")  # a stored configuration stays that of its run
+    Path("results/mine").rename("results/copy")  # the stored configuration contains the name of the run
     refused = polarsim(*command, "copy")
     assert refused.returncode == 1
     assert f"results/copy/{STORED}" in refused.stderr
@@ -126,7 +126,7 @@ def test_undo_takes_overlays_and_the_stored_configuration(stored, polarsim):
     (corrections / f"{SEED}.txt").write_text("0 0.5 0.5 0.1 0.1\n")
     (corrections / "classes.txt").write_text("rock\nshadow\n")
     found = polarsim("undo", SEED, "--run", "mine")
-    assert "no seed and no correction" not in found.stderr  # it is one, and the run has no photos
+    assert "no seed and no correction" not in found.stderr  # the photo is a correction, but the run has no photos
     assert str(folder / "acquire") in found.stderr
     Path("overlay.yaml").write_text("run: mine\n")
     Path("config").mkdir()
@@ -218,7 +218,7 @@ def test_overlays_apply_to_the_demo_unless_a_file_defines_the_source(tmp_path, m
         ("positions: [D]", (), ["config/config.yaml", "overlay.yaml"]),
     ],
 )
-def test_an_error_names_the_file_that_holds_the_key(tmp_path, monkeypatch, overlay, setting, named):
+def test_an_error_names_the_file_of_the_key(tmp_path, monkeypatch, overlay, setting, named):
     monkeypatch.chdir(tmp_path)
     Path("config").mkdir()
     Path("config/config.yaml").write_text("source: {kind: analog}\nrocks: {rock_cell_mm: 3}\n")
