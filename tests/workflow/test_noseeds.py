@@ -24,10 +24,10 @@ def test_rocks_and_shadows_are_labelled_without_reading_annotated_files(small, c
     assert set(labels["source"]) == {"projected", "cast"}
     table = pd.read_csv(results / "tables/labels.csv")
     assert set(table["seeds"]) == {"none"}
-    whole = table[(table["task"] == "all but seeds") & (table["group"] == "all")].set_index("kind")
-    assert whole.loc["rock", "truth_boxes"] > 50
-    assert whole.loc["rock", "f1"] > 0.85
-    assert whole.loc["shadow", "f1"] > 0.75
+    total = table[(table["task"] == "all but seeds") & (table["group"] == "all")].set_index("kind")
+    assert total.loc["rock", "truth_boxes"] > 25
+    assert total.loc["rock", "f1"] > 0.85
+    assert total.loc["shadow", "f1"] > 0.75
 
 
 def test_annotated_files_are_no_input_of_a_run_without_seeds(checkout, snakemake, tmp_path):
