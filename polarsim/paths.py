@@ -1,8 +1,8 @@
 """Paths and options of jobs that depend on the configuration and on wildcards.
 
-Rule files name their files literally where they can. All others come from a method of these classes: of a function with
-the argument `wildcards`, Snakemake takes the value for each job. Paths of a method without `wildcards` may contain
-wildcards, `{run}` for example.
+Rule files contain literal paths where possible. Other paths are computed by methods of these classes. Snakemake calls a
+method with the argument `wildcards` for each job. Paths of a method without `wildcards` may contain wildcards such as
+`{run}`.
 
 - `RunPaths`: terrains, raw data, labels, detectors, tables and figures
 - `GapPaths`: the ablation
@@ -37,7 +37,7 @@ Options = dict[str, Any]  # values for `params` of a rule, as of JSON
 
 
 class Wildcards(Protocol):
-    """Values of the wildcards of one job."""
+    """Values of the wildcards of a job."""
 
     def __getattr__(self, name: str) -> str:
         """Return the value of a wildcard."""
@@ -54,7 +54,7 @@ def growing(mem_mb: int) -> Callable[[Wildcards, int], int]:
 
 
 class RunPaths:
-    """Paths of one run."""
+    """Paths of a run."""
 
     fitted_materials = "results/{run}/renders/materials/Terrain{terrain}"
 
@@ -173,7 +173,7 @@ class RunPaths:
         return [f"results/{self.run}/{stage}/labels.parquet"]
 
     def labels_of_domain(self, wildcards: Wildcards) -> list[str]:
-        """Return the labels of a domain; novel views are stored with their own."""
+        """Return the labels of a domain; empty for novel views, which include labels."""
         return [] if wildcards.domain == VIEWS else self.labels(wildcards.domain)
 
     def masks_of_domain(self, wildcards: Wildcards) -> list[str]:
@@ -189,7 +189,7 @@ class RunPaths:
         return dict(self.config.detect.mixes[wildcards.mix])
 
     def datasets_of_mix(self, wildcards: Wildcards) -> list[str]:
-        """Return the data sets that a mix takes pictures from."""
+        """Return the data sets of the domains of a mix."""
         return [
             f"results/{{run}}/detect/{{split}}/datasets/{domain}" for domain in self.config.detect.mixes[wildcards.mix]
         ]
@@ -197,7 +197,7 @@ class RunPaths:
     def pictures_behind(self, domains: Iterable[str]) -> list[str]:
         """Return the converted pictures that data sets of these domains link to."""
         mixes = self.config.detect.mixes
-        single = {one for domain in domains for one in mixes.get(domain, [domain])}
+        single = {part for domain in domains for part in mixes.get(domain, [domain])}
         return [f"results/{{run}}/detect/pictures/{domain}" for domain in sorted(single)]
 
     def pictures_behind_training(self, wildcards: Wildcards) -> list[str]:
@@ -205,7 +205,7 @@ class RunPaths:
         return self.pictures_behind([wildcards.trained])
 
     def sand(self, stage: str, terrains: Sequence[int] | None = None) -> list[str]:
-        """Return the folders of terrains that locate the sand; empty if detections off the sand are kept.
+        """Return the folders for masking the sand; empty if detections outside the sand are allowed.
 
         Parameters
         ----------
@@ -239,7 +239,7 @@ class RunPaths:
         return self.packaged_digest(self.others[wildcards.other])
 
     def predictions_of_other(self, wildcards: Wildcards) -> list[str]:
-        """Return the predictions of a further detector, trained on each of its domains, on every domain."""
+        """Return the predictions of a further detector for all its training domains and all evaluated domains."""
         folder = f"results/{wildcards.run}/detect/{wildcards.split}/others/{wildcards.other}/seed{wildcards.seed}"
         return [
             f"{folder}/predictions/{trained}_on_{evaluated}.parquet"
@@ -342,7 +342,7 @@ class RunPaths:
         return [*self.figures_of_detectors(), *causes, *real, *([] if self.only_covers else self.figures_of_stages())]
 
     def further_pages(self) -> dict[str, str]:
-        """Return the titles of the run's other pages by their path from its folder."""
+        """Return the titles of further pages by path relative to the folder of the run."""
         errata = {"errata.html": "Defects of the published labels"} if self.has_errata and not self.only_covers else {}
         return {"report.html": "Snakemake's report, made by polarsim report", **errata}
 
@@ -354,7 +354,7 @@ class RunPaths:
         return [position for position in positions(terrain) if position in self.config.positions]
 
     def _annotated(self, folder_of: Callable[[Path, int], Path], terrain: int) -> str | None:
-        """Return a folder of labels that people drew; the analog's are generated."""
+        """Return a folder of annotations; None for the analog, whose annotations are generated."""
         folder = folder_of(self.config.annotated_root, terrain)
         return str(folder) if not self.config.data_source.is_generated and folder.is_dir() else None
 
@@ -460,7 +460,7 @@ class CoverPaths:
             if set(fold) & set(self.terrains)
         }
         self.carved_rocks = min(300, covers.carved_scenes)  # a scene shows several
-        # Two more detectors: of carved rocks, from which all others start, and of all terrains, for publication.
+        # Further detectors: of carved rocks, the start of all other trainings, and of all terrains, for publication.
         self.not_tested = {"carved": [CARVED], "all": self.strewn}
         self.trainings = [RENDERED, *([FINE_TUNED] if covers.fine_tuning.windows else [])]  # the last is the best
         self.first_seed = run.seeds[0]
@@ -474,7 +474,7 @@ class CoverPaths:
         return f"results/{wildcards.run}/{kind}/Terrain{wildcards.terrain}"
 
     def files(self) -> list[str]:
-        """Return the cover photos, and the labels that people drew in photos of the same terrains."""
+        """Return the cover photos and the annotated label files of the same terrains."""
         root = self.config.annotated_root
         return [
             str(path)
@@ -492,7 +492,7 @@ class CoverPaths:
         return self.folds.get(wildcards.fold, ())
 
     def trained_in(self, wildcards: Wildcards) -> list[int]:
-        """Return the terrains whose rocks a fold's detector is trained on: all except those that it is tested on."""
+        """Return the training terrains of a fold: all except the test terrains."""
         if wildcards.fold in self.not_tested:
             return self.not_tested[wildcards.fold]
         return [terrain for terrain in self.strewn if terrain not in self.tested_in(wildcards)]
@@ -514,8 +514,8 @@ class CoverPaths:
 
     def fine_tuning(self) -> Options:
         """Return the training options of the fine-tuning."""
-        own = self.covers.fine_tuning
-        return self.run.options("detect.training") | {"epochs": own.epochs, "learning_rate": own.learning_rate}
+        tuning = self.covers.fine_tuning
+        return self.run.options("detect.training") | {"epochs": tuning.epochs, "learning_rate": tuning.learning_rate}
 
     def last_training(self, wildcards: Wildcards) -> Options:
         """Return the options of a detector's last training."""
@@ -540,7 +540,7 @@ class CoverPaths:
         return [*self.scenes_of_fold(wildcards), f"results/{wildcards.run}/covers/windows"]
 
     def of_folds(self, name: str) -> list[str]:
-        """Return a file of every fold, of one seed and training."""
+        """Return a file of every fold for a seed and training."""
         return self._of_folds(f"{{fold}}/seed{{{{seed}}}}/{{{{cover_trained}}}}/{name}")
 
     def masks(self) -> list[str]:
@@ -628,7 +628,7 @@ class RoverPaths:
         return self.run.validation_options(self.detector.prediction) if self.detector else None
 
     def poses_of_other_drives(self) -> list[str]:
-        """Return one file of each drive that the detector on board is trained on: the last that its job writes."""
+        """Return the last written file of each drive that the detector on board is trained on."""
         return [f"{drive}/{FRONT}/poses.parquet" for drive in self.rover.fine_tuning.drives]
 
     def pictures_of_drive(self) -> list[str]:
@@ -647,12 +647,12 @@ class RoverPaths:
         """Return the detections in the pictures that figures show; empty without a detector on board."""
         return f"{self.first}/{FRONT}/{self.rover.shown_set}/detections.parquet" if self.detector else []
 
-    # One drive of each case in which the rover plans its path
+    # Autonomous drives, one per case
 
     def autonomy_options(self) -> Options:
         """Return the options of a case. More seeds or modes leave finished drives valid, so these are excluded."""
-        others = {"run", "modes", "headlights", "auto_exposure", "detectors"}
-        return self.rover.autonomy.model_dump(mode="json", exclude=others)
+        excluded = {"run", "modes", "headlights", "auto_exposure", "detectors"}
+        return self.rover.autonomy.model_dump(mode="json", exclude=excluded)
 
     def cameras_of_case(self, wildcards: Wildcards) -> Options:
         """Return the options of cameras that change a drive: of the pictures, if the mode uses them, and of boxes."""

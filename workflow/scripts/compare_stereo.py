@@ -1,4 +1,4 @@
-"""Merge the stereo depth of all terrains and compute its IPD."""
+"""Merge stereo depth of all terrains and compute the IPD."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Draw one autonomous drive of each mode with map and images."""
+"""Draw an autonomous drive per mode with map and images."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Simulate one autonomous drive."""
+"""Simulate an autonomous drive."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Simulate one drive along a given path."""
+"""Simulate a drive along a path."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Publish a run in one format."""
+"""Publish a run in a format."""
 
 from pathlib import Path
 

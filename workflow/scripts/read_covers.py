@@ -1,4 +1,4 @@
-"""Read cover photos, assign photo keys and remove drawn annotations."""
+"""Read cover photos, assign photo keys and remove annotations."""
 
 from pathlib import Path
 

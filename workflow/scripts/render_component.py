@@ -1,4 +1,4 @@
-"""Render the test twins of a terrain with one component replaced."""
+"""Render test twins of a terrain with a replaced component."""
 
 from pathlib import Path
 

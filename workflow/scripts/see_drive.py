@@ -1,4 +1,4 @@
-"""Render the images of one view of a drive."""
+"""Render the images of a view of a drive."""
 
 from pathlib import Path
 
