@@ -115,9 +115,9 @@ def run(call: Call, min_free_bytes: int | None = None) -> int:
 def _tidy(folder: Path, results: Path) -> None:
     """End the jobs of a run that was killed, and remove their unfinished files."""
     if count := cluster.end_submitted(folder):
-        _say(f"{count} SLURM jobs of an earlier run cancelled")
+        _print_line(f"{count} SLURM jobs of an earlier run cancelled")
     if count := processes.end(folder):
-        _say(f"{count} processes of an earlier run ended")
+        _print_line(f"{count} processes of an earlier run ended")
     disk.remove_leftovers(results)
 
 
@@ -148,7 +148,7 @@ def _supervise(folder: Path, words: Sequence[str]) -> tuple[int, bool]:
         while child.poll() is None and time.monotonic() < until:
             if caught and until == float("inf"):
                 until = time.monotonic() + _GRACE_S
-                _say("stopping; the same command resumes the run")
+                _print_line("stopping; the same command resumes the run")
                 os.killpg(child.pid, signal.SIGINT)
             with suppress(subprocess.TimeoutExpired):
                 child.wait(_POLL_S)
@@ -207,10 +207,10 @@ def _report(folder: Path, results: Path, call: Call, jobs: Sequence[Job], code: 
     page = results / MISSING
     if code == 0:
         page.unlink(missing_ok=True)
-        _say(f"{len(made)} jobs done, all requested files exist")
+        _print_line(f"{len(made)} jobs done, all requested files exist")
         return
     if not jobs and code > 0 and not stopped:
-        _say("no job was started; see the error of Snakemake above")
+        _print_line("no job was started; see the error of Snakemake above")
         return
     lines = [f"{len(made)} jobs done, {'stopped' if stopped else f'{len(failed)} failed'}"]
     lines += [f"{_named(job)} failed: {job.reason(folder)}  (log: {job.log})" for job in failed]
@@ -223,11 +223,11 @@ def _report(folder: Path, results: Path, call: Call, jobs: Sequence[Job], code: 
         lines += _missing(call)
     lines.append("the same command resumes the run" + (" after the error is corrected" if failed else ""))
     for line in lines:
-        _say(line)
+        _print_line(line)
     try:
         write_text(page, "# Missing files of this run and causes\n\n" + "".join(f"- {line}\n" for line in lines))
     except PolarsimError as error:  # the disk is full: the lines are also on the terminal
-        _say(str(error))
+        _print_line(str(error))
 
 
 def _named(job: Job) -> str:
@@ -248,7 +248,7 @@ def _missing(call: Call) -> list[str]:
     ]
 
 
-def _say(line: str) -> None:
+def _print_line(line: str) -> None:
     """Write a line for the user; ignore a closed terminal."""
     try:
         sys.stderr.write(f"polarsim run: {line}\n")

@@ -40,8 +40,8 @@ def assert_whole(folder: Path) -> None:
 
 
 def ended(process: subprocess.Popen) -> tuple[int, str]:
-    said, _ = process.communicate(timeout=600)
-    return process.returncode, said
+    terminal, _ = process.communicate(timeout=600)
+    return process.returncode, terminal
 
 
 def jobs_at_work(folder: Path, process: subprocess.Popen) -> tuple[psutil.Process, list[psutil.Process]]:
@@ -84,11 +84,11 @@ def test_the_same_command_resumes_after_stops_and_kills(folder, start):
     assert disturbed("hang-up")[0] == 130
     assert processes.marked(folder) == []
     assert disturbed("run")[0] == -signal.SIGKILL  # Snakemake is killed too; the next call ends the jobs
-    code, said = disturbed("snakemake")
+    code, terminal = disturbed("snakemake")
     assert (code, processes.marked(folder)) == (1, [])
-    assert "signal 9" in said
-    code, said = disturbed("job")
-    assert code == 0, said  # second attempt
+    assert "signal 9" in terminal
+    code, terminal = disturbed("job")
+    assert code == 0, terminal  # second attempt
     assert_whole(folder)
 
 
@@ -101,9 +101,9 @@ def test_a_forced_job_is_repeated_after_a_kill(folder, start):
         one.kill()
     ended(process)
     assert not (folder / "results/toy/second/Terrain01.txt").exists()
-    code, said = ended(start(folder))
+    code, terminal = ended(start(folder))
     assert code == 0
-    assert {"second", "last", "together"} <= set(re.findall(r"^(?:local)?rule (\w+):", said, re.MULTILINE))
+    assert {"second", "last", "together"} <= set(re.findall(r"^(?:local)?rule (\w+):", terminal, re.MULTILINE))
     assert_whole(folder)
 
 
@@ -111,25 +111,27 @@ def test_a_forced_job_is_repeated_after_a_kill(folder, start):
 def test_a_failed_terrain_is_reported_and_does_not_stop_others(folder, start):
     scan = folder / "data/analog/Terrain01.txt"
     scan.write_text("broken")
-    code, said = ended(start(folder))
+    code, terminal = ended(start(folder))
     assert code == 1
     assert (folder / "results/toy/last/Terrain02.txt").read_text() == expected(2)
-    told = [line.removeprefix("polarsim run: ") for line in said.splitlines() if line.startswith("polarsim run: ")]
-    assert any("data/analog/Terrain01.txt" in line and "results/toy/logs/first_01.log" in line for line in told)
-    assert [line for line in told if "Terrain02" in line] == ["Terrain02: complete"]
+    report_lines = [
+        line.removeprefix("polarsim run: ") for line in terminal.splitlines() if line.startswith("polarsim run: ")
+    ]
+    assert any("data/analog/Terrain01.txt" in line and "results/toy/logs/first_01.log" in line for line in report_lines)
+    assert [line for line in report_lines if "Terrain02" in line] == ["Terrain02: complete"]
     page = (folder / "results/toy" / MISSING).read_text()
-    assert all(f"- {line}\n" in page for line in told)
+    assert all(f"- {line}\n" in page for line in report_lines)
     scan.write_text("scan of 1\n")
-    code, said = ended(start(folder))
-    assert code == 0, said
+    code, terminal = ended(start(folder))
+    assert code == 0, terminal
     assert_whole(folder)
 
 
 def one_line(process: subprocess.Popen) -> str:
     """Return the single error line of a call that cannot start."""
-    code, said = ended(process)
+    code, terminal = ended(process)
     assert code == 1
-    (line,) = said.splitlines()
+    (line,) = terminal.splitlines()
     return line
 
 
@@ -169,15 +171,15 @@ SIZES_KB = [200]  # full during the second rule; benchmarks/chaos.py tries ten s
 @pytest.mark.parametrize("size_kb", SIZES_KB)
 def test_a_full_disk_leaves_no_incomplete_file(folder, start, mounted, size_kb):
     mounted(f"size={size_kb}k")
-    code, said = ended(start(folder, "--cores", "1"))
+    code, terminal = ended(start(folder, "--cores", "1"))
     assert code == 1
-    assert "No space left on device" in said
-    assert re.search(r"^polarsim run: .*results/toy.* \d+ MB", said, re.MULTILINE)
+    assert "No space left on device" in terminal
+    assert re.search(r"^polarsim run: .*results/toy.* \d+ MB", terminal, re.MULTILINE)
     for path in (folder / "results/toy").glob("last/*.txt"):
         assert path.read_text() == expected(int(path.stem[-2:]))
     mounted("size=8m")
-    code, said = ended(start(folder))
-    assert code == 0, said
+    code, terminal = ended(start(folder))
+    assert code == 0, terminal
     assert_whole(folder)
 
 
@@ -195,11 +197,11 @@ def test_a_stopped_run_reports_no_failure(folder, start):
     process = start(folder)
     jobs_at_work(folder, process)
     process.send_signal(signal.SIGINT)
-    code, said = ended(process)
+    code, terminal = ended(process)
     assert code == 130
-    told = [line for line in said.splitlines() if line.startswith("polarsim run: ")]
-    assert not any(word in line for line in told for word in ("failed", "killed", "error"))
-    assert any(" jobs done, stopped" in line for line in told)
+    report_lines = [line for line in terminal.splitlines() if line.startswith("polarsim run: ")]
+    assert not any(word in line for line in report_lines for word in ("failed", "killed", "error"))
+    assert any(" jobs done, stopped" in line for line in report_lines)
     page = (folder / "results/toy" / MISSING).read_text()
     assert "stopped" in page
     assert "failed" not in page
@@ -238,7 +240,7 @@ def test_a_run_stores_its_configuration_and_a_dry_run_does_not(folder, start):
     several = ("--default-resources", "mem_mb=10", "runtime=3")  # values of an option, not targets
     assert ended(start(folder, "--cores", "all", "--configfile", "more.yaml", "-n", *several))[0] == 0
     assert not stored.exists()
-    code, said = ended(start(folder, "--configfile", "more.yaml", "--config", "positions=[B]"))
-    assert code == 0, said
+    code, terminal = ended(start(folder, "--configfile", "more.yaml", "--config", "positions=[B]"))
+    assert code == 0, terminal
     config = read_config(stored)
     assert (config.rocks.rock_cell_mm, config.positions, config.run) == (2.5, ("B",), "toy")

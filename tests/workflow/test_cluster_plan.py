@@ -100,9 +100,9 @@ def test_only_jobs_on_a_device_request_a_gpu(dry_run, plan):
 
 @pytest.mark.parametrize("state", ["COMPLETED", "PENDING", "RUNNING", "REQUEUED", "FAILED", "CANCELLED", "TIMEOUT"])
 def test_the_status_script_distinguishes_states(tmp_path, state):
-    told = tmp_path / "scontrol"
-    told.write_text(f"#!/bin/sh\necho JobId=7 JobName=x JobState={state} Reason=None\n")
-    told.chmod(0o755)
+    substitute = tmp_path / "scontrol"
+    substitute.write_text(f"#!/bin/sh\necho JobId=7 JobName=x JobState={state} Reason=None\n")
+    substitute.chmod(0o755)
     script = PROFILES["cluster-generic"] / "status.sh"
     done = subprocess.run([script, "7"], env={"PATH": f"{tmp_path}:/usr/bin:/bin"}, capture_output=True, text=True)
     expected = {"COMPLETED": "success", "PENDING": "running", "RUNNING": "running", "REQUEUED": "running"}
@@ -110,9 +110,9 @@ def test_the_status_script_distinguishes_states(tmp_path, state):
 
 
 def test_the_submit_script_passes_the_resources(tmp_path):
-    told = tmp_path / "sbatch"
-    told.write_text('#!/bin/sh\necho "$@"\n')
-    told.chmod(0o755)
+    substitute = tmp_path / "sbatch"
+    substitute.write_text('#!/bin/sh\necho "$@"\n')
+    substitute.chmod(0o755)
     call = [PROFILES["cluster-generic"] / "submit.sh", "2", "4000", "30"]
     path = {"PATH": f"{tmp_path}:/usr/bin:/bin"}
     plain, gpu = (
@@ -125,9 +125,9 @@ def test_the_submit_script_passes_the_resources(tmp_path):
 
 @pytest.mark.parametrize(("reason", "stuck"), [("Resources", False), ("Priority", False), ("PartitionConfig", True)])
 def test_the_watchdog_names_jobs_that_would_wait_for_ever(tmp_path, reason, stuck):
-    told = tmp_path / "squeue"
-    told.write_text(f'#!/bin/sh\necho "12 run 5 cores 4000M: {reason}"\n')
-    told.chmod(0o755)
+    substitute = tmp_path / "squeue"
+    substitute.write_text(f'#!/bin/sh\necho "12 run 5 cores 4000M: {reason}"\n')
+    substitute.chmod(0o755)
     script = PROFILES["slurm"] / "waiting.sh"
     done = subprocess.run([script], env={"PATH": f"{tmp_path}:/usr/bin:/bin"}, capture_output=True, text=True)
     assert done.returncode == int(stuck)

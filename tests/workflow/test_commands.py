@@ -229,8 +229,8 @@ def test_an_export_is_imported(call, exported, labels, tmp_path, tool):
         "label-studio": [folder / "tasks.json"],
     }[tool]
     for number, source in enumerate(sources):
-        said = call("import", source, tmp_path / f"back{number}")
-        assert f"{len(of_keys(labels))} boxes in 4 photos" in said
+        printed = call("import", source, tmp_path / f"back{number}")
+        assert f"{len(of_keys(labels))} boxes in 4 photos" in printed
         same_boxes(tmp_path / f"back{number}", of_keys(labels))
 
 
@@ -262,8 +262,8 @@ def test_labels_of_the_run_are_imported_and_outlined(call, here, labels, tmp_pat
     call("import", source, tmp_path / "coco")
     same_boxes(tmp_path / "coco", shown)
     assert len(shown) > 0.9 * len(labels)  # labels that are hidden whole are left out
-    said = call("outline", source, tmp_path / "outlined.json")
-    assert said.startswith(f"{len(shown)} outlines on 16 photos")
+    printed = call("outline", source, tmp_path / "outlined.json")
+    assert printed.startswith(f"{len(shown)} outlines on 16 photos")
     outlined = coco.read_coco(tmp_path / "outlined.json")
     for key, rows in coco.read_coco(source).items():
         pixels = sum(one.mask.area for one in rows)
@@ -274,8 +274,8 @@ def test_labels_of_the_run_are_imported_and_outlined(call, here, labels, tmp_pat
 
 @pytest.mark.parametrize("below", ["", "/Terrain01"])
 def test_polygons_of_the_run_are_painted_as_its_masks(call, here, tmp_path, below):
-    said = call("masks", f"{here}/labels/polygons{below}", tmp_path / "masks")
-    assert said.startswith("16 class masks")
+    printed = call("masks", f"{here}/labels/polygons{below}", tmp_path / "masks")
+    assert printed.startswith("16 class masks")
     painted = {path.stem: path for path in (tmp_path / "masks").rglob("*.png")}
     wanted = sorted((here / "labels/masks/Terrain01").glob("*.png"))
     assert len(wanted) == len(painted) == 16
@@ -336,8 +336,8 @@ def test_detections_are_scored_compared_imported_and_validated(call, found, here
     assert same["classes"]["rock"]["iou_mean_a"] > 0.2
     wanted = table.assign(key=table["picture"].str.removesuffix(".png"))
     for number, source in enumerate((found / "labels", found / "coco.json")):
-        said = call("import", source, tmp_path / f"taken{number}")
-        assert f"{len(table)} boxes in 4 photos" in said
+        printed = call("import", source, tmp_path / f"taken{number}")
+        assert f"{len(table)} boxes in 4 photos" in printed
         same_boxes(tmp_path / f"taken{number}", wanted)
     trained = tmp_path / "set"  # layout of training sets
     shutil.copytree(found.parent / "pictures", trained / "images", ignore=shutil.ignore_patterns("*.txt"))
@@ -382,8 +382,8 @@ def test_published_sets_are_read(call, here, labels, tmp_path):
 
 
 def test_a_fiftyone_set_is_imported(call, labels, tmp_path):
-    said = call("fiftyone", "small", tmp_path / "set", "--keys", KEYS, "--domain", "photo")
-    assert said.startswith("4 samples")
+    printed = call("fiftyone", "small", tmp_path / "set", "--keys", KEYS, "--domain", "photo")
+    assert printed.startswith("4 samples")
     for path in (tmp_path / "set/data").rglob("*.jpg"):
         has_content(path)
     call("import", tmp_path / "set", tmp_path / "back")
@@ -469,17 +469,17 @@ def test_a_comparison_has_the_metrics_of_both_runs(call, here, tmp_path):
 
 def test_undo_lists_labels_derived_from_a_seed(call, here):
     seed = sorted((here / "acquire/Terrain01/seeds").glob("01_*.txt"))[0].stem
-    said = call("undo", seed, "--configfile", "config/small.yaml")
+    printed = call("undo", seed, "--configfile", "config/small.yaml")
     changes = pd.read_parquet(here / f"labels/undone/{seed}.parquet")
     assert len(changes) > 0
-    assert f"{changes['key'].nunique()} photos follow from {seed}" in said
+    assert f"{changes['key'].nunique()} photos follow from {seed}" in printed
 
 
 def test_the_report_is_of_the_run(call, here):
-    said = call("report", "small", "--configfile", "config/small.yaml").splitlines()
+    printed = call("report", "small", "--configfile", "config/small.yaml").splitlines()
     page = here / "report.html"
-    assert "results/small/report.html" in said
-    assert said[-1] == "results/small/results.html"
+    assert "results/small/report.html" in printed
+    assert printed[-1] == "results/small/results.html"
     content = page.read_text(errors="ignore")
     figures = sorted((here / "figures").glob("*.png"))
     assert len(figures) > 5
@@ -548,8 +548,8 @@ def test_the_schema_and_the_rules_are_complete(call):
 
 @pytest.mark.skipif(find_spec("rerun") is None, reason="rerun-sdk is not installed")
 def test_a_recording_has_the_pictures_of_the_station(call, tmp_path):
-    said = call("rerun", "small", "01_A", "--out", tmp_path / "one.rrd")
-    assert said.startswith("16 pictures")
+    printed = call("rerun", "small", "01_A", "--out", tmp_path / "one.rrd")
+    assert printed.startswith("16 pictures")
     assert (tmp_path / "one.rrd").stat().st_size > 500_000
 
 
@@ -559,11 +559,11 @@ def test_a_drive_over_the_meshes_of_the_run(call, place, here, tmp_path):
     options["world"] = {**SMALL_DRIVE["world"], "terrains": [1]}
     content = configured(**options) | {"run": "small", "terrains": [1]}
     (tmp_path / "drive.yaml").write_text(yaml.safe_dump(content))
-    said = call(
+    printed = call(
         "drive", "--config", tmp_path / "drive.yaml", "--results", place / "results", "--no-pictures",
         "--out", here / "rover/seed0",
     )  # fmt: skip
-    assert "offset, RMS" in said
+    assert "offset, RMS" in printed
     trace = pd.read_parquet(here / "rover/seed0/trace.parquet")
     assert len(trace) > 50
     assert np.isfinite(trace[["x_m", "y_m", "z_m"]].to_numpy()).all()
