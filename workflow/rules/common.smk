@@ -71,6 +71,11 @@ def of_run(pattern, **wildcards):
     return expand(pattern, run=RUN, **wildcards)
 
 
+def of_drives(pattern, **wildcards):
+    """Return files of all drives of this run."""
+    return of_run(pattern, seed=DRIVES.seeds, **wildcards)
+
+
 def shown(path, category, caption=None, **labels):
     """Mark a file for Snakemake's report, with the caption of the same name in `workflow/report/`.
 
@@ -81,6 +86,14 @@ def shown(path, category, caption=None, **labels):
         return path
     name = re.sub(r"results/{run}/|_Terrain{.*|_{.*|\.\w+$", "", path)
     return report(path, caption=f"../report/{caption or name}.rst", category=category, labels=labels or None)
+
+
+def of_positions(path, category, drawn):
+    """Return a figure of each position of a terrain."""
+    return [
+        shown(path.replace("{position}", position), category, terrain="{terrain}", position=position)
+        for position in drawn
+    ]
 
 
 def complete(item):

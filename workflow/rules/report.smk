@@ -221,14 +221,6 @@ USUAL_POSITIONS, MANY_POSITIONS = (
 )
 
 
-def of_positions(path, category, drawn):
-    """Return a figure of each position of a terrain."""
-    return [
-        shown(path.replace("{position}", position), category, terrain="{terrain}", position=position)
-        for position in drawn
-    ]
-
-
 rule draw_photos:
     """Photo and twins of every position, and contact sheets of all exposure brackets of a station for review."""
     input:

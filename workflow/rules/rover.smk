@@ -6,11 +6,6 @@ from polarsim.rover.vehicle.mounts import FRONT
 ROVER = CONFIG.rover
 
 
-def of_drives(pattern, **wildcards):
-    """Return files of all drives of this run."""
-    return of_run(pattern, seed=DRIVES.seeds, **wildcards)
-
-
 rule rover:
     """All outputs of this stage; empty without drives."""
     input:
