@@ -86,7 +86,7 @@ def terrain_in(folder: str | Path) -> int:
     """
     grounds = sorted(existing_folder(folder).glob(obj.GROUND_PATTERN))
     if len(grounds) != 1:
-        names = ", ".join(path.name for path in grounds) or "no such file"
+        names = ", ".join(path.name for path in grounds) or "none"
         raise FormatError(f"expected a single ground mesh, {obj.GROUND_PATTERN}; found {names}", path=folder)
     return int(grounds[0].name[7:9])
 
