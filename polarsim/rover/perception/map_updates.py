@@ -14,9 +14,7 @@ from polarsim.rover.perception.ground_view import Heights, estimate
 from polarsim.rover.perception.hazard_grid import PARTS, HazardGrid, MapUpdate, of_parts
 
 FARTHEST_M = 5.0  # maximum distance of mapped ground from the camera
-_FULL_WEIGHT_M = (
-    2.0  # beyond this distance, the weight of an update is proportional to the inverse square of the distance
-)
+_FULL_WEIGHT_M = 2.0  # updates at larger distances have a weight with the inverse square of the distance
 _STEREO_ROCK_M = 0.05  # minimum height of a stereo rock above the surrounding ground
 _ABOUT_PX = 9  # window for averaging light, which reduces the noise of single pixels
 _LEAST_SHARE = 0.5  # minimum share of a cell's points in the picture
