@@ -15,9 +15,8 @@ from polarsim.rover.vehicle.table import Vehicle
 MAX_PHASE_RAD = 1.0  # maximum phase, rad per step, of the stiffest oscillation: a wheel on elastic soil
 BOUND = 0.02  # maximum share of missing energy; a valid drive misses at most 0.0007
 MIN_INPUT_J = 5.0  # J; minimum input for which a share is computed
-MIN_CHECKED_J = (
-    100.0  # J, a few metres of drive: minimum denominator of the check, since settling wheels cause small errors
-)
+# A few metres of drive: minimum denominator of the check, since settling wheels cause small errors.
+MIN_CHECKED_J = 100.0
 
 
 class EnergyError(RoverError):
