@@ -143,7 +143,7 @@ class Suite:
 
     def left(self) -> list[str]:
         """Return the processes that still run."""
-        return [f"process {one.pid}" for one in processes.marked(self.folder)]
+        return [f"process {one.pid}" for one in processes.processes_of_run(self.folder)]
 
     def disturb(self, kind: str) -> str:
         """Disturb a new run once, complete it by the same command, compare, and return a description.
@@ -180,7 +180,7 @@ class Suite:
 
     def hit(self, kind: str, process: subprocess.Popen[bytes]) -> bool:
         """Kill the target, and return whether it existed."""
-        marked = processes.marked(self.folder)
+        marked = processes.processes_of_run(self.folder)
         snakemake = [one for one in marked if one.ppid() == process.pid]
         scripts = [one for one in marked if any("/.snakemake/scripts/" in word for word in one.cmdline())]
         there = {"kill snakemake": snakemake, "kill job": scripts}.get(kind, [process])

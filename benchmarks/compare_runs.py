@@ -58,7 +58,7 @@ def content(path: Path, renamed: Callable[[str], str]) -> Any:
     if path.suffix == ".json":
         return _without_digests(json.loads(renamed(path.read_text())))
     if path.suffix == ".png":
-        return png.read(path).tolist()
+        return png.read_png(path).tolist()
     if path.suffix in (".txt", ".obj", ".ply", ".yaml"):
         return renamed(path.read_bytes().decode("latin-1"))
     if path.suffix == ".npz":

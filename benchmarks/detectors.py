@@ -52,7 +52,7 @@ def make_dataset(root: Path, imgsz: int, train: int, test: int) -> Path:
         boxes = np.concatenate([low, low + random.uniform(30, (120, 90), (20, 2))], axis=1)
         for x0, y0, x1, y1 in np.rint(boxes * imgsz / WIDTH).astype(int):
             pixels[y0:y1, x0:x1] = 200
-        png.write(root / "images" / part / f"{key}.png", np.clip(pixels, 0, 255).astype(np.uint8))
+        png.write_png(root / "images" / part / f"{key}.png", np.clip(pixels, 0, 255).astype(np.uint8))
         yolo.write_boxes(root / "labels" / part / f"{key}.txt", np.zeros(20, int), boxes)
     tables.write_csv(root / "pictures.csv", pd.DataFrame({"key": keys, "part": parts}))
     return root

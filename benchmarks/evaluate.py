@@ -70,7 +70,7 @@ def main(photos: int) -> None:
     ranked = matched.ranked[BOX_CLASSES[0]]
     unit = bootstrap.units_of(keys, "view")
     units = int(unit.max()) + 1
-    few, all_draws = (intervals.draws(units, number, 0) for number in (RESAMPLES // 10, RESAMPLES))
+    few, all_draws = (intervals.bootstrap_draws(units, number, 0) for number in (RESAMPLES // 10, RESAMPLES))
     bootstrap_numba.resampled_precision(ranked, 0, unit, few[:1])
     reference = 10 * cpu_seconds(lambda: [metrics.precision_at_recalls(ranked, 0, drawn[unit]) for drawn in few])
     compiled = cpu_seconds(lambda: bootstrap_numba.resampled_precision(ranked, 0, unit, all_draws))
@@ -84,7 +84,11 @@ def main(photos: int) -> None:
     other = np.zeros((1 + len(SIZES), LABELS), bool)
     spent = [
         cpu_seconds(lambda match=match: [match(overlap, metrics.IOU_THRESHOLDS, other) for overlap in overlaps])
-        for match in (matching_numba.match, matching.match, matching_numba.match)
+        for match in (
+            matching_numba.match_predictions_of_photo,
+            matching.match_predictions_of_photo,
+            matching_numba.match_predictions_of_photo,
+        )
     ]
     print(f"matching, ms a photo: {10 * spent[1]:.2f}, compiled {10 * spent[2]:.2f}: "
           f"{spent[1] / spent[2]:.1f} times")  # fmt: skip

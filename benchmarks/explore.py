@@ -39,7 +39,7 @@ def synthetic_page() -> Files:
     table["rocks"], table["shadows"], table["defect"] = 20, 20, ""
     about = {"run": "made_up", "terrains": list(TERRAINS), "domains": list(DOMAINS), "width": 1936, "height": 1216}
     about |= {name: [] for name in ("meshes", "predictions", "drives", "seeds", "undone")}
-    columns, told = arrow.encode(table), json.dumps(about).encode()
+    columns, told = arrow.encode_arrow(table), json.dumps(about).encode()
     return {**page_files(), "data/run.json": lambda: told, "data/pictures.arrow": lambda: columns}
 
 

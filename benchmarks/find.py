@@ -21,7 +21,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from polarsim.detect.detect_pictures import find_in_pictures, prediction_options
+from polarsim.detect.detect_pictures import detect_in_images, prediction_options
 from polarsim.detect.options import PACKAGED
 
 REPEATS = 4
@@ -45,7 +45,7 @@ def main() -> None:
         spent: list[tuple[float, float]] = []
         for name, some in (("first", paths[:1]), ("all", paths)):
             start = time.perf_counter(), time.process_time()
-            find_in_pictures(
+            detect_in_images(
                 pictures=some, weights=[given.weights], out=root / name, options=options, threads=given.threads,
                 draw=given.draw,
             )  # fmt: skip

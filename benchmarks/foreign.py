@@ -42,9 +42,9 @@ from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.formats import nasa, obj, tables, yolo
 from polarsim.formats.obj import Mesh
-from polarsim.geometry.boxes import area, around, clip
-from polarsim.geometry.poses import Pose, looking
-from polarsim.geometry.stereo import rectified_left, stated_rig
+from polarsim.geometry.boxes import area, box_around_points, clip
+from polarsim.geometry.poses import Pose, camera_pose
+from polarsim.geometry.stereo import default_rig, rectified_left
 from polarsim.photo import PhotoKey
 from polarsim.rocks.find import find_rocks
 from polarsim.rocks.mesh import mesh_rocks
@@ -129,7 +129,7 @@ def at(axis: np.ndarray, height: np.ndarray, points: np.ndarray) -> np.ndarray:
 def shapes(meshes: Path | None, rng: np.random.Generator) -> list[Mesh]:
     """Return scanned rocks, or lumpy ellipsoids without meshes; centred, longest horizontal side 1."""
     files = sorted(meshes.glob("*/*_rock*.obj")) if meshes else []
-    found = [obj.read(path) for path in files if "decimate" not in path.name] or [_lump(rng) for _ in range(40)]
+    found = [obj.read_obj(path) for path in files if "decimate" not in path.name] or [_lump(rng) for _ in range(40)]
     solids = []
     for mesh in found:
         used, faces = np.unique(mesh.faces, return_inverse=True)
@@ -323,12 +323,12 @@ def make(
     rocks = place_rocks(axis, height, count, shapes(meshes, rng), rng)
     if touching:
         rocks = push_together(rocks, axis, height, np.random.default_rng([seed, 3]))
-    rig, grid = stated_rig(), rectified_left(stated_rig())
+    rig, grid = default_rig(), rectified_left(default_rig())
     maps = {}
     for position, (tripod, yaw, pitch) in TRIPODS.items():
         centre = np.array(tripod) + rng.normal(0, 0.08, 3)
         angles = np.radians([yaw + rng.normal(0, 2), pitch + rng.normal(0, 1.5), rng.normal(0, 1)])
-        sandbox_from_left = looking(centre, *angles)
+        sandbox_from_left = camera_pose(centre, *angles)
         solids = [ground, *rocks, *clutter, box(0.02, rng)]
         points = scan(solids, sandbox_from_left @ grid.left_from_rectified, grid.lens.pixel_directions(), rng)
         maps[position] = str(folder / f"Pos{position}_org-XYZ.tif")
@@ -350,19 +350,19 @@ def _write_truth(truth: Path, ground: Mesh, rocks: list[Mesh], axis: np.ndarray,
         part = rock.vertices[used]
         low, high = part.min(axis=0), part.max(axis=0)
         name = obj.rock_name(TERRAIN, number)
-        obj.write(truth / "meshes" / name, Mesh(part, index.reshape(-1, 3)), Path(name).stem)
+        obj.write_obj(truth / "meshes" / name, Mesh(part, index.reshape(-1, 3)), Path(name).stem)
         rows.append((number, *(low + high) / 2, (high - low)[:2].max(), above[used].max(), np.nan))
     columns = ["rock", "x", "y", "z", "size_m", "height_m", "volume_m3"]
     tables.write_parquet(truth / "rocks.parquet", pd.DataFrame(rows, columns=columns))
     name = obj.ground_name(TERRAIN)
-    obj.write(truth / "meshes" / name, ground, Path(name).stem)
+    obj.write_obj(truth / "meshes" / name, ground, Path(name).stem)
 
 
 def annotate(folder: Path, seed: int) -> None:
     """Write a file of annotated rock boxes per position, from the ground truth in a folder."""
     rng = np.random.default_rng([seed, 1])
-    rocks = [obj.read(path) for path in obj.rock_files(folder / "truth/meshes").values()]
-    scene = _scene([obj.read(folder / "truth/meshes" / obj.ground_name(TERRAIN)), *rocks])
+    rocks = [obj.read_obj(path) for path in obj.rock_files(folder / "truth/meshes").values()]
+    scene = _scene([obj.read_obj(folder / "truth/meshes" / obj.ground_name(TERRAIN)), *rocks])
     for position in TRIPODS:
         placed = read_localised(folder / f"truth/cameras/Pos{position}.json")
         lens, boxes = placed.rig.left, []
@@ -371,7 +371,7 @@ def annotate(folder: Path, seed: int) -> None:
             inside = ((pixels > 0) & (pixels < [lens.width, lens.height])).all(axis=1)
             seen = pixels[inside & _in_sight(scene, placed.sandbox_from_left.translation, rock.vertices)]
             if len(seen):
-                box = clip(around(seen)[None] + rng.normal(0, ANNOTATION_SD_PX, 4))[0]
+                box = clip(box_around_points(seen)[None] + rng.normal(0, ANNOTATION_SD_PX, 4))[0]
                 if np.sqrt(area(box)) >= SMALLEST_PX:
                     boxes.append(np.round(box))
         key = PhotoKey(TERRAIN, position, "off", "30", "L", 256)

@@ -27,7 +27,7 @@ import pandas as pd
 from polarsim.analog.options import AnalogOptions
 from polarsim.analog.terrain import build_terrain
 from polarsim.analog.truth import AlbedoMap
-from polarsim.analog.view import look, make_textures
+from polarsim.analog.view import make_textures, render_gbuffer
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import CAMERAS
 from polarsim.randomness import generator
@@ -49,7 +49,7 @@ def true_albedo(terrain: int, truth: Path, positions: list[str], options: Analog
     textures = make_textures(generator(options.seed, "textures", terrain))
     for position in positions:
         for camera in CAMERAS:
-            found.add(look(made.scene, made.caster, textures, made.stations.camera(position, camera), 1))
+            found.add(render_gbuffer(made.scene, made.caster, textures, made.stations.camera(position, camera), 1))
     return found.table()
 
 

@@ -22,11 +22,11 @@ import numpy as np
 from polarsim.geometry import embree_library
 from polarsim.geometry.camera import Camera
 from polarsim.render.gain import default_gain
-from polarsim.render.lamps import lamps_of
+from polarsim.render.lamps import lamps_of_rig
 from polarsim.render.olat import render_view
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose
-from polarsim.render.surfaces import surfaces_of
+from polarsim.render.surfaces import build_surfaces
 from polarsim.survey import SUN_LAMPS
 from tests.support.made_terrain import made_terrain, surveyed_rig
 
@@ -44,8 +44,8 @@ def render(out: Path, cells: int, options: RenderOptions) -> None:
     """Write all images of the view to an NPZ file."""
     rig = surveyed_rig()
     camera = Camera(rig.sandbox_from_left, rig.rig.left)
-    lamps = {name: lamp for name, lamp in lamps_of(SUN_LAMPS, rig).items() if name in LAMPS}
-    view = render_view(surfaces_of(made_terrain(cells), options), camera, lamps, MODELS, LAMPS[:2], options)
+    lamps = {name: lamp for name, lamp in lamps_of_rig(SUN_LAMPS, rig).items() if name in LAMPS}
+    view = render_view(build_surfaces(made_terrain(cells), options), camera, lamps, MODELS, LAMPS[:2], options)
     pictures = {f"ids {name}": ids for name, ids in view.ids.items()}
     for (model, name), image in view.olat_images.items():
         pictures[f"OLAT {model} {name}"] = image

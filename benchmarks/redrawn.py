@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.config import RELEASE_ROOT
-from polarsim.cover_photos.photos import label_rows
+from polarsim.cover_photos.photos import annotation_rows
 from polarsim.cover_photos.scores import cover_figures
 from polarsim.formats import release, tables
 from polarsim.photo import AZIMUTHS, HEIGHT, ROCK, WIDTH, PhotoKey
@@ -35,7 +35,7 @@ def redrawn(root: Path, keys: list[PhotoKey], azimuth: str) -> pd.DataFrame:
         ]
         if others:
             other = min(others, key=lambda one: abs(np.log(one.exposure_ms / key.exposure_ms)))
-            rows += [row | {"key": str(key)} for row in label_rows(other, files[other])]
+            rows += [row | {"key": str(key)} for row in annotation_rows(other, files[other])]
     table = pd.DataFrame(rows)
     area = (table["x1"] - table["x0"]) * (table["y1"] - table["y0"])
     return table.assign(confidence=area / (WIDTH * HEIGHT))

@@ -32,9 +32,9 @@ import numpy as np
 from polarsim.formats import obj
 from polarsim.formats.files import write_json
 from polarsim.photo import NO_ROCK, SUNS, PhotoKey
-from polarsim.render.lamps import lamps_of, lit_by
+from polarsim.render.lamps import lamps_of_rig, lamps_on
 from polarsim.render.options import Model, RenderOptions
-from polarsim.render.surfaces import surfaces_of
+from polarsim.render.surfaces import build_surfaces
 from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.run_files.rigs import write_localised
 from polarsim.run_files.scene import TerrainMesh
@@ -59,9 +59,9 @@ def grid_keys() -> list[PhotoKey]:
 
 def write_terrain(folder: Path, mesh: TerrainMesh) -> None:
     """Write the meshes of ground and rocks."""
-    obj.write(folder / obj.ground_name(TERRAIN), mesh.part(NO_ROCK), "ground")
+    obj.write_obj(folder / obj.ground_name(TERRAIN), mesh.part(NO_ROCK), "ground")
     for rock in mesh.rocks:
-        obj.write(folder / obj.rock_name(TERRAIN, rock), mesh.part(rock), f"rock{rock}")
+        obj.write_obj(folder / obj.rock_name(TERRAIN, rock), mesh.part(rock), f"rock{rock}")
 
 
 def ours(mesh: TerrainMesh, keys: Sequence[PhotoKey], options: RenderOptions, threads: int) -> dict[str, float]:
@@ -106,9 +106,9 @@ def mitsuba(mesh: TerrainMesh, options: RenderOptions, threads: int) -> dict[str
     dr.set_thread_count(threads)
     rig = surveyed_rig()
     lens = replace(rig.rig.left, fy=rig.rig.left.fx, distortion=(0.0,) * 5)
-    surfaces, lamps = surfaces_of(mesh, options), lamps_of(SUN_LAMPS, rig)
+    surfaces, lamps = build_surfaces(mesh, options), lamps_of_rig(SUN_LAMPS, rig)
     scenes = []
-    for lit in sorted({lit_by(key) for key in grid_keys()}):
+    for lit in sorted({lamps_on(key) for key in grid_keys()}):
         first, *others = (lamps[lamp] for lamp in lit)
         scene = mitsuba_scene(surfaces, rig.sandbox_from_left, lens, first, options.parameters("principled"))
         scenes.append(mi.load_dict(scene | {f"lamp{number}": emitter(lamp) for number, lamp in enumerate(others)}))

@@ -34,11 +34,11 @@ from polarsim.formats import png
 from polarsim.formats.files import write_json
 from polarsim.photo import PhotoKey
 from polarsim.render.gain import default_gain
-from polarsim.render.lamps import lamps_of, lit_by
+from polarsim.render.lamps import lamps_of_rig, lamps_on
 from polarsim.render.olat import render_view
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose
-from polarsim.render.surfaces import Surfaces, surfaces_of
+from polarsim.render.surfaces import Surfaces, build_surfaces
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.survey import SUN_LAMPS
 from tests.support.made_terrain import made_terrain, surveyed_rig
@@ -59,8 +59,8 @@ class Grid:
         """`threads` render, `cores` expose."""
         self.options, self.threads, self.cores, self.scale = options, threads, cores, scale
         self.rig = surveyed_rig()
-        self.lamps = lamps_of(SUN_LAMPS, self.rig)
-        self.surfaces: Surfaces = surfaces_of(mesh, options)
+        self.lamps = lamps_of_rig(SUN_LAMPS, self.rig)
+        self.surfaces: Surfaces = build_surfaces(mesh, options)
         start = time.perf_counter()
         self.surfaces.prepare(shadows=False)
         self.olat_images("L")  # compiles kernels and copies triangles to the device
@@ -77,7 +77,7 @@ class Grid:
         def exposed(model_and_set: tuple[Model, tuple[object, ...]]) -> list[np.ndarray]:
             model, bracket = model_and_set
             own = [key for key in keys if key.bracket == bracket]
-            radiance = np.sum([olat_images[model, name] for name in lit_by(own[0])], axis=0)
+            radiance = np.sum([olat_images[model, name] for name in lamps_on(own[0])], axis=0)
             gain = default_gain(model, self.options)
             return [expose(radiance, key.exposure_ms * gain, self.options) for key in own]
 
@@ -108,9 +108,9 @@ class Grid:
 
 def find_device() -> str | None:
     """Return the first available GPU of Taichi."""
-    from polarsim.geometry.taichi_device import is_there
+    from polarsim.geometry.taichi_device import device_available
 
-    return next((device for device in ("cuda", "vulkan") if is_there(device)), None)  # type: ignore[arg-type]
+    return next((device for device in ("cuda", "vulkan") if device_available(device)), None)  # type: ignore[arg-type]
 
 
 def compare(cpu: OlatImages, device: OlatImages) -> dict[str, float]:
@@ -127,7 +127,7 @@ def png_seconds(photos: Sequence[np.ndarray]) -> float:
     with tempfile.TemporaryDirectory() as folder:
         start = time.process_time()
         for number, photo in enumerate(photos):
-            png.write(Path(folder) / f"{number}.png", photo)
+            png.write_png(Path(folder) / f"{number}.png", photo)
         return (time.process_time() - start) / len(photos)
 
 

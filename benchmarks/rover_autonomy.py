@@ -31,13 +31,13 @@ import pandas as pd
 from polarsim.formats import tables
 from polarsim.render.options import RenderOptions
 from polarsim.report.autonomy_table import tabulate_autonomy, tabulate_rank
-from polarsim.report.figures.autonomy import draw_modes, draw_ways
+from polarsim.report.figures.autonomy import draw_modes, draw_paths
 from polarsim.report.figures.autonomy_maps import draw_autonomy_maps
 from polarsim.reporting import reporting
 from polarsim.rover.cameras.options import PACKAGED_FILES, CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.perception.options import OnboardDetector
-from polarsim.rover.planning.cases import DETECTING, Case, cases
+from polarsim.rover.planning.cases import MODES_WITH_DETECTOR, Case, cases
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.rank import rank_detectors
 from polarsim.rover.planning.summary import drive_case, summarise_autonomy
@@ -110,10 +110,10 @@ def write_tables(asked: argparse.Namespace, found: list[Case], origin: dict[str,
     tabulate_autonomy(together=together, effects=effects, **stems, origin=origin)
     draw_modes(tables.read_parquet(together, AUTONOMY.columns), drawn / "rover_autonomy.png", origin)
     if whole := [folder for folder in folders if (folder / "trace.parquet").exists()]:
-        draw_ways(whole, drawn / "rover_ways.png", origin)
+        draw_paths(whole, drawn / "rover_ways.png", origin)
         draw_autonomy_maps(folders=whole, figure=drawn / "rover_maps.png", origin=origin)
     print((shown / "rover_autonomy.md").read_text(), (shown / "rover_autonomy_effects.md").read_text(), sep="\n")
-    if any(case.mode in DETECTING for case in found):
+    if any(case.mode in MODES_WITH_DETECTOR for case in found):
         ranked = {"by_detector": rover / "autonomy_detectors.parquet", "ranks": rover / "autonomy_rank.parquet"}
         gap = {name: asked.detect / f"{name}.parquet" for name in ("detection", "ipd")} if asked.detect else {}
         rank_detectors(each=each, **ranked, **gap, pair=tuple(asked.pair))

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats import png
-from polarsim.rover.cameras.frames import truth_of, write_truth
+from polarsim.rover.cameras.frames import truth_of, write_frame_truth
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.trace import Trace, read_trace
@@ -77,8 +77,8 @@ def _frame(suite: CameraSuite, chosen: argparse.Namespace, frame: int) -> list[f
     marks.append(time.process_time())
     with tempfile.TemporaryDirectory() as folder:
         for number, picture in enumerate(pictures):
-            png.write(Path(folder) / f"{number}.png", picture)
-        write_truth(Path(folder), truth, pictures[0].shape[::-1], "")
+            png.write_png(Path(folder) / f"{number}.png", picture)
+        write_frame_truth(Path(folder), truth, pictures[0].shape[::-1], "")
     marks.append(time.process_time())
     return list(np.diff(marks))
 

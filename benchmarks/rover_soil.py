@@ -24,7 +24,7 @@ from scipy.optimize import least_squares
 
 from polarsim.rover.soil.bulldozing import Bulldozing
 from polarsim.rover.soil.law import ContactLaw, read_soils
-from polarsim.rover.soil.nodes import make_ground
+from polarsim.rover.soil.nodes import make_soil_ground
 from polarsim.rover.soil.shapes import Bodies
 from tests.reference.soil_limit import steady_wheel
 from tests.reference.soil_published import EARTH, TILT_BED, TREC, ex1_misses, misses_deg
@@ -42,7 +42,7 @@ def step_costs(seconds: float) -> None:
         ("2 cm, bulldozing every 10 steps", 0.02, Bulldozing()),
         ("1 cm, bulldozing every 10 steps", 0.01, Bulldozing()),
     ):
-        ground = make_ground(np.zeros((round(4 / cell), round(12 / cell))), cell, -2.0, -2.0)
+        ground = make_soil_ground(np.zeros((round(4 / cell), round(12 / cell))), cell, -2.0, -2.0)
         bed = SoilBin(ground, SOILS["lunar"].law(), rule)
         shapes, rotations = np.repeat(WHEEL_A.numbers()[None], 4, 0), np.repeat(np.eye(3)[None], 4, 0)
         spins, speed = np.tile([0.0, 0.2 / WHEEL_A.radius, 0.0], (4, 1)), 0.195

@@ -27,11 +27,11 @@ import numpy as np
 from polarsim.formats.files import write_json
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.render.lamps import lamps_of
+from polarsim.render.lamps import lamps_of_rig
 from polarsim.render.olat import render_view
 from polarsim.render.options import RenderOptions
 from polarsim.render.sensor import expose
-from polarsim.render.surfaces import surfaces_of
+from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.survey import SUN_LAMPS
 from tests.support.made_terrain import made_terrain, surveyed_rig
@@ -65,9 +65,9 @@ class Clock:
 
 def ours(mesh: TerrainMesh, lens: Lens, clock: Clock, threads: int) -> None:
     rig = surveyed_rig()
-    surfaces = clock("ready", lambda: surfaces_of(mesh, OPTIONS))
+    surfaces = clock("ready", lambda: build_surfaces(mesh, OPTIONS))
     clock("tree", lambda: surfaces.prepare(shadows=False))
-    lamps = {SUN: lamps_of(SUN_LAMPS, rig)[SUN]}
+    lamps = {SUN: lamps_of_rig(SUN_LAMPS, rig)[SUN]}
 
     def photo() -> np.ndarray:
         view = render_view(surfaces, Camera(rig.sandbox_from_left, lens), lamps, ["principled"], None, OPTIONS, threads)
@@ -89,7 +89,7 @@ def mitsuba(mesh: TerrainMesh, lens: Lens, clock: Clock, threads: int) -> None:
     mi.set_variant(name := variant())
     dr.set_thread_count(threads)
     rig = surveyed_rig()
-    surfaces, lamp = surfaces_of(mesh, OPTIONS), lamps_of(SUN_LAMPS, rig)[SUN]
+    surfaces, lamp = build_surfaces(mesh, OPTIONS), lamps_of_rig(SUN_LAMPS, rig)[SUN]
     plan = mitsuba_scene(surfaces, rig.sandbox_from_left, lens, lamp, OPTIONS.principled)
     scene = clock("mitsuba_ready", lambda: mi.load_dict(plan))
     clock.photos("mitsuba", lambda: np.array(mi.render(scene, spp=1)))

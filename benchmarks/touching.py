@@ -43,7 +43,7 @@ from polarsim.rocks import splitting
 from polarsim.rocks.creases import COEFFICIENTS, TERMS, Joining, chance_of_two, cut_along_creases
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.find import CONFIRMED_HEIGHT, CONFIRMING_IOU, FOOT_HEIGHT, read_scans
-from polarsim.rocks.ground import GROUND_CELL, Sand, find_ground, sand_extent
+from polarsim.rocks.ground import GROUND_CELL, SandSurface, find_ground, sand_extent
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.regions import Limits, find_regions, standing
 from polarsim.run_files.inventory import Inventory, read_inventory, write_inventory
@@ -62,7 +62,7 @@ class Scene:
     """Scans of a scene; arrays are (rows, columns)."""
 
     name: str
-    sand: Sand
+    sand: SandSurface
     true: np.ndarray  # number of the rock at each cell, 0 for none
     size: dict[int, float]  # metres, of each rock
 
@@ -123,7 +123,7 @@ def _nearest_rocks(meshes: Path, true_from_sandbox: Pose, points: np.ndarray) ->
     """Return the number (n,) of the rock nearest to each point (n, 3); 0 if none is near."""
     world, numbers = o3d.t.geometry.RaycastingScene(), []
     for number, path in obj.rock_files(meshes).items():
-        mesh = obj.read(path)
+        mesh = obj.read_obj(path)
         world.add_triangles(mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32))
         numbers.append(number)
     if not numbers:

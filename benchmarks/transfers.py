@@ -28,16 +28,16 @@ import pandas as pd
 from polarsim.acquire.index import index_terrain
 from polarsim.acquire.options import SourceOptions
 from polarsim.cameras.locate import locate_cameras
-from polarsim.cameras.surveyed import likely_pose
+from polarsim.cameras.surveyed import expected_survey_pose
 from polarsim.config import Config, read_config
 from polarsim.errors import FormatError
 from polarsim.formats import release, yolo
 from polarsim.formats.tables import read_parquet
-from polarsim.geometry.boxes import area, clip, iou, match
+from polarsim.geometry.boxes import area, clip, iou, match_by_iou
 from polarsim.labels.annotator import Annotator
-from polarsim.labels.association import Known, Track, gather
+from polarsim.labels.association import TerrainRocks, Track, associate_rocks
 from polarsim.labels.fit_annotator import (
-    Samples,
+    AnnotatorSamples,
     TerrainFiles,
     fit_annotator,
     fit_logistic,
@@ -46,17 +46,17 @@ from polarsim.labels.fit_annotator import (
     shadow_edge_samples,
 )
 from polarsim.labels.fusion import PositionRocks
-from polarsim.labels.label import COEFFICIENTS, USUAL_PX
+from polarsim.labels.label import COEFFICIENTS, REFERENCE_PX
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import move_rocks
 from polarsim.labels.propagate import propagate_labels
-from polarsim.labels.seeds import Annotated, DrawingKey, Seeds
-from polarsim.labels.visibility import NO_SUN_START_MS
+from polarsim.labels.seeds import AnnotatedBoxes, AnnotationKey, Seeds
+from polarsim.labels.visibility import MIN_ROVER_LIGHT_EXPOSURE_MS
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, PhotoKey
 from polarsim.rocks.adopt import adopt_rocks
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.scene import read_terrain
-from polarsim.scoring.score import Counts, count_boxes
+from polarsim.scoring.score import MatchCounts, count_boxes
 from polarsim.survey import wall_height
 
 POSITIONS = "ABC"
@@ -143,7 +143,9 @@ class Run:
     def _forget_pose(self, path: Path) -> None:
         localised = rigs.read_all_localised(path.parent)
         rig = localised.pop(self.unlocalised)
-        likely = likely_pose(self.unlocalised, {position: one.sandbox_from_left for position, one in localised.items()})
+        likely = expected_survey_pose(
+            self.unlocalised, {position: one.sandbox_from_left for position, one in localised.items()}
+        )
         assert likely is not None
         pose, pitch_sd_deg = likely
         rigs.write_localised(path, rigs.LocalisedRig(rig.rig, pose, rigs.SURVEYED, {rigs.PITCH_SD: pitch_sd_deg}))
@@ -173,7 +175,7 @@ class Run:
 class Scores:
     """Counts by task, kind and terrain, and every label with its result."""
 
-    counts: dict[tuple[str, str, int], Counts] = field(default_factory=dict)
+    counts: dict[tuple[str, str, int], MatchCounts] = field(default_factory=dict)
     labels: list[pd.DataFrame] = field(default_factory=list)
 
     def add(self, task: str, key: PhotoKey, truth: dict[str, np.ndarray], labels: pd.DataFrame) -> None:
@@ -181,14 +183,14 @@ class Scores:
             found = labels[labels["kind"] == kind]
             boxes = found[EDGES].to_numpy(float)
             name = task, kind, key.terrain
-            self.counts[name] = self.counts.get(name, Counts()) + count_boxes(annotated, boxes)
-            hits = np.isin(np.arange(len(found)), match(iou(annotated, boxes))[1])
+            self.counts[name] = self.counts.get(name, MatchCounts()) + count_boxes(annotated, boxes)
+            hits = np.isin(np.arange(len(found)), match_by_iou(iou(annotated, boxes))[1])
             self.labels.append(found.assign(hit=hits, size=np.sqrt(area(boxes)), no_lamp=key.azimuth == "no"))
 
     def show(self) -> None:
         for task, kind in dict.fromkeys((task, kind) for task, kind, _ in self.counts):
             own = {terrain: counts for (t, k, terrain), counts in self.counts.items() if (t, k) == (task, kind)}
-            pooled = sum(own.values(), Counts())
+            pooled = sum(own.values(), MatchCounts())
             if not pooled.tp + pooled.fn:
                 continue
             figures = pooled.metrics()
@@ -259,13 +261,13 @@ class Drawing:
     tracks: list[Track]
     shown: np.ndarray  # (n,) bool
 
-    def under(self, drawings: Iterable[DrawingKey]) -> np.ndarray:
+    def under(self, drawings: Iterable[AnnotationKey]) -> np.ndarray:
         """Return the number (n,) of the given annotations that contain each rock."""
         asked = set(drawings)
         return np.array([len(asked & set(track.rows)) for track in self.tracks], int)
 
 
-def both_cameras(run: Run, truth: Truth) -> Known:
+def both_cameras(run: Run, truth: Truth) -> TerrainRocks:
     """Return the annotations of both cameras under Sun lamps: of each the file with most rocks."""
     run.localise()
     localised = rigs.read_all_localised(run.folder / "cameras")
@@ -273,12 +275,14 @@ def both_cameras(run: Run, truth: Truth) -> Known:
     fullest = sorted(truth, key=lambda key: (len(truth[key][ROCK]), -abs(np.log2(key.exposure_ms / 256)), key))
     for key in fullest:
         if key.light == "off" and key.azimuth in SUNS:
-            seeds.setdefault(key.position, {})[key.camera, key.azimuth] = Annotated(truth[key][ROCK], None)
+            seeds.setdefault(key.position, {})[key.camera, key.azimuth] = AnnotatedBoxes(truth[key][ROCK], None)
     suns = lamps.read_suns(run.folder / "cameras", localised)
-    return gather(read_terrain(run.folder / "meshes", run.terrain), localised, suns, seeds, wall_height(run.terrain))
+    return associate_rocks(
+        read_terrain(run.folder / "meshes", run.terrain), localised, suns, seeds, wall_height(run.terrain)
+    )
 
 
-def best_boxes(known: Known, key: PhotoKey, annotated: np.ndarray, options: LabelsOptions) -> Drawing:
+def best_boxes(known: TerrainRocks, key: PhotoKey, annotated: np.ndarray, options: LabelsOptions) -> Drawing:
     """Return the rocks of all annotations of a position, for a file with boxes `annotated` (m, 4).
 
     The distance between an annotated box and the mean of n other annotations is sqrt((n + 1) / n) times the noise of
@@ -299,7 +303,7 @@ def best_boxes(known: Known, key: PhotoKey, annotated: np.ndarray, options: Labe
         counts.append(len(drawings))
         tracks.append(track)
     boxes, others = np.array(means).reshape(-1, 4), np.array(counts, float)[:, None]
-    rows, columns = match(iou(annotated, boxes), MIN_ANNOTATION_IOU)
+    rows, columns = match_by_iou(iou(annotated, boxes), MIN_ANNOTATION_IOU)
     boxes[columns] = annotated[rows] + np.sqrt(others / (others + 1))[columns] * (boxes[columns] - annotated[rows])
     return Drawing(clip(boxes), tracks, np.isin(np.arange(len(boxes)), columns))
 
@@ -315,7 +319,7 @@ def score_ceilings(run: Run, truth: Truth, options: LabelsOptions, scores: Score
         chosen = {"presence known": best.shown}
         if key.azimuth == "no":
             task = task_of(key)
-            seen = best.shown & (key.light == "off" or key.exposure_ms >= NO_SUN_START_MS)
+            seen = best.shown & (key.light == "off" or key.exposure_ms >= MIN_ROVER_LIGHT_EXPOSURE_MS)
             chosen["presence known from the usual exposure on"] = seen
             chosen["in half of the Left drawings"] = best.under(("L", azimuth) for azimuth in SUNS) >= 2
         elif key.camera == "R":
@@ -346,8 +350,8 @@ def fit_confidence(labels: pd.DataFrame) -> None:
     for (kind, source, by_rover), own in labels.groupby(["kind", "source", rover]):
         share = shares_right(own, kind, source) if not by_rover else np.ones(len(own))
         hit = own["hit"].to_numpy(float)
-        terms = np.stack([np.ones(len(own)), share - 1, np.log(own["size"] / USUAL_PX)], axis=1)
-        found = fit_logistic(Samples(terms, hit))
+        terms = np.stack([np.ones(len(own)), share - 1, np.log(own["size"] / REFERENCE_PX)], axis=1)
+        found = fit_logistic(AnnotatorSamples(terms, hit))
         name = f"{kind!r}, {source!r}{', rover light' if by_rover else ''}"
         print(f"    ({name}): {found},  # {len(own)} labels, {hit.mean():.3f} right")
 
@@ -359,7 +363,7 @@ def shares_right(labels: pd.DataFrame, kind: str, source: str) -> np.ndarray:
         return np.ones(len(labels))
     told = labels["confidence"].to_numpy(float).clip(1e-6, 1 - 1e-6)
     score = np.log(told / (1 - told))
-    return np.asarray((score - start - size * np.log(labels["size"].clip(1) / USUAL_PX)) / missed + 1)
+    return np.asarray((score - start - size * np.log(labels["size"].clip(1) / REFERENCE_PX)) / missed + 1)
 
 
 def main() -> None:

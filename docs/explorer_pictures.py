@@ -17,7 +17,7 @@ from PIL import Image
 from playwright.sync_api import sync_playwright
 
 from polarsim.explore.server import server
-from polarsim.explore.site import site
+from polarsim.explore.site import page_of_run
 from polarsim.run_files.run import Run
 
 SIZE = {"width": 1100, "height": 640}  # px
@@ -45,7 +45,7 @@ def write_pictures(folder: Path, out: Path) -> None:
     rock = labels.loc[(labels["key"] == key) & (labels["kind"] == "rock"), "rock"].max()
     lacking = {"rover": not run.drives, "detectors": not run.predictions}
     out.mkdir(parents=True, exist_ok=True)
-    with server(site(run, 968)) as serving, sync_playwright() as playwright:
+    with server(page_of_run(run, 968)) as serving, sync_playwright() as playwright:
         threading.Thread(target=serving.serve_forever, daemon=True).start()
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=WEBGL)
         page = browser.new_page(viewport=SIZE)

@@ -29,7 +29,7 @@ _EXTRAS = {  # extra of each optional module
 }
 
 
-class Checked(TyperCommand):
+class FiniteCommand(TyperCommand):
     """A command that rejects `nan` and `inf`, which the parser accepts as floats."""
 
     def invoke(self, ctx: Any) -> Any:

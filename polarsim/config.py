@@ -19,13 +19,13 @@ from polarsim.cameras.options import CamerasOptions
 from polarsim.cover_photos.options import CoversOptions
 from polarsim.detect.gap_options import GapOptions
 from polarsim.detect.options import VIEWS, DetectOptions, PredictionOptions
-from polarsim.errors import ConfigError, about
+from polarsim.errors import ConfigError, with_path
 from polarsim.formats.yaml_files import describe_error, parse_yaml, read_yaml
 from polarsim.grid import GridOptions
 from polarsim.labels.options import LabelsOptions
 from polarsim.photo import TERRAINS, PhotoKey, positions
 from polarsim.publish.options import PublishOptions
-from polarsim.randomness import unsigned_zeros
+from polarsim.randomness import without_negative_zeros
 from polarsim.render.options import Model, RenderOptions
 from polarsim.rocks.options import RocksOptions
 from polarsim.rover.cameras.options import PACKAGED_FILES
@@ -347,7 +347,7 @@ def parse_config(content: Mapping[str, Any]) -> Config:
     if endless := [f"{key}: should be a finite number, found {value}" for key, value in _not_finite(content, "")]:
         raise ConfigError("; ".join(endless))
     try:
-        return Config.model_validate(_with_release_root(unsigned_zeros(dict(content))))
+        return Config.model_validate(_with_release_root(without_negative_zeros(dict(content))))
     except ValidationError as error:
         raise ConfigError(describe_error(error, "configuration")) from error
 
@@ -363,7 +363,7 @@ def read_config(path: str | Path) -> Config:
     content = read_yaml(path)
     if not isinstance(content, Mapping):
         raise ConfigError("no keys, expected a configuration", path=path)
-    with about(path):
+    with with_path(path):
         return parse_config(content)
 
 
@@ -398,7 +398,7 @@ def render_options(assignments: Sequence[str]) -> RenderOptions:
         raise ConfigError(describe_error(error, "options")) from error
 
 
-def schema() -> str:
+def config_schema() -> str:
     """Return the JSON schema of the configuration; editors use the copy in `config/schema.json`."""
     return json.dumps(Config.model_json_schema(), indent=1, sort_keys=True) + "\n"
 

@@ -22,7 +22,7 @@ from typing import IO, Any
 
 from polarsim.errors import FetchError
 from polarsim.formats.files import write_text
-from polarsim.progress import share_bar
+from polarsim.progress import progress_bar
 
 CHUNK = 1 << 20  # maximum number of bytes per read
 SLOWEST = 1000  # minimum bytes per second, averaged over `timeout_s`
@@ -49,10 +49,12 @@ class _Redirects(urllib.request.HTTPRedirectHandler):
 
 
 @contextmanager
-def downloaded(url: str, path: Path, tries: int = 5, backoff_s: float = 2.0, timeout_s: float = 60.0) -> Iterator[Path]:
+def downloaded_file(
+    url: str, path: Path, tries: int = 5, backoff_s: float = 2.0, timeout_s: float = 60.0
+) -> Iterator[Path]:
     """Download a URL to a hidden file; rename the file to `path` at the end of the block, or remove it on an error.
 
-    The block verifies the file. Only one process at a time may download to a path, see `alone`.
+    The block verifies the file. Only one process at a time may download to a path, see `exclusive_lock`.
 
     Parameters
     ----------
@@ -142,7 +144,7 @@ def _check_room(partial: Path, needed: int) -> None:
 def _chunks(response: Any, length: int | None, name: str, timeout_s: float) -> Iterator[bytes]:
     """Yield the received bytes; raise an error if the average rate is below `SLOWEST`."""
     received, counted, started = 0, 0, time.monotonic()
-    with share_bar(f"fetching {name.removeprefix('.').removesuffix('.part')}") as report:
+    with progress_bar(f"fetching {name.removeprefix('.').removesuffix('.part')}") as report:
         while chunk := response.read1(CHUNK):
             yield chunk
             received += len(chunk)
@@ -170,7 +172,7 @@ def _keep_validator(response: Any, path: Path) -> None:
 
 
 @contextmanager
-def alone(root: Path) -> Iterator[None]:
+def exclusive_lock(root: Path) -> Iterator[None]:
     """Lock a folder for one process, because several jobs share a download; the lock ends with the process."""
     try:
         root.mkdir(parents=True, exist_ok=True)

@@ -17,7 +17,7 @@ class PolarsimError(Exception):
     reason
         The problem and the expected input, without the position.
     path
-        The invalid file or folder; None if only the caller knows the path and adds it with `about`.
+        The invalid file or folder; None if only the caller knows the path and adds it with `with_path`.
     line
         Line of the file, from 1.
     """
@@ -71,7 +71,7 @@ class RoverError(PolarsimError):
 
 
 @contextmanager
-def about(path: str | Path) -> Iterator[None]:
+def with_path(path: str | Path) -> Iterator[None]:
     """Add a path to a `PolarsimError` without path, for example of a function that processes arrays only."""
     try:
         yield
@@ -82,7 +82,7 @@ def about(path: str | Path) -> Iterator[None]:
 
 
 @contextmanager
-def within(part: str) -> Iterator[None]:
+def with_part(part: str) -> Iterator[None]:
     """Add the name of a part, such as a position or a photo, to the reason of a `PolarsimError`."""
     try:
         yield

@@ -9,12 +9,12 @@ from pydantic import BaseModel, Field, field_validator
 from polarsim.photo import AZIMUTHS, CAMERAS, LIGHTS, Azimuth, CameraSide, Light, PhotoKey, is_exposure, photo_grid
 
 
-def as_text(value: object) -> object:
+def text_values(value: object) -> object:
     """Convert values of the photo grid from YAML to text; raise ValueError for booleans."""
     if isinstance(value, bool):
         raise ValueError("YAML reads on, off, no as booleans: put them in quotes")
     if isinstance(value, (list, tuple)):
-        return [as_text(part) for part in value]
+        return [text_values(part) for part in value]
     return str(value) if isinstance(value, int) else value
 
 
@@ -40,7 +40,7 @@ class GridOptions(BaseModel, extra="forbid", frozen=True):
     @field_validator("lights", "azimuths", mode="before")
     @classmethod
     def _words(cls, values: object) -> object:
-        return as_text(values)
+        return text_values(values)
 
     @field_validator("exposures_ms", "exposures_no_sun_ms")
     @classmethod

@@ -18,7 +18,7 @@ RESAMPLES = 1000
 LEVELS = (0.025, 0.975)
 
 
-def draws(units: int, resamples: int, seed: int = 0, *purpose: object) -> np.ndarray:
+def bootstrap_draws(units: int, resamples: int, seed: int = 0, *purpose: object) -> np.ndarray:
     """Return (resamples, units) float: number of draws of each unit with replacement.
 
     All metrics of a purpose use the same draws, so differences between metrics are paired.
@@ -27,7 +27,7 @@ def draws(units: int, resamples: int, seed: int = 0, *purpose: object) -> np.nda
     return random.multinomial(units, np.full(units, 1 / units), size=resamples).astype(float)
 
 
-def interval(values: np.ndarray, units: int) -> tuple[float, float]:
+def percentile_interval(values: np.ndarray, units: int) -> tuple[float, float]:
     """Return the bounds of the central 95 % of resampled values; NaN for fewer than two units.
 
     NaN values are ignored.
@@ -40,7 +40,7 @@ def interval(values: np.ndarray, units: int) -> tuple[float, float]:
 
 
 def resampled_means(values: np.ndarray, unit: np.ndarray, drawn: np.ndarray) -> np.ndarray:
-    """Return (resamples,) means of values (n,) of units (n,) with `draws`; NaN where no unit with a value is drawn."""
+    """Return means (resamples,) of values (n,) of units (n,) for `bootstrap_draws`; NaN without any value."""
     return resampled_ratios(values, np.ones(len(values)), unit, drawn)
 
 
@@ -50,7 +50,7 @@ def resampled_ratios(values: np.ndarray, weights: np.ndarray, unit: np.ndarray, 
     return np.divide(total, weight, out=np.full(len(drawn), np.nan), where=weight > 0)
 
 
-def interval_of(
+def bootstrap_interval(
     groups: Sequence[np.ndarray],
     statistic: Callable[[np.ndarray], float],
     random: np.random.Generator,
@@ -61,7 +61,7 @@ def interval_of(
         return math.nan, math.nan
     drawn = random.integers(len(groups), size=(resamples, len(groups)))
     values = np.array([statistic(np.concatenate([groups[unit] for unit in draw])) for draw in drawn])
-    return interval(values[np.isfinite(values)], len(groups))
+    return percentile_interval(values[np.isfinite(values)], len(groups))
 
 
 def student_interval(values: np.ndarray) -> tuple[float, float]:

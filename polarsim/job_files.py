@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 
-def paths(files: Iterable[str]) -> list[Path]:
+def list_of_paths(files: Iterable[str]) -> list[Path]:
     """Return the paths of a list of files, which may be empty.
 
     Raises

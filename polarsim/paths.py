@@ -24,10 +24,10 @@ from polarsim.acquire.options import describe_seeds
 from polarsim.config import Config
 from polarsim.cover_photos.options import CARVED
 from polarsim.detect.options import PACKAGED, VIEWS, DetectorOptions, PredictionOptions
-from polarsim.formats.release import cover_photos, label_files, label_folder, mesh_files, polygon_folder
+from polarsim.formats.release import cover_photos, label_files, label_folder, polygon_folder, released_meshes
 from polarsim.photo import positions
 from polarsim.rover.cameras.options import rover_render
-from polarsim.rover.planning.cases import UNLIT, cases
+from polarsim.rover.planning.cases import MODES_WITHOUT_PICTURES, cases
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.schemas.covers import FINE_TUNED, RENDERED
 
@@ -44,7 +44,7 @@ class Wildcards(Protocol):
         ...
 
 
-def growing(mem_mb: int) -> Callable[[Wildcards, int], int]:
+def memory_per_attempt(mem_mb: int) -> Callable[[Wildcards, int], int]:
     """Return the memory of a job, MB: doubled at each further attempt (`--retries`)."""
 
     def of_attempt(wildcards: Wildcards, attempt: int) -> int:  # noqa: ARG001
@@ -453,7 +453,7 @@ class CoverPaths:
         self.terrains = [terrain for terrain in config.terrains if cover_photos(config.annotated_root, terrain)]
         # Terrains whose rocks are used: a release may lack the meshes of a terrain.
         has_scans, root = config.data_source.has_scans, config.source.root
-        self.strewn = [terrain for terrain in config.terrains if has_scans or mesh_files(root, terrain)]
+        self.strewn = [terrain for terrain in config.terrains if has_scans or released_meshes(root, terrain)]
         self.folds = {
             "_".join(f"{terrain:02d}" for terrain in fold): fold
             for fold in config.cover_folds
@@ -676,4 +676,4 @@ class RoverPaths:
         return str(detector.weights) if detector else []
 
     def _is_unlit(self, wildcards: Wildcards) -> bool:
-        return self.cases[wildcards.case].mode in UNLIT
+        return self.cases[wildcards.case].mode in MODES_WITHOUT_PICTURES

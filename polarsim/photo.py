@@ -28,8 +28,8 @@ BLACK_LEVEL = 16  # DN of an unlit pixel
 WHITE_LEVEL = 4095  # DN, 12 bits in a 16-bit file
 ELECTRONS_PER_DN = 8  # not published; value of similar sensors (Sony IMX249: 33,000 electrons at 12 bits)
 READ_NOISE_ELECTRONS = 7  # standard deviation, of similar sensors
-USUAL_EXPOSURE_MS = 256  # median exposure with a Sun lamp, at which most labels were annotated
-CENTRE_GREY_PER_MS = 3.0  # DN per ms of level sand at the centre under Sun lamp 30; makes the usual exposure optimal
+REFERENCE_EXPOSURE_MS = 256  # median exposure with a Sun lamp, at which most labels were annotated
+CENTRE_DN_PER_MS = 3.0  # DN per ms of level sand at the centre under Sun lamp 30; makes the usual exposure optimal
 
 ROCK, SHADOW = "rock", "shadow"
 BOX_CLASSES = (ROCK, SHADOW)  # index: class number of a box
@@ -40,7 +40,7 @@ SHADOWS_ANNOTATED_FROM_MS = 128  # minimum exposure of annotated shadows; a seco
 GREY_VALUES = {"background": 0, "ground": 86, ROCK: 128, SHADOW: 43}  # of the class masks of the release
 
 NO_ROCK = -1  # label or pixel without known rock
-FIRST_UNMESHED_ROCK = 901  # first id of labelled rocks without mesh; ids of meshed rocks are smaller
+FIRST_ID_WITHOUT_MESH = 901  # first id of labelled rocks without mesh; ids of meshed rocks are smaller
 
 _QUERY = re.compile(r"\?(?!d=).*", re.DOTALL)  # of an address; Label Studio's files are `?d=FOLDER/FILE`
 _ENDING = re.compile(r"(?:_[A-Za-z]{3,4}\.rf\.\w+)?(?:\.[A-Za-z]\w{1,4})?\Z")  # of Roboflow's KEY_png.rf.HASH.jpg
@@ -126,7 +126,7 @@ class PhotoKey:
     @property
     def stops_off_usual(self) -> float:
         """Absolute difference to the usual exposure, in stops (factors of two)."""
-        return abs(log2(self.exposure_ms / USUAL_EXPOSURE_MS))
+        return abs(log2(self.exposure_ms / REFERENCE_EXPOSURE_MS))
 
     @property
     def other_camera(self) -> PhotoKey:

@@ -28,7 +28,7 @@ def track(items: Collection[Item], text: str) -> Iterator[Item]:
 
 
 @contextmanager
-def share_bar(text: str) -> Iterator[Callable[[float], None]]:
+def progress_bar(text: str) -> Iterator[Callable[[float], None]]:
     """Yield a function that shows the completed share, 0 to 1, of work without countable items."""
     if sys.stderr.isatty():
         from rich.console import Console

@@ -36,7 +36,7 @@ def is_current(output: Path, wanted: str) -> bool:
 
 
 @contextmanager
-def noting(output: Path, made_with: str) -> Iterator[None]:
+def store_identity(output: Path, made_with: str) -> Iterator[None]:
     """Store the identity of the output that the block writes; after an error no identity is stored."""
     _note(output).unlink(missing_ok=True)
     yield

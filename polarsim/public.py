@@ -13,7 +13,7 @@ from typing import Any
 Offer = tuple[list[str], Callable[[str], Any], Callable[[], list[str]]]
 
 
-def offered(package: str, **modules: str) -> Offer:
+def lazy_exports(package: str, **modules: str) -> Offer:
     """Return `__all__`, `__getattr__` and `__dir__` of a package with public names given as `Name="module"`."""
 
     def get(name: str) -> Any:

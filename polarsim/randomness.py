@@ -10,11 +10,11 @@ import numpy as np
 
 def generator(seed: int, *purpose: object) -> np.random.Generator:
     """Return a generator for a purpose, such as `generator(seed, "sensor", key)`; 0.0 and -0.0 are equal."""
-    text = "\x1f".join(str(unsigned_zeros(part)) for part in (seed, *purpose))
+    text = "\x1f".join(str(without_negative_zeros(part)) for part in (seed, *purpose))
     return np.random.default_rng(int.from_bytes(hashlib.sha256(text.encode()).digest()[:16], "big"))
 
 
-def unsigned_zeros(value: Any) -> Any:
+def without_negative_zeros(value: Any) -> Any:
     """Replace -0.0 by 0.0 in floats, arrays, and lists, tuples and dictionaries of them; return other values unchanged.
 
     Both zeros are equal but differ in text and bytes, and the sign depends on rounding errors. Every part of a seed, a
@@ -25,7 +25,7 @@ def unsigned_zeros(value: Any) -> Any:
     if isinstance(value, np.ndarray) and value.dtype.kind in "fc":
         return value + value.dtype.type(0)
     if isinstance(value, dict):
-        return {key: unsigned_zeros(part) for key, part in value.items()}
+        return {key: without_negative_zeros(part) for key, part in value.items()}
     if type(value) in (list, tuple):
-        return type(value)(unsigned_zeros(part) for part in value)
+        return type(value)(without_negative_zeros(part) for part in value)
     return value

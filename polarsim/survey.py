@@ -19,7 +19,7 @@ SURVEYED_LEFT = {
     "B": np.array([6.100, -0.403, 1.345 + HEIGHT_OFFSET]),
     "C": np.array([0.81, -3.675, 1.325 + HEIGHT_OFFSET]),
 }
-MAX_OFF_SURVEY = 1.0  # maximum distance of a tripod of the sandbox from the surveyed position
+MAX_SURVEY_ERROR = 1.0  # maximum distance of a tripod of the sandbox from the surveyed position
 NOMINAL_YAW_DEG = {"A": 180.0, "B": 180.0, "C": 103.0}  # heading of the optical axis, from +X towards +Y
 NOMINAL_PITCH_DEG = 25.0  # downwards
 
@@ -36,7 +36,7 @@ POSITION_DISTANCE_MM = {"A": 1500, "B": 4000, "C": 1500}  # from the edge of the
 SANDBOX_HALF_WIDTH = 2.0  # of the sand inside the walls
 # Terrain 13 is another box, about 1 m wide according to photos, with seven positions within decimetres. Its positions
 # and wall height were not surveyed.
-SMALL_BOXES = {13: 0.5}  # terrain -> half width, metres
+HALF_WIDTH_OF_OTHER_BOXES = {13: 0.5}  # terrain -> half width, metres
 WALL_HEIGHT = 0.30  # top of the walls above the sand; 0.29 to 0.36 in a photo of terrain 1
 # Safety margin for objects that must not exceed any wall: 1 cm for the lowest wall, 1 cm for the sand level (a median).
 WALL_MARGIN = 0.02
@@ -58,12 +58,12 @@ def survey_lift(left: Mapping[str, np.ndarray]) -> float:
     Lamps and tripods were surveyed together, so the offset is the median offset of the located left cameras (position
     -> (3,), metres). The frames of published meshes were placed manually, with errors of up to 0.2 m. On the release,
     this offset yields a shadow F1 of 0.51 on terrain 11, the median height of the sand 0.45; terrains 01 and 04 do not
-    differ. Cameras farther than `MAX_OFF_SURVEY` from the survey are ignored, for example those of terrain 13.
+    differ. Cameras farther than `MAX_SURVEY_ERROR` from the survey are ignored, for example those of terrain 13.
     """
     heights = [
         centre[2]
         for position, centre in left.items()
-        if position in SURVEYED_LEFT and np.hypot(*(centre - SURVEYED_LEFT[position])[:2]) <= MAX_OFF_SURVEY
+        if position in SURVEYED_LEFT and np.hypot(*(centre - SURVEYED_LEFT[position])[:2]) <= MAX_SURVEY_ERROR
     ]
     usual = float(np.median([position[2] for position in SURVEYED_LEFT.values()]))
     return float(np.median(heights)) - usual if heights else 0.0
@@ -71,12 +71,12 @@ def survey_lift(left: Mapping[str, np.ndarray]) -> float:
 
 def half_width(terrain: int) -> float:
     """Return half the width of the sand of a terrain inside the walls, metres."""
-    return SMALL_BOXES.get(terrain, SANDBOX_HALF_WIDTH)
+    return HALF_WIDTH_OF_OTHER_BOXES.get(terrain, SANDBOX_HALF_WIDTH)
 
 
 def is_surveyed(terrain: int) -> bool:
     """Return whether a terrain is in the sandbox with surveyed tripods, lamps and walls."""
-    return terrain not in SMALL_BOXES
+    return terrain not in HALF_WIDTH_OF_OTHER_BOXES
 
 
 def wall_height(terrain: int, *, surely: bool = False) -> float:

@@ -1,7 +1,7 @@
 """Tone curve from linear light to 8 bits: linear between black and white level, then gamma.
 
-The white level of displayed images (figures, previews, exports to labelling tools) is computed by `white_of`; the white
-level of training and published images by `detect.tone`.
+The white level of displayed images (figures, previews, exports to labelling tools) is computed by
+`display_white_level`, the white level of training and published images by `detect.tone`.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 
 GAMMA = 2.2
 WHITE_PERCENTILE = 99.7  # of displayed pixels; brighter pixels are white
-DARKEST_WHITE = 40  # minimum white level, DN above black: keeps a dark photo black instead of amplifying noise
+MIN_WHITE_DN = 40  # minimum white level, DN above black: keeps a dark photo black instead of amplifying noise
 
 
-def encoded(light: np.ndarray, white: float, gamma: float = GAMMA) -> np.ndarray:
+def encode_tone(light: np.ndarray, white: float, gamma: float = GAMMA) -> np.ndarray:
     """Return light above black, DN, as uint8; `white` DN and more become 255."""
     share = np.clip(light / white, 0, 1)
     return np.asarray(np.rint(255 * (share if gamma == 1 else share ** (1 / gamma))), np.uint8)
@@ -28,11 +28,11 @@ def white_level(light: np.ndarray, percentile: float, darkest: float) -> float:
     return float(min(WHITE_LEVEL - BLACK_LEVEL, max(float(np.percentile(light, percentile)), darkest)))
 
 
-def white_of(pixels: np.ndarray) -> float:
+def display_white_level(pixels: np.ndarray) -> float:
     """Return the light, DN above black, that a displayed picture shows as white."""
     if pixels.dtype == np.uint8:
         return 255.0
-    return white_level(pixels.astype(float) - BLACK_LEVEL, WHITE_PERCENTILE, DARKEST_WHITE)
+    return white_level(pixels.astype(float) - BLACK_LEVEL, WHITE_PERCENTILE, MIN_WHITE_DN)
 
 
 def to_8bit(pixels: np.ndarray, white: float | None = None) -> np.ndarray:
@@ -41,15 +41,16 @@ def to_8bit(pixels: np.ndarray, white: float | None = None) -> np.ndarray:
     Parameters
     ----------
     white
-        DN above black that becomes 255; a common value makes the brightness of images comparable. None: `white_of`.
+        DN above black that becomes 255; a common value makes the brightness of images comparable.
+        None: `display_white_level`.
     """
     shown = pixels
     if pixels.dtype != np.uint8:
-        shown = _curve(white_of(pixels) if white is None else white).take(pixels)
+        shown = _curve(display_white_level(pixels) if white is None else white).take(pixels)
     return np.repeat(shown[..., None], 3, axis=2) if shown.ndim == 2 else shown[..., :3]
 
 
 @lru_cache(maxsize=8)
 def _curve(white: float) -> np.ndarray:
     """Return a table with the uint8 value of every uint16 value."""
-    return encoded(np.arange(np.iinfo(np.uint16).max + 1, dtype=float) - BLACK_LEVEL, white)
+    return encode_tone(np.arange(np.iinfo(np.uint16).max + 1, dtype=float) - BLACK_LEVEL, white)

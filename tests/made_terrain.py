@@ -12,8 +12,8 @@ from polarsim.formats import obj
 from polarsim.formats.files import write_json
 from polarsim.formats.tables import write_parquet
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.poses import Pose, looking
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.poses import Pose, camera_pose
+from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 
 TERRAIN = 3
@@ -34,7 +34,7 @@ class World:
         """Write cameras, meshes and rocks.parquet to a folder; rocks are enlarged by `grown` on all sides, metres."""
         other_from_truth = other_from_truth or Pose.identity()
         for position, pose in self.poses.items():
-            localised = LocalisedRig(stated_rig(), other_from_truth @ pose, "scans", {"rmse_mm": 1.5})
+            localised = LocalisedRig(default_rig(), other_from_truth @ pose, "scans", {"rmse_mm": 1.5})
             write_localised(folder / "cameras" / f"Pos{position}.json", localised)
         suns = {azimuth: other_from_truth.apply(np.array(tripod)) for azimuth, tripod in SUN_LAMPS.items()}
         write_json(folder / "lamps.json", {azimuth: tripod.tolist() for azimuth, tripod in suns.items()})
@@ -56,8 +56,8 @@ class World:
 @pytest.fixture
 def world() -> World:
     poses = {
-        "A": looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(25)),
-        "C": looking(np.array([0.8, -3.8, 1.5]), np.radians(103), np.radians(25)),
+        "A": camera_pose(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(25)),
+        "C": camera_pose(np.array([0.8, -3.8, 1.5]), np.radians(103), np.radians(25)),
     }
     return World(TERRAIN, poses)
 
@@ -79,7 +79,7 @@ def cube() -> Callable[[tuple[float, float, float], float], Mesh]:
 
 
 def write_mesh(folder: Path, name: str, mesh: Mesh, other_from_truth: Pose) -> None:
-    obj.write(folder / "meshes" / name, Mesh(other_from_truth.apply(mesh.vertices), mesh.faces), name)
+    obj.write_obj(folder / "meshes" / name, Mesh(other_from_truth.apply(mesh.vertices), mesh.faces), name)
 
 
 def make_sand(n: int = 81) -> Mesh:

@@ -60,13 +60,13 @@ def test_masks_show_rocks_above_ground_in_any_order(polarsim, tmp_path):
     yolo.write_polygons(tmp_path / "in/01_A_off_30_L_0256.txt", [ROCK_POLYGON, GROUND_POLYGON])
     done = polarsim("masks", tmp_path / "in", tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    grey = png.read(tmp_path / "out/01_A_off_30_L_0256.png")
+    grey = png.read_png(tmp_path / "out/01_A_off_30_L_0256.png")
     assert grey[200, 200] == GREY_VALUES["rock"]
     assert grey[800, 800] == GREY_VALUES["ground"]
 
 
 def test_outline_turns_masks_into_polygons(polarsim, tmp_path):
-    mask = rle.encode(np.ones((150, 200)), 100, 100)
+    mask = rle.encode_rle(np.ones((150, 200)), 100, 100)
     labels = [coco.Annotation("rock", 4, np.array([100.0, 100, 300, 250]), mask)]
     coco.write_coco(tmp_path / "in.json", {PhotoKey.parse("01_A_off_30_L_0256"): labels})
     done = polarsim("outline", tmp_path / "in.json", tmp_path / "out.json")
@@ -79,7 +79,7 @@ def test_outline_turns_masks_into_polygons(polarsim, tmp_path):
 
 def test_render_writes_a_12_bit_picture_of_a_lit_plane(polarsim, tmp_path):
     corners = np.array([[-2.0, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]])
-    obj.write(tmp_path / obj.ground_name(1), Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), "ground")
+    obj.write_obj(tmp_path / obj.ground_name(1), Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), "ground")
     done = polarsim("render", tmp_path, tmp_path / "twin.png", "--exposure", 128, "--model", "lambert")
     assert done.returncode == 0, done.stderr
     assert png.read_photo(tmp_path / "twin.png").max() > 100
@@ -101,14 +101,14 @@ render: {{models: [lambert], rim: false}}
 
 def test_render_takes_a_file_of_views(polarsim, tmp_path):
     corners = np.array([[-2.0, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]])
-    obj.write(tmp_path / obj.ground_name(1), Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), "ground")
+    obj.write_obj(tmp_path / obj.ground_name(1), Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), "ground")
     (tmp_path / "views.yaml").write_text(VIEWS.format(meshes=tmp_path))
     done = polarsim("render", tmp_path / "views.yaml", tmp_path / "out", "--limit", 3, "--preview", "--threads", 2)
     assert done.returncode == 0, done.stderr
     assert "3 labelled pictures" in done.stdout
     pictures = sorted((tmp_path / "out/images").iterdir())
-    assert [png.read(path).dtype for path in pictures] == [np.uint8] * 3
-    assert max(png.read(path).max() for path in pictures) > 200
+    assert [png.read_png(path).dtype for path in pictures] == [np.uint8] * 3
+    assert max(png.read_png(path).max() for path in pictures) > 200
     again = polarsim("render", tmp_path / "views.yaml", tmp_path / "out", "--preview", "--scale", 1)
     assert "4 labelled pictures" in again.stdout
     assert "1 of them new" in again.stdout

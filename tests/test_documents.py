@@ -26,7 +26,7 @@ from typer.testing import CliRunner
 
 from polarsim import config
 from polarsim.cli import app
-from polarsim.running.configuration import base_of
+from polarsim.running.configuration import base_configuration
 
 CHECKOUT = Path(__file__).parent.parent
 DOCUMENTS = [
@@ -110,7 +110,7 @@ def check_snakemake(arguments: list[str]) -> None:
     merged: dict = {}
     named = [CHECKOUT / file for file in given.configfile or ()]
     shipped = [file for file in named if file.parent.name == "config" or file.exists()]  # without files of the reader
-    for file in [*(CHECKOUT / base for base in base_of(shipped)), *shipped]:
+    for file in [*(CHECKOUT / base for base in base_configuration(shipped)), *shipped]:
         update_config(merged, yaml.safe_load(file.read_text()))
     update_config(merged, parse_config(given.config))
     run = config.parse_config(merged).run

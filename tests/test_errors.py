@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from polarsim import errors
-from polarsim.errors import DetectError, FormatError, LabelError, PolarsimError, about, within
+from polarsim.errors import DetectError, FormatError, LabelError, PolarsimError, with_part, with_path
 from polarsim.formats import tables, yolo
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.state import OffGridError
@@ -15,13 +15,13 @@ KINDS = [kind for kind in vars(errors).values() if isinstance(kind, type) and is
 
 
 def fail(path):
-    with about(path), within("annotation 3"):
+    with with_path(path), with_part("annotation 3"):
         raise FormatError("no box", line=7)
 
 
 @pytest.mark.parametrize("kind", [*KINDS, EnergyError, OffGridError])
 def test_a_pickled_error_keeps_its_fields(kind):
-    with pytest.raises(kind) as caught, about("labels.txt"), within("image 2"):
+    with pytest.raises(kind) as caught, with_path("labels.txt"), with_part("image 2"):
         raise kind("5 fields", line=3)
     copy = pickle.loads(pickle.dumps(caught.value))
     assert type(copy) is kind
@@ -37,7 +37,7 @@ def test_an_error_of_another_process_keeps_its_fields():
 
 
 def test_a_file_that_is_known_is_not_hidden():
-    with pytest.raises(LabelError) as caught, about("folder"), about("inner.txt"):
+    with pytest.raises(LabelError) as caught, with_path("folder"), with_path("inner.txt"):
         raise LabelError("no key", "file.txt", 4)
     assert str(caught.value) == "file.txt:4: no key"
 

@@ -3,24 +3,30 @@
 import numpy as np
 import pytest
 
-from polarsim.intervals import draws, interval, interval_of, resampled_means, student_interval
+from polarsim.intervals import (
+    bootstrap_draws,
+    bootstrap_interval,
+    percentile_interval,
+    resampled_means,
+    student_interval,
+)
 from polarsim.randomness import generator
 
 
 def test_every_resample_draws_as_many_units_as_there_are_and_purposes_differ():
-    drawn = draws(7, 100, 3)
+    drawn = bootstrap_draws(7, 100, 3)
     assert (drawn.sum(axis=1) == 7).all()
-    np.testing.assert_array_equal(drawn, draws(7, 100, 3))
-    assert not np.array_equal(drawn, draws(7, 100, 3, "masks"))
+    np.testing.assert_array_equal(drawn, bootstrap_draws(7, 100, 3))
+    assert not np.array_equal(drawn, bootstrap_draws(7, 100, 3, "masks"))
 
 
 def by_weights(values: np.ndarray) -> tuple[float, float]:
     units = np.arange(len(values))
-    return interval(resampled_means(values, units, draws(len(values), 4000, 0)), len(values))
+    return percentile_interval(resampled_means(values, units, bootstrap_draws(len(values), 4000, 0)), len(values))
 
 
 def by_groups(values: np.ndarray) -> tuple[float, float]:
-    return interval_of(list(values[:, None]), lambda own: float(np.mean(own)), generator(0, "test"), 4000)
+    return bootstrap_interval(list(values[:, None]), lambda own: float(np.mean(own)), generator(0, "test"), 4000)
 
 
 @pytest.mark.parametrize("method", [by_weights, by_groups, student_interval])
@@ -40,5 +46,5 @@ def test_students_interval_of_three_values_is_that_of_the_table_of_t():
 def test_resamples_without_a_value_are_left_out():
     means = resampled_means(np.array([1.0, 3.0]), np.array([0, 0]), np.array([[0.0, 2.0], [1.0, 1.0], [2.0, 0.0]]))
     assert np.isnan(means[0])
-    assert interval(means, 2) == (2.0, 2.0)
-    assert np.isnan(interval(np.full(3, np.nan), 2)).all()
+    assert percentile_interval(means, 2) == (2.0, 2.0)
+    assert np.isnan(percentile_interval(np.full(3, np.nan), 2)).all()

@@ -31,15 +31,15 @@ lights: [{kind: sun, azimuth_deg: [30], elevation_deg: [20]}]
 def here(tmp_path, monkeypatch):
     """Working folder with an input file of every command."""
     monkeypatch.chdir(tmp_path)
-    obj.write(Path("meshes") / obj.ground_name(1), SQUARE, "ground")
+    obj.write_obj(Path("meshes") / obj.ground_name(1), SQUARE, "ground")
     yolo.write_boxes(Path("boxes") / f"{KEY}.txt", np.array([0]), np.array([[5.0, 5, 50, 60]]))
     yolo.write_polygons(Path("polygons") / f"{KEY}.txt", [(2, np.array([[10.0, 10], [30, 10], [30, 25]]))])
-    mask = rle.encode(np.ones((15, 20)), 100, 100)
+    mask = rle.encode_rle(np.ones((15, 20)), 100, 100)
     coco.write_coco(
         Path("labels.json"),
         {PhotoKey.parse(KEY): [coco.Annotation("rock", 4, np.array([100.0, 100, 120, 115]), mask)]},
     )
-    png.write(Path("picture.png"), np.zeros((48, 64), np.uint8))
+    png.write_png(Path("picture.png"), np.zeros((48, 64), np.uint8))
     for run in ("demo", "release"):
         Path("results", run).mkdir(parents=True)
     Path("file").write_text("a file\n")

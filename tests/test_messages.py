@@ -24,7 +24,7 @@ def here(tmp_path, monkeypatch):
     yolo.write_boxes(Path("boxes") / f"{KEY}.txt", np.array([0]), np.array([[5.0, 5, 50, 60]]))
     for folder in ("empty", "results/demo/renders/hapke/Terrain01", "results/demo/labels/boxes/Terrain01"):
         Path(folder).mkdir(parents=True)
-    png.write(Path(f"results/demo/renders/hapke/Terrain01/{KEY}.png"), np.zeros((1216, 1936), np.uint16))
+    png.write_png(Path(f"results/demo/renders/hapke/Terrain01/{KEY}.png"), np.zeros((1216, 1936), np.uint16))
     return tmp_path
 
 

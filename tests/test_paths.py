@@ -6,7 +6,7 @@ import pytest
 
 from polarsim.config import parse_config
 from polarsim.detect.options import PACKAGED
-from polarsim.paths import CoverPaths, GapPaths, RoverPaths, RunPaths, growing
+from polarsim.paths import CoverPaths, GapPaths, RoverPaths, RunPaths, memory_per_attempt
 
 
 @pytest.fixture(autouse=True)
@@ -39,7 +39,7 @@ def release(tmp_path):
 
 
 def test_memory_doubles_with_each_attempt():
-    assert [growing(500)(job(), attempt) for attempt in (1, 2, 3)] == [500, 1000, 2000]
+    assert [memory_per_attempt(500)(job(), attempt) for attempt in (1, 2, 3)] == [500, 1000, 2000]
 
 
 def test_raw_data_of_the_analog_are_receipts_and_of_a_release_files(release):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from polarsim.config import parse_config
 from polarsim.formats.yaml_files import read_yaml
-from polarsim.randomness import generator, unsigned_zeros
+from polarsim.randomness import generator, without_negative_zeros
 
 CONFIG = Path(__file__).parent.parent / "config/config.yaml"
 
@@ -33,22 +33,22 @@ def flipped(value):
 @given(purpose=VALUES)
 def test_the_sign_of_a_zero_changes_no_random_number(purpose):
     assert generator(7, "test", flipped(purpose)).random() == generator(7, "test", purpose).random()
-    assert json.dumps(unsigned_zeros(flipped(purpose))) == json.dumps(unsigned_zeros(purpose))
-    assert unsigned_zeros(purpose) == purpose
+    assert json.dumps(without_negative_zeros(flipped(purpose))) == json.dumps(without_negative_zeros(purpose))
+    assert without_negative_zeros(purpose) == purpose
 
 
 @pytest.mark.parametrize("kind", ["<f4", ">f4", "<f8", "<f2", "<c16"])
 def test_arrays_keep_their_type_and_values(kind):
     array = np.array([[0.0, -0.0], [-1.5, 2.0]], kind)[:, ::-1]
-    found = unsigned_zeros(array)
-    assert found.tobytes() == unsigned_zeros(-1 * -array).tobytes()
+    found = without_negative_zeros(array)
+    assert found.tobytes() == without_negative_zeros(-1 * -array).tobytes()
     assert found.dtype == array.dtype.newbyteorder("=")
     np.testing.assert_array_equal(found, array)
     assert not np.signbit(found.real[0]).any()
 
 
 def test_numbers_of_other_purposes_stay_as_they_were():
-    """Return the number of the version without `unsigned_zeros`."""
+    """Return the number of the version without `without_negative_zeros`."""
     assert generator(1, "sensor", "01_A_off_30_L_0256", 2.5, [0.5, 1]).integers(2**32) == 3911179663
 
 

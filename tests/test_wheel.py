@@ -95,7 +95,7 @@ def test_commands_work_without_extras_and_clone(call, tmp_path):
     done = call("brdf", "hapke", "--plot", "curves.png")
     assert done.returncode == 0, done.stderr
     assert "pi f_r" in done.stdout
-    assert png.read(tmp_path / "curves.png").shape[1] == 1600
+    assert png.read_png(tmp_path / "curves.png").shape[1] == 1600
 
 
 @pytest.mark.parametrize(
@@ -109,11 +109,11 @@ def test_commands_work_without_extras_and_clone(call, tmp_path):
     ],
 )
 def test_missing_extras_and_files_are_named_in_one_line(call, tmp_path, arguments, named):
-    png.write(tmp_path / "picture.png", np.zeros((48, 64), np.uint8))
+    png.write_png(tmp_path / "picture.png", np.zeros((48, 64), np.uint8))
     if arguments[0] == "drive":
         for terrain in range(1, 14):
             name = obj.ground_name(terrain)
-            obj.write(tmp_path / f"results/demo/meshes/Terrain{terrain:02d}" / name, SQUARE, "ground")
+            obj.write_obj(tmp_path / f"results/demo/meshes/Terrain{terrain:02d}" / name, SQUARE, "ground")
     done = call(*arguments)
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()

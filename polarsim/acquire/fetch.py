@@ -10,7 +10,7 @@ from pathlib import Path
 
 from polarsim.acquire.archives import unpack
 from polarsim.acquire.options import FetchLimits, SourceOptions
-from polarsim.download import alone, downloaded
+from polarsim.download import downloaded_file, exclusive_lock
 from polarsim.errors import ConfigError, FetchError, FormatError
 from polarsim.formats.files import read_json, write_json
 from polarsim.formats.readers import reader
@@ -35,14 +35,14 @@ def fetch_archive(*, name: str, url: str | None, root: Path, limits: FetchLimits
         The download fails, or the checksum differs from the pinned checksum.
     """
     path = root / name
-    with alone(root):
+    with exclusive_lock(root):
         if path.exists():
             log.info("%s: exists already", path)
             _check_pin(path, path, root)
             return path
         if url is None:
             raise FetchError("missing, and source.urls has no address of the archive", path=path)
-        with downloaded(url, path, limits.tries, limits.backoff_s, limits.timeout_s) as partial:
+        with downloaded_file(url, path, limits.tries, limits.backoff_s, limits.timeout_s) as partial:
             if not zipfile.is_zipfile(partial):  # do not pin the checksum of a login page
                 raise FetchError(f"the file at {url} is no zip archive", path=path)
             _check_pin(partial, path, root)
@@ -69,7 +69,7 @@ def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path, limits: Fe
         named = _terrain_in(name) == terrain and data.unpacked(source.root, terrain)
         if not named and not folder.is_dir():
             path = fetch_archive(name=name, url=source.urls.get(name), root=source.root, limits=limits)
-            with alone(source.root):
+            with exclusive_lock(source.root):
                 if not folder.is_dir():  # the job of another terrain may have extracted the archive
                     unpack(path, folder, limits, data.layout)
         data.arrange(folder, source.root)

@@ -11,13 +11,13 @@ from typing import Any
 import pandas as pd
 
 from polarsim.acquire.options import NO_SEEDS, SeedChoice, SeedOptions, SourceOptions
-from polarsim.acquire.seeds import choose_seeds, copy_seeds, find_labels, no_seed_error
+from polarsim.acquire.seeds import choose_seed_files, copy_seeds, find_labels, no_seed_error
 from polarsim.acquire.stereo_check import check_calibration
 from polarsim.errors import FormatError, LabelError
 from polarsim.formats import nasa, png, release
 from polarsim.formats.readers import reader
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, read_parquet, write_parquet
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.stereo import default_rig
 from polarsim.grid import GridOptions
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.progress import track
@@ -101,7 +101,7 @@ def index_terrain(
     else:
         _check_scanned(terrain, positions, raw, source.root)
         chosen = []
-    rig = nasa.read_calibration(raw.calibration) if raw.calibration else stated_rig()
+    rig = nasa.read_calibration(raw.calibration) if raw.calibration else default_rig()
     recorded = {PhotoKey.parse(key): Path(path) for key, path in zip(table["key"], table["path"], strict=True)}
     check_calibration(recorded, rig, Path(raw.calibration) if raw.calibration else None)
     write_parquet(photos, table)  # all errors of the source were raised above, before the first output
@@ -133,7 +133,7 @@ def _seeds(
     if log_strays:  # the inventory of a release lists strays
         stray = release.key_files(folder).stray
         release.log_strays((path for path in stray if folder != root or path.suffix.lower() == ".txt"), str(folder))
-    chosen = choose_seeds(files, positions, options)
+    chosen = choose_seed_files(files, positions, options)
     if not chosen:
         raise no_seed_error(terrain, options, files, folder)
     unknown = set(positions) - {key.position for key, _ in chosen} - set(raw.scanned)

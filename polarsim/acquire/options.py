@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
-from polarsim.grid import as_text
+from polarsim.grid import text_values
 from polarsim.photo import SUNS, Azimuth, Light, PhotoKey, is_exposure
 from polarsim.photo import CameraSide as Camera
 from polarsim.sources.registry import SOURCES
@@ -99,7 +99,7 @@ class SeedOptions(BaseModel, extra="forbid", frozen=True):
     @field_validator("light", "azimuths", mode="before")
     @classmethod
     def _words(cls, value: object) -> object:
-        return as_text(value)
+        return text_values(value)
 
     @field_validator("exposure")
     @classmethod

@@ -13,7 +13,7 @@ from polarsim.acquire.options import NO_SEEDS, SeedOptions
 from polarsim.errors import FormatError, LabelError
 from polarsim.formats import release, yolo
 from polarsim.formats.files import writing_folder
-from polarsim.geometry.consensus import rocks_called_shadows
+from polarsim.geometry.consensus import find_rocks_labelled_shadow
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey, by_bracket
 
 log = logging.getLogger("polarsim")
@@ -73,7 +73,7 @@ def no_seed_error(terrain: int, options: SeedOptions, files: Mapping[PhotoKey, P
     return LabelError(f"{reason}; `labels.seeds: {NO_SEEDS}` runs without seeds", path=folder)
 
 
-def choose_seeds(
+def choose_seed_files(
     files: Mapping[PhotoKey, Path], positions: Sequence[str], options: SeedOptions
 ) -> list[tuple[PhotoKey, Path]]:
     """Return at most a single file per exposure bracket, sorted by photo key.
@@ -125,7 +125,7 @@ def _unswapped(key: PhotoKey, annotated: Mapping[PhotoKey, tuple[np.ndarray, np.
         if other.view == key.view and other.light == key.light and other.azimuth != key.azimuth
     ]
     shadows = np.flatnonzero(classes == shadow)
-    swapped = shadows[rocks_called_shadows(boxes[shadows], boxes[classes == rock], rocks_of_other_azimuths)]
+    swapped = shadows[find_rocks_labelled_shadow(boxes[shadows], boxes[classes == rock], rocks_of_other_azimuths)]
     if len(swapped):
         log.warning(
             "%s: %d of %d shadows changed to rocks, because photos of other azimuths have rocks at the same places: "

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from polarsim.analog.regions import Region, contrast, surroundings
+from polarsim.analog.regions import VisibleRegion, mean_of_surroundings, region_contrast
 from polarsim.photo import HEIGHT, WIDTH
 
 _SIZES = np.array([25, 35, 50, 80, 120])  # px, upper limits of the size classes except the last
@@ -28,13 +28,13 @@ _TINY_PX, _TINY_MISSED = 16, 0.5
 _DARK_DN, _DARK_MISSED = 30, 0.7  # regions with lower contrast are missed with this probability
 
 
-def annotate_rock(region: Region, photo: np.ndarray, rng: np.random.Generator) -> np.ndarray | None:
+def annotate_rock(region: VisibleRegion, photo: np.ndarray, rng: np.random.Generator) -> np.ndarray | None:
     """Return the annotated box (4,) of a rock, integer pixels; None if the rock is missed."""
     x0, y0, x1, y1 = region.box
     size_class = int(np.searchsorted(_SIZES, np.sqrt((x1 - x0) * (y1 - y0))))
     chance, tiny, dark = rng.random(3)
     noise = _edge_noise(_ROBUST[size_class], _TAIL_FACTOR * _ROBUST[size_class], rng)
-    around = surroundings(region, photo)
+    around = mean_of_surroundings(region, photo)
     low, high = np.percentile(region.inside(photo), [10, 95])
     if max(high - around, around - low) < _DARK_DN and dark < _DARK_MISSED:
         return None
@@ -43,7 +43,7 @@ def annotate_rock(region: Region, photo: np.ndarray, rng: np.random.Generator) -
     return _annotated(np.array(region.box, float), noise)
 
 
-def annotate_shadow(region: Region, rng: np.random.Generator) -> np.ndarray | None:
+def annotate_shadow(region: VisibleRegion, rng: np.random.Generator) -> np.ndarray | None:
     """Return the annotated box (4,) of the visible part of a shadow; None if the shadow is missed."""
     forgotten = rng.random() < _SHADOW_FORGOTTEN
     noise = _edge_noise(_SHADOW_ROBUST, _SHADOW_TAIL * 1.8, rng)
@@ -64,8 +64,8 @@ def _annotated(box: np.ndarray, noise: np.ndarray) -> np.ndarray | None:
 
 
 def annotate(
-    rocks: Sequence[Region],
-    shadows: Sequence[Region],
+    rocks: Sequence[VisibleRegion],
+    shadows: Sequence[VisibleRegion],
     photo: np.ndarray,
     rng: np.random.Generator,
     *,
@@ -84,7 +84,7 @@ def annotate(
     shadow_boxes = []
     for region in (shadows[index] for index in rng.permutation(len(shadows))):
         box = annotate_shadow(region, rng)
-        if with_shadows and box is not None and region.rock in annotated and contrast(region, photo) < -_DARK_DN:
+        if with_shadows and box is not None and region.rock in annotated and region_contrast(region, photo) < -_DARK_DN:
             shadow_boxes.append(box)
     classes = np.repeat([0, 1], [len(rock_boxes), len(shadow_boxes)])
     return classes, np.array([*rock_boxes, *shadow_boxes], float).reshape(-1, 4)

@@ -24,4 +24,4 @@ def carve_rocks(*, number: int, terrain: int, seed: int, meshes: Path) -> None:
             random = generator(seed, "analog", "carved", rock)
             size = float(np.exp(random.uniform(*np.log(_SIZE_M))))
             vertices = carve(random, rock, size, _DETAIL).vertices
-            obj.write(folder / obj.rock_name(terrain, rock), Mesh(vertices, faces), f"rock{rock}")
+            obj.write_obj(folder / obj.rock_name(terrain, rock), Mesh(vertices, faces), f"rock{rock}")

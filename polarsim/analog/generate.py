@@ -17,7 +17,7 @@ from polarsim.analog.truth import AlbedoMap, write_truth
 from polarsim.errors import ConfigError
 from polarsim.formats import nasa, tables
 from polarsim.formats.files import write_json, writing_folder
-from polarsim.geometry.poses import Pose, looking, yaw_pitch_roll
+from polarsim.geometry.poses import Pose, camera_pose, yaw_pitch_roll
 from polarsim.geometry.stereo import RectifiedGrid, StereoRig, rectified_left
 from polarsim.photo import PhotoKey, positions
 from polarsim.randomness import generator
@@ -86,10 +86,10 @@ def _write_scans(
         rng = generator(options.seed, "scan", made.terrain, position)
         left = made.stations.sandbox_from_left[position]
         centre = left.translation + rng.normal(0, _SCANNER_OFFSET, 3)
-        level = looking(centre, yaw_pitch_roll(left)[0], 0.0)
+        level = camera_pose(centre, yaw_pitch_roll(left)[0], 0.0)
         scan = scanner.scan(made.scene, made.caster, level @ _CAMERA_FROM_UPRIGHT, rng, options, threads)
         grid_from_sandbox = _registered(made, position, grid, rng)
-        surface = scanner.surface(scan, centre)
+        surface = scanner.join_points(scan, centre)
         surfaces.append(surface)
         valid = np.isfinite(scan.points[..., 0])
         points = grid_from_sandbox.apply(scan.points[valid])

@@ -17,7 +17,7 @@ _CRATER_RADIUS = 1.0  # radius of the crest of the rim, metres
 
 
 @dataclass(frozen=True)
-class Ground:
+class HeightField:
     """Height field (n, n), metres, sandbox frame; row i is at x = axis[i], column j at y = axis[j]."""
 
     axis: np.ndarray
@@ -44,15 +44,15 @@ class Ground:
         normals = np.stack([-dx, -dy, np.ones_like(dx)], axis=-1).reshape(-1, 3)
         return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
-    def coarser(self, step: float) -> Ground:
+    def coarser(self, step: float) -> HeightField:
         """Return the ground sampled on a grid with approximately the given step."""
         count = max(2, round((self.axis[-1] - self.axis[0]) / step) + 1)
         axis = np.linspace(self.axis[0], self.axis[-1], count)
         x, y = np.meshgrid(axis, axis, indexing="ij")
-        return Ground(axis, self.height_at(x, y))
+        return HeightField(axis, self.height_at(x, y))
 
 
-def make_ground(preset: Preset, step: float, rng: np.random.Generator) -> Ground:
+def make_ground(preset: Preset, step: float, rng: np.random.Generator) -> HeightField:
     """Generate the sand of a preset on a grid of about `step` metres; the height at the centre is about 0."""
     half = preset.half_width + 0.03
     count = round(2 * half / step) + 1
@@ -73,10 +73,10 @@ def make_ground(preset: Preset, step: float, rng: np.random.Generator) -> Ground
     if not preset.crater:
         window, _, _ = _window(axis, np.zeros(2), 0.1)
         heights -= heights[window].mean()
-    return Ground(axis, heights)
+    return HeightField(axis, heights)
 
 
-def pile_sand(ground: Ground, rng: np.random.Generator, points: np.ndarray, radii: np.ndarray) -> Ground:
+def pile_sand(ground: HeightField, rng: np.random.Generator, points: np.ndarray, radii: np.ndarray) -> HeightField:
     """Add low, uneven piles of sand around rocks at points (n, 2) with radii (n,)."""
     heights = ground.heights.copy()
     for position, radius in zip(points, radii, strict=True):
@@ -85,7 +85,7 @@ def pile_sand(ground: Ground, rng: np.random.Generator, points: np.ndarray, radi
         angle = np.arctan2(dy, dx)
         uneven = 0.6 + 0.4 * np.cos(angle - rng.uniform(0, 6.28)) + 0.3 * np.cos(3 * angle - rng.uniform(0, 6.28))
         heights[window] += rng.uniform(0.002, 0.010) * uneven * np.exp(-((distance / 0.03) ** 2))
-    return Ground(ground.axis, heights)
+    return HeightField(ground.axis, heights)
 
 
 def _window(axis: np.ndarray, position: np.ndarray, reach: float) -> tuple[tuple[slice, slice], np.ndarray, np.ndarray]:

@@ -15,13 +15,13 @@ from polarsim.analog.annotator import annotate
 from polarsim.analog.bounce import AMBIENT, Bounce, gather_bounce
 from polarsim.analog.light import DiscLamp, direct, visibility
 from polarsim.analog.options import AnalogOptions
-from polarsim.analog.regions import Region, contrast, rock_regions, shadow_regions
+from polarsim.analog.regions import VisibleRegion, region_contrast, rock_regions, shadow_regions
 from polarsim.analog.sandbox import GROUND_OBJECT
-from polarsim.analog.sensor import ELECTRONS_PER_DN, expose, fixed_pattern, lamp_glare, through_lens
+from polarsim.analog.sensor import ELECTRONS_PER_DN, blur_and_vignette, expose_raw, fixed_pattern, lamp_glare
 from polarsim.analog.stations import ROVER, Stations
 from polarsim.analog.terrain import AnalogTerrain
 from polarsim.analog.truth import AlbedoMap
-from polarsim.analog.view import Textures, look, make_textures
+from polarsim.analog.view import Textures, make_textures, render_gbuffer
 from polarsim.formats import nasa, png, tables, yolo
 from polarsim.photo import BLACK_LEVEL, CAMERAS, HEIGHT, ROCK, SHADOW, SHADOWS_ANNOTATED_FROM_MS, WIDTH, PhotoKey
 from polarsim.progress import track
@@ -47,8 +47,8 @@ class LitView:
     """Linear images of a view by lamp, with the visible regions."""
 
     images: dict[str, np.ndarray]  # azimuth, ROVER, AMBIENT -> (h, w) float32 radiance
-    rocks: list[Region]
-    shadows: dict[str, list[Region]]  # azimuth or ROVER -> regions
+    rocks: list[VisibleRegion]
+    shadows: dict[str, list[VisibleRegion]]  # azimuth or ROVER -> regions
     sand: np.ndarray  # (h / _SPARSE, w / _SPARSE) bool
 
     def lit(self, key: PhotoKey) -> np.ndarray:
@@ -58,7 +58,7 @@ class LitView:
             image += self.images[lamp]
         return image
 
-    def shadows_of(self, key: PhotoKey) -> list[Region]:
+    def shadows_of(self, key: PhotoKey) -> list[VisibleRegion]:
         """Return the shadows of the main lamp of a photo: the Sun lamp if on, else the rover light."""
         lamps = _lamps_of(key)
         return self.shadows[lamps[0]] if lamps else []
@@ -125,20 +125,20 @@ def _olat_images(
     options: AnalogOptions, threads: int,
 ) -> LitView:  # fmt: skip
     scene, posed = made.scene, made.stations.camera(position, camera)
-    view = look(scene, made.caster, _textures(options.seed, made.terrain), posed, threads)
+    view = render_gbuffer(scene, made.caster, _textures(options.seed, made.terrain), posed, threads)
     albedo.add(view)
     rock_caster = scene.rock_caster() if scene.rocks else None
     images, shadows = {}, {}
     hall = _HALL_DN_PER_S * ELECTRONS_PER_DN / 1000 / ELECTRONS / _SAND_ALBEDO
     indirect = bounces.at(scene, view, [AMBIENT, *(_bounce_name(name, position) for name in lamps)])
-    images[AMBIENT] = through_lens(hall * indirect[AMBIENT])
+    images[AMBIENT] = blur_and_vignette(hall * indirect[AMBIENT])
     for name, lamp in lamps.items():
         rng = generator(options.seed, "light", made.terrain, position, camera, name)
         visible = visibility(view, made.caster, lamp, rng, threads)
         lit = direct(view, lamp, visible)
         lit += indirect.pop(_bounce_name(name, position))
         glare = lamp_glare(lamp, posed, _GLARE * lamp.intensity, rng)
-        images[name] = through_lens(lit) + glare
+        images[name] = blur_and_vignette(lit) + glare
         shadows[name] = shadow_regions(scene, made.caster, rock_caster, view, lamp, visible, threads)
     return LitView(images, rock_regions(view), shadows, view.objects[::_SPARSE, ::_SPARSE] == GROUND_OBJECT)
 
@@ -152,8 +152,8 @@ def _shoot(
 
     def shoot(key: PhotoKey) -> tuple[list[dict[str, object]], float, np.ndarray | None]:
         rng = generator(options.seed, "sensor", key)
-        photo = expose(olat_images.lit(key), key.exposure_ms, ELECTRONS, rng, pattern)
-        png.write(nasa.photo_path(raw, key, tokens[_pair(key)]), photo)
+        photo = expose_raw(olat_images.lit(key), key.exposure_ms, ELECTRONS, rng, pattern)
+        png.write_png(nasa.photo_path(raw, key, tokens[_pair(key)]), photo)
         sand = photo[::_SPARSE, ::_SPARSE][olat_images.sand].astype(np.int32) - BLACK_LEVEL
         well_exposed = float(((sand > _MIN_DN) & (sand < _MAX_DN)).mean())
         return _label_rows(key, olat_images, photo), well_exposed, photo if _may_be_seed(key) else None
@@ -189,7 +189,8 @@ def _label_rows(key: PhotoKey, olat_images: LitView, photo: np.ndarray) -> list[
         {
             **tables.key_columns(key), "kind": kind, "rock": region.rock, "source": "truth", "confidence": 1.0,
             **dict(zip(("x0", "y0", "x1", "y1"), map(float, region.box), strict=True)),
-            "visible_px": region.pixels, "width_px": region.width_px, "contrast": round(contrast(region, photo), 2),
+            "visible_px": region.pixels, "width_px": region.width_px,
+            "contrast": round(region_contrast(region, photo), 2),
         }
         for kind, region in regions
     ]  # fmt: skip

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from polarsim.analog.ground import CRATER_CENTRE, Ground
+from polarsim.analog.ground import CRATER_CENTRE, HeightField
 from polarsim.analog.presets import Preset
 from polarsim.analog.rays import RayCaster
-from polarsim.analog.rocks import Rock, carve, icosphere
+from polarsim.analog.rocks import SimulatedRock, carve, icosphere
 
 _PROBES = 642  # vertices of a rock that are tested against neighbours: a sphere of three subdivisions
 _X_RANGE, _Y_RANGE = (-1.6, 1.6), (-1.75, 1.6)  # range of rock centres in the real scenes, metres
@@ -18,11 +18,11 @@ _PILE = np.array([-0.1, 0.0])
 _TRIES = 300
 
 
-def place_rocks(preset: Preset, ground: Ground, rng: np.random.Generator, detail: int) -> list[Rock]:
+def place_rocks(preset: Preset, ground: HeightField, rng: np.random.Generator, detail: int) -> list[SimulatedRock]:
     """Return the rocks of a preset on a ground, numbered from 1 in order of decreasing distance from position A."""
     sizes = _sizes(preset, rng)
     shapes = [carve(rng, number, size, detail) for number, size in enumerate(sizes)]
-    placed: list[Rock] = []
+    placed: list[SimulatedRock] = []
     supports = 3 if preset.layout == "pile" else 0
     leaning = rng.random(len(shapes)) < preset.touching
     for number, shape in enumerate(shapes[: len(shapes) - preset.stacked]):
@@ -61,7 +61,7 @@ def _sizes(preset: Preset, rng: np.random.Generator) -> np.ndarray:
     return np.concatenate([np.delete(sizes, top), sizes[top]])
 
 
-def _candidate(rock: Rock, rng: np.random.Generator, preset: Preset, *, in_pile: bool) -> np.ndarray:
+def _candidate(rock: SimulatedRock, rng: np.random.Generator, preset: Preset, *, in_pile: bool) -> np.ndarray:
     """Return a random position (2,) for the layout of the preset."""
     if preset.half_width < 1:
         return rng.uniform(-0.6, 0.6, 2) * preset.half_width
@@ -80,7 +80,7 @@ def _candidate(rock: Rock, rng: np.random.Generator, preset: Preset, *, in_pile:
     return spot
 
 
-def _fits(spot: np.ndarray, radius: float, placed: Sequence[Rock], preset: Preset, gap: float) -> bool:
+def _fits(spot: np.ndarray, radius: float, placed: Sequence[SimulatedRock], preset: Preset, gap: float) -> bool:
     if preset.half_width < 1:
         inside = bool(np.all(np.abs(spot) < 0.7 * preset.half_width))
     else:
@@ -91,8 +91,14 @@ def _fits(spot: np.ndarray, radius: float, placed: Sequence[Rock], preset: Prese
 
 
 def _stand_alone(
-    shape: Rock, placed: Sequence[Rock], ground: Ground, rng: np.random.Generator, preset: Preset, *, in_pile: bool
-) -> Rock:
+    shape: SimulatedRock,
+    placed: Sequence[SimulatedRock],
+    ground: HeightField,
+    rng: np.random.Generator,
+    preset: Preset,
+    *,
+    in_pile: bool,
+) -> SimulatedRock:
     gap = 0.05
     for attempt in range(4 * _TRIES):
         spot = _candidate(shape, rng, preset, in_pile=in_pile)
@@ -103,7 +109,7 @@ def _stand_alone(
     return _set_down(shape, spot, ground, rng)
 
 
-def _set_down(shape: Rock, spot: np.ndarray, ground: Ground, rng: np.random.Generator) -> Rock:
+def _set_down(shape: SimulatedRock, spot: np.ndarray, ground: HeightField, rng: np.random.Generator) -> SimulatedRock:
     """Place a rock on the ground at a point with the base in the sand; 30 % of the rocks are about half buried."""
     extent = np.ptp(shape.vertices, axis=0)
     share = rng.uniform(0.35, 0.55) if rng.random() < 0.3 else rng.uniform(0.08, 0.2)
@@ -113,7 +119,7 @@ def _set_down(shape: Rock, spot: np.ndarray, ground: Ground, rng: np.random.Gene
     return shape.moved(np.array([*spot, bottom - shape.vertices[:, 2].min()]))
 
 
-def _surfaces(rocks: Sequence[Rock]) -> RayCaster:
+def _surfaces(rocks: Sequence[SimulatedRock]) -> RayCaster:
     faces = [icosphere(rock.detail)[1] for rock in rocks]
     starts = np.cumsum([0, *(len(rock.vertices) for rock in rocks)])
     return RayCaster(
@@ -122,14 +128,19 @@ def _surfaces(rocks: Sequence[Rock]) -> RayCaster:
     )
 
 
-def _gap(rock: Rock, surfaces: RayCaster) -> float:
+def _gap(rock: SimulatedRock, surfaces: RayCaster) -> float:
     """Return the minimum distance of the probes of a rock from surfaces, metres; negative if they overlap."""
     return float(surfaces.signed_distance(rock.vertices[:_PROBES]).min())
 
 
 def _lean(
-    shape: Rock, parent: Rock, placed: Sequence[Rock], ground: Ground, rng: np.random.Generator, preset: Preset
-) -> Rock | None:
+    shape: SimulatedRock,
+    parent: SimulatedRock,
+    placed: Sequence[SimulatedRock],
+    ground: HeightField,
+    rng: np.random.Generator,
+    preset: Preset,
+) -> SimulatedRock | None:
     """Place a rock next to a parent so that both touch; None if there is no room."""
     against, others = _surfaces([parent]), [rock for rock in placed if rock is not parent]
     for _ in range(12):
@@ -152,7 +163,9 @@ def _lean(
     return None
 
 
-def _stack(shape: Rock, bases: Sequence[Rock], placed: Sequence[Rock], rng: np.random.Generator) -> Rock:
+def _stack(
+    shape: SimulatedRock, bases: Sequence[SimulatedRock], placed: Sequence[SimulatedRock], rng: np.random.Generator
+) -> SimulatedRock:
     """Drop a rock from above between the bases until it touches a rock."""
     below = _surfaces(placed)
     spot = np.mean([rock.centre[:2] for rock in bases], axis=0) + rng.normal(0, 0.02, 2)
@@ -168,8 +181,8 @@ def _stack(shape: Rock, bases: Sequence[Rock], placed: Sequence[Rock], rng: np.r
 
 
 def _with_giant(
-    preset: Preset, placed: list[Rock], ground: Ground, rng: np.random.Generator, detail: int
-) -> list[Rock]:
+    preset: Preset, placed: list[SimulatedRock], ground: HeightField, rng: np.random.Generator, detail: int
+) -> list[SimulatedRock]:
     """Add a very large bright rock at the front, at the position with the most room."""
     giant = replace(carve(rng, 0, preset.giant, detail), albedo=0.55, patch=0.3)
     tries = np.stack([rng.uniform(0.7, 1.4, 200), rng.uniform(-1.3, 1.3, 200)], 1)

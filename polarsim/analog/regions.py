@@ -22,7 +22,7 @@ _RING = 0.3  # width of the surroundings of a region for the contrast, in box si
 
 
 @dataclass(frozen=True)
-class Region:
+class VisibleRegion:
     """Visible pixels of a rock or shadow: tight box and mask inside the box."""
 
     rock: int
@@ -44,7 +44,7 @@ class Region:
         return image[y0:y1, x0:x1][self.mask]
 
 
-def rock_regions(view: GBuffer) -> list[Region]:
+def rock_regions(view: GBuffer) -> list[VisibleRegion]:
     """Return the rocks of a view with at least `MIN_PIXELS` visible pixels, lit or not."""
     rows, columns = np.nonzero(view.objects > 0)
     rock = view.objects[rows, columns]
@@ -59,7 +59,7 @@ def shadow_regions(
     lamp: DiscLamp,
     visible: np.ndarray,
     threads: int,
-) -> list[Region]:
+) -> list[VisibleRegion]:
     """Return the cast shadows on the ground by rock: visible sand that is shaded by rocks only.
 
     Thin rims along the base of a rock and small separate components are excluded, because annotators do not include
@@ -101,22 +101,22 @@ def _without_rims(mask: np.ndarray) -> np.ndarray:
     return np.asarray(mask & tips)
 
 
-def _region(rows: np.ndarray, columns: np.ndarray, rock: int) -> list[Region]:
+def _region(rows: np.ndarray, columns: np.ndarray, rock: int) -> list[VisibleRegion]:
     """Return the region of the given pixels, or an empty list if there are too few pixels."""
     if len(rows) < MIN_PIXELS:
         return []
     box = (int(columns.min()), int(rows.min()), int(columns.max()) + 1, int(rows.max()) + 1)
     mask = np.zeros((box[3] - box[1], box[2] - box[0]), bool)
     mask[rows - box[1], columns - box[0]] = True
-    return [Region(int(rock), box, mask)]
+    return [VisibleRegion(int(rock), box, mask)]
 
 
-def contrast(region: Region, photo: np.ndarray) -> float:
+def region_contrast(region: VisibleRegion, photo: np.ndarray) -> float:
     """Return the mean of a region in a photo minus the mean of the surroundings, DN."""
-    return float(region.inside(photo).astype(np.float32).mean()) - surroundings(region, photo)
+    return float(region.inside(photo).astype(np.float32).mean()) - mean_of_surroundings(region, photo)
 
 
-def surroundings(region: Region, photo: np.ndarray) -> float:
+def mean_of_surroundings(region: VisibleRegion, photo: np.ndarray) -> float:
     """Return the mean of the surroundings of a region in a photo, DN."""
     x0, y0, x1, y1 = region.box
     dx, dy = max(3, round(_RING * (x1 - x0))), max(3, round(_RING * (y1 - y0)))

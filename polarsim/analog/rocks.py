@@ -12,7 +12,7 @@ from polarsim.analog.noise import fibonacci_sphere, octaves
 
 
 @dataclass(frozen=True)
-class Rock:
+class SimulatedRock:
     """A placed rock, sandbox frame."""
 
     rock: int
@@ -21,7 +21,7 @@ class Rock:
     gloss: float  # strength of the glossy lobe
     patch: float  # relative additional brightness of fresh faces
 
-    def moved(self, by: np.ndarray) -> Rock:
+    def moved(self, by: np.ndarray) -> SimulatedRock:
         return replace(self, vertices=self.vertices + by)
 
     @property
@@ -66,7 +66,7 @@ def icosphere(detail: int) -> tuple[np.ndarray, np.ndarray]:
     return vertices, faces
 
 
-def carve(rng: np.random.Generator, rock: int, size: float, detail: int) -> Rock:
+def carve(rng: np.random.Generator, rock: int, size: float, detail: int) -> SimulatedRock:
     """Generate a rock with longest side `size`, metres, centred at the origin, approximately on a broad side.
 
     Random planes cut a sphere to a polyhedron, additional planes cut corners off, and noise adds roughness.
@@ -90,7 +90,7 @@ def carve(rng: np.random.Generator, rock: int, size: float, detail: int) -> Rock
     rotated -= (rotated.min(axis=0) + rotated.max(axis=0)) / 2
     rotated *= size / np.ptp(rotated, axis=0).max()
     bright = rng.random() < 0.2
-    return Rock(
+    return SimulatedRock(
         rock, rotated, float(rng.uniform(0.14, 0.36)), float(rng.uniform(0.1, 0.5)) if bright else 0.02,
         float(rng.uniform(0.5, 1.2)) if bright else float(rng.uniform(0, 0.3)),
     )  # fmt: skip

@@ -8,10 +8,10 @@ from enum import IntEnum
 
 import numpy as np
 
-from polarsim.analog.ground import Ground
+from polarsim.analog.ground import HeightField
 from polarsim.analog.presets import Preset
 from polarsim.analog.rays import RayCaster, grid_faces
-from polarsim.analog.rocks import Rock, icosphere
+from polarsim.analog.rocks import SimulatedRock, icosphere
 from polarsim.survey import WALL_HEIGHT
 
 GROUND_OBJECT, HALL_OBJECT = -1, -2  # object numbers; rocks have positive numbers
@@ -45,8 +45,8 @@ class SandboxScene:
     gloss_of_face: np.ndarray  # (f,) float32
     patch_of_face: np.ndarray  # (f,) float32
     first_vertex: dict[int, int]  # number of the first vertex by object
-    ground: Ground
-    rocks: list[Rock]
+    ground: HeightField
+    rocks: list[SimulatedRock]
 
     def caster(self) -> RayCaster:
         """Return a ray caster of all triangles."""
@@ -72,7 +72,7 @@ class _Part:
 
 
 def build_scene(
-    preset: Preset, ground: Ground, rocks: Sequence[Rock], detail: int, rng: np.random.Generator
+    preset: Preset, ground: HeightField, rocks: Sequence[SimulatedRock], detail: int, rng: np.random.Generator
 ) -> SandboxScene:
     """Combine ground, rocks, walls and hall."""
     small = preset.half_width < 1

@@ -92,7 +92,7 @@ def _lost(cosine: np.ndarray, albedo: np.ndarray) -> np.ndarray:
     return np.clip(0.002 + 0.9 * grazing**1.5 + 0.25 * dark**2 + 0.6 * dark * grazing, 0, 1)
 
 
-def surface(scanned: Scan, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def join_points(scanned: Scan, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Join neighbouring points without depth edge to triangles: vertices (v, 3), faces (f, 3)."""
     vertices = scanned.points.reshape(-1, 3)
     distance = np.linalg.norm(scanned.points - centre, axis=-1).ravel()

@@ -19,7 +19,7 @@ _FULL_WELL_ELECTRONS = 33000.0
 _PIXEL_GAIN = 0.006  # standard deviation of the sensitivity of pixels
 
 
-def through_lens(image: np.ndarray) -> np.ndarray:
+def blur_and_vignette(image: np.ndarray) -> np.ndarray:
     """Return the image (h, w) with blur, vignetting, halo and veiling glare."""
     import cv2
 
@@ -78,7 +78,7 @@ def _blob(out: np.ndarray, centre: np.ndarray, size: float, strength: float, pow
     out += np.float32(strength) * np.exp(-(distance2**power))
 
 
-def expose(
+def expose_raw(
     image: np.ndarray, exposure_ms: float, electrons: float, rng: np.random.Generator, pixel_gain: np.ndarray
 ) -> np.ndarray:
     """Return the photo (h, w) uint16 of a linear image.

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from polarsim.analog.options import AnalogOptions
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose, looking
-from polarsim.geometry.stereo import StereoRig, stated_rig
+from polarsim.geometry.poses import Pose, camera_pose
+from polarsim.geometry.stereo import StereoRig, default_rig
 from polarsim.photo import SUNS, positions
 from polarsim.randomness import generator
 from polarsim.survey import NOMINAL_YAW_DEG, ROVER_LIGHT_FROM_LEFT, SUN_LAMPS
@@ -63,7 +63,7 @@ def make_stations(terrain: int, options: AnalogOptions) -> Stations:
 
 def _true_rig(rng: np.random.Generator) -> StereoRig:
     """Return a random rig similar to NASA's rig."""
-    stated = stated_rig()
+    stated = default_rig()
 
     def lens(nominal: Lens) -> Lens:
         k1, k2, p1, p2, k3 = nominal.distortion
@@ -102,9 +102,9 @@ def _tripod(terrain: int, position: str, rng: np.random.Generator) -> Pose:
     reach = _TRIPOD_OFFSET
     if terrain == 13:  # seven nearly equal positions in front of a small box
         centre = np.array([2.0, -0.15, 1.25]) + rng.uniform(-1, 1, 3) * [reach, reach, reach / 2]
-        return looking(centre, np.pi + rng.normal(0, 0.01), np.radians(rng.uniform(29, 31)), 0.0)
+        return camera_pose(centre, np.pi + rng.normal(0, 0.01), np.radians(rng.uniform(29, 31)), 0.0)
     centre = _TRIPODS[position] + rng.uniform(-1, 1, 3) * [reach, reach, reach / 2]
     yaw = NOMINAL_YAW_DEG[position] + rng.uniform(-1, 1) * _YAW_DEG
     pitch = rng.uniform(*_PITCH_DEG)
     roll = rng.uniform(-1, 1) * _ROLL_DEG
-    return looking(centre, *np.radians([yaw, pitch, roll]))
+    return camera_pose(centre, *np.radians([yaw, pitch, roll]))

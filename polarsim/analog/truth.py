@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.analog.ground import Ground
+from polarsim.analog.ground import HeightField
 from polarsim.analog.options import AnalogOptions
 from polarsim.analog.rays import RayCaster, rays_from
-from polarsim.analog.rocks import Rock, icosphere
+from polarsim.analog.rocks import SimulatedRock, icosphere
 from polarsim.analog.sandbox import HALL_OBJECT
 from polarsim.analog.terrain import AnalogTerrain
 from polarsim.analog.view import GBuffer, strips
@@ -35,21 +35,21 @@ def write_truth(made: AnalogTerrain, folder: Path, options: AnalogOptions) -> No
     faces = icosphere(options.rock_detail)[1]
     rows = []
     for rock in scene.rocks:
-        above = exposed(rock, scene.ground, faces)
+        above = faces_above_sand(rock, scene.ground, faces)
         used, index = np.unique(above, return_inverse=True)
         name = obj.rock_name(terrain, rock.rock)
-        obj.write(folder / "meshes" / name, Mesh(rock.vertices[used], index.reshape(above.shape)), Path(name).stem)
-        rows.append(rock_row(rock, scene.ground, faces))
+        obj.write_obj(folder / "meshes" / name, Mesh(rock.vertices[used], index.reshape(above.shape)), Path(name).stem)
+        rows.append(true_rock_row(rock, scene.ground, faces))
     columns = ["rock", "x", "y", "z", "size_m", "height_m", "volume_m3"]
     tables.write_parquet(folder / "rocks.parquet", pd.DataFrame(rows, columns=columns).astype({"rock": "int64"}))
-    ground: Ground = scene.ground.coarser(_GROUND_STEP)
+    ground: HeightField = scene.ground.coarser(_GROUND_STEP)
     name = obj.ground_name(terrain)
-    obj.write(folder / "meshes" / name, Mesh(*ground.mesh()), Path(name).stem)
+    obj.write_obj(folder / "meshes" / name, Mesh(*ground.mesh()), Path(name).stem)
 
 
-def rock_row(rock: Rock, ground: Ground, faces: np.ndarray) -> dict[str, float]:
+def true_rock_row(rock: SimulatedRock, ground: HeightField, faces: np.ndarray) -> dict[str, float]:
     """Return centre, longest side, height and volume of the part of a rock above the sand, metres."""
-    above = rock.vertices[np.unique(exposed(rock, ground, faces))]
+    above = rock.vertices[np.unique(faces_above_sand(rock, ground, faces))]
     low, high = above.min(axis=0), above.max(axis=0)
     level = float(np.median(ground.height_at(above[:, 0], above[:, 1])))
     centre = (low + high) / 2
@@ -59,13 +59,13 @@ def rock_row(rock: Rock, ground: Ground, faces: np.ndarray) -> dict[str, float]:
     }  # fmt: skip
 
 
-def exposed(rock: Rock, ground: Ground, faces: np.ndarray, below: float = 0.003) -> np.ndarray:
+def faces_above_sand(rock: SimulatedRock, ground: HeightField, faces: np.ndarray, below: float = 0.003) -> np.ndarray:
     """Return the faces (f, 3) with a vertex above the sand minus `below` metres."""
     clear = rock.vertices[:, 2] > ground.height_at(rock.vertices[:, 0], rock.vertices[:, 1]) - below
     return faces[clear[faces].any(axis=1)]
 
 
-def _volume(rock: Rock, ground: Ground, faces: np.ndarray) -> float:
+def _volume(rock: SimulatedRock, ground: HeightField, faces: np.ndarray) -> float:
     """Return the volume above the sand, summed over columns between the upper and lower side of the rock."""
     low, high = rock.vertices.min(axis=0), rock.vertices.max(axis=0)
     x, y = np.meshgrid(

@@ -86,7 +86,7 @@ def strips(height: int, rows: int = 152) -> Iterator[slice]:
         yield slice(start, min(start + rows, height))
 
 
-def look(scene: SandboxScene, caster: RayCaster, textures: Textures, camera: Camera, threads: int) -> GBuffer:
+def render_gbuffer(scene: SandboxScene, caster: RayCaster, textures: Textures, camera: Camera, threads: int) -> GBuffer:
     """Cast a ray through every pixel of a camera and return the surface attributes."""
     directions = lens_directions(camera.lens)
     height, width = camera.lens.shape

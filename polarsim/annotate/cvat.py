@@ -11,7 +11,7 @@ import numpy as np
 from polarsim.annotate.shapes import ExportedImage, ExportedShape, scale_of
 from polarsim.errors import FormatError
 from polarsim.formats.readers import reading
-from polarsim.geometry.boxes import around, around_ellipse, of_mask, turned
+from polarsim.geometry.boxes import box_around_points, box_of_ellipse, box_of_mask, rotated_box
 
 _CORNERS = [f"{axis}{corner}" for corner in ("tl1", "bl1", "tr1", "br1", "tl2", "bl2", "tr2", "br2") for axis in "xy"]
 _MAX_MASK_PX = 1e8
@@ -63,21 +63,21 @@ def _form_and_box(source: Path, where: str, element: ElementTree.Element) -> tup
         box = np.array([number(edge) for edge in ("xtl", "ytl", "xbr", "ybr")])
         if (box[2:] <= box[:2]).any():
             raise FormatError(f"{where}: corners {box.tolist()}, expected xtl < xbr and ytl < ybr", path=source)
-        return ("rotated box", turned(box, rotation)) if rotation else ("box", box)
+        return ("rotated box", rotated_box(box, rotation)) if rotation else ("box", box)
     if element.tag == "ellipse":
         centre, radii = np.array([number("cx"), number("cy")]), np.array([number("rx"), number("ry")])
-        return "ellipse", around_ellipse(centre, radii, rotation)
+        return "ellipse", box_of_ellipse(centre, radii, rotation)
     if element.tag in ("polygon", "polyline"):
         points = _points(source, where, element)
         if element.tag == "polyline" and len(points) > 3 and (points[0] == points[-1]).all():
-            return "closed polyline", around(points)
-        return element.tag, around(points) if element.tag == "polygon" else None
+            return "closed polyline", box_around_points(points)
+        return element.tag, box_around_points(points) if element.tag == "polygon" else None
     if element.tag == "mask":
         left, top, width, height = (number(edge) for edge in ("left", "top", "width", "height"))
         covered = _mask(source, where, element.get("rle") or "", int(width), int(height))
         return "mask", covered + np.array([left, top, left, top])
     if element.tag == "cuboid":
-        return "cuboid", around(np.array([number(corner) for corner in _CORNERS]).reshape(-1, 2))
+        return "cuboid", box_around_points(np.array([number(corner) for corner in _CORNERS]).reshape(-1, 2))
     return element.tag, None  # points, skeleton, tag
 
 
@@ -87,7 +87,7 @@ def _mask(source: Path, where: str, rle: str, width: int, height: int) -> np.nda
         runs = np.array([int(run) for run in rle.split(",")])
     if not 0 < width * height <= _MAX_MASK_PX or (runs < 0).any() or runs.sum() != width * height:
         raise FormatError(f"{where}: runs of {runs.sum()} pixels, expected {width} x {height}", path=source)
-    box = of_mask(np.repeat(np.arange(len(runs)) % 2 == 1, runs).reshape(height, width))
+    box = box_of_mask(np.repeat(np.arange(len(runs)) % 2 == 1, runs).reshape(height, width))
     if box is None:
         raise FormatError(f"{where}: the mask is empty", path=source)
     return box

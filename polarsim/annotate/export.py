@@ -28,7 +28,7 @@ LOCAL_FILES = "/data/local-files/?d="  # prefix of images below Label Studio's d
 _RECTANGLES, _IMAGE = "label", "image"  # names of elements of the labelling interface
 
 
-def export(
+def export_photos(
     *, folder: Path, run: Path, terrains: Sequence[int] = (), pattern: str = "*", domain: str = "photo", tool: str
 ) -> int:
     """Write the folder and return the number of images.
@@ -66,7 +66,7 @@ def export(
     with writing_folder(folder) as temporary:
         folder_of_pictures = temporary if tool == "labelimg" else temporary / "images"
         for key, path in track(list(pictures.items()), "pictures"):
-            png.write(folder_of_pictures / f"{key}.png", to_8bit(png.read(path))[..., 0])
+            png.write_png(folder_of_pictures / f"{key}.png", to_8bit(png.read_png(path))[..., 0])
         if tool == "labelimg":
             _write_labelimg(temporary, labels, keys)
         elif tool == "cvat":

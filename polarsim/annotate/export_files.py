@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 
 from polarsim.errors import FormatError, LabelError, PolarsimError
 from polarsim.formats import yolo
-from polarsim.formats.files import census, read_json
+from polarsim.formats.files import read_json, suffix_counts
 from polarsim.formats.readers import MB, reading
 from polarsim.photo import PhotoKey
 
@@ -38,7 +38,7 @@ def unpacked(source: Path) -> Iterator[Path]:
         yield source
         return
     with TemporaryDirectory() as temporary:
-        folder = Path(temporary, *["export"] * yolo.FOLDERS_UP)  # class lists above do not belong to the archive
+        folder = Path(temporary, *["export"] * yolo.MAX_FOLDERS_UP)  # class lists above do not belong to the archive
         folder.mkdir(parents=True)
         with reading("zip archive", source), zipfile.ZipFile(source) as archive:
             files = [entry for entry in archive.infolist() if not entry.is_dir()]
@@ -91,11 +91,13 @@ def find_files(source: Path, form: str | None = None) -> tuple[str, list[Path]]:
         several = " and ".join(f"{name} ({paths[0].relative_to(source)})" for name, paths in of_form.items())
         raise FormatError(f"files of several formats, {several}: give a file, or set --format", path=source)
     if not of_form:
-        raise FormatError(f"no {form or 'export'} in the folder: found {census(source)}; {_EXPECTED}", path=source)
+        raise FormatError(
+            f"no {form or 'export'} in the folder: found {suffix_counts(source)}; {_EXPECTED}", path=source
+        )
     return next(iter(of_form.items()))
 
 
-def label_files(folder: Path) -> tuple[dict[Path, PhotoKey], list[Path]]:
+def keyed_label_files(folder: Path) -> tuple[dict[Path, PhotoKey], list[Path]]:
     """Return the YOLO files of a folder with the photo keys in the names, and the other text files."""
     keys, others = {}, []
     for path in _visible(folder):

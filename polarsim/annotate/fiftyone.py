@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from polarsim.annotate.shapes import SIZE, ExportedImage, ExportedShape
-from polarsim.errors import FormatError, within
+from polarsim.errors import FormatError, with_part
 from polarsim.formats.files import read_json
 from polarsim.formats.readers import reading
-from polarsim.geometry.boxes import around, turned
+from polarsim.geometry.boxes import box_around_points, rotated_box
 
 GROUND_TRUTH = "ground_truth"
 _LISTS = {
@@ -80,7 +80,7 @@ def _shape(source: Path, name: str, number: int, label: Any, classes: Sequence[s
         raise FormatError(f"{name}: label {number} is not a detection", path=source)
     form = str(label.get("_cls") or ("Detection" if "bounding_box" in label else "label")).lower()
     where = f"{form} {number}"
-    with within(f"{name}, {where}"), reading(form, source):
+    with with_part(f"{name}, {where}"), reading(form, source):
         kind = label.get("label")
         if isinstance(kind, int) and classes:
             if not 0 <= kind < len(classes):
@@ -92,12 +92,12 @@ def _shape(source: Path, name: str, number: int, label: Any, classes: Sequence[s
                 raise FormatError(f"bounding_box {label['bounding_box']}, expected width and height above 0")
             box = np.array([x, y, x + width, y + height]) * np.tile(SIZE, 2)
             rotation = _rotation(label)
-            return ExportedShape(where, "rotated box" if rotation else "box", str(kind), turned(box, rotation))
+            return ExportedShape(where, "rotated box" if rotation else "box", str(kind), rotated_box(box, rotation))
         if form == "polyline":
             if not (label.get("closed") or label.get("filled")):
                 return ExportedShape(where, "polyline", str(kind), None)
             points = np.array([point for part in _needed(label, "points") for point in part], float).reshape(-1, 2)
-            return ExportedShape(where, "polygon", str(kind), around(points * SIZE))
+            return ExportedShape(where, "polygon", str(kind), box_around_points(points * SIZE))
     return ExportedShape(where, form, str(kind), None)
 
 

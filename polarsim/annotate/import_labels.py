@@ -22,7 +22,7 @@ from polarsim.annotate.export_files import (
     LABEL_STUDIO,
     YOLO,
     find_files,
-    label_files,
+    keyed_label_files,
     unpacked,
 )
 from polarsim.annotate.fiftyone import read_fiftyone
@@ -189,7 +189,7 @@ def _check(file: Path, where: str, kind: str, box: np.ndarray) -> None:
 
 
 def _coco(source: Path, _: Imported) -> Iterator[ExportedImage]:
-    for name, size, rows in coco.read_pictures(source):
+    for name, size, rows in coco.read_coco_images(source):
         scale = scale_of(source, name, *size) if rows else 1.0
         yield ExportedImage(
             name, [ExportedShape(row.where, row.form, row.annotation.kind, row.annotation.box * scale) for row in rows]
@@ -198,7 +198,7 @@ def _coco(source: Path, _: Imported) -> Iterator[ExportedImage]:
 
 def _yolo(source: Path, done: Imported) -> Iterator[ExportedImage]:
     """Read every `KEY.txt` below a folder."""
-    keys, others = label_files(source)
+    keys, others = keyed_label_files(source)
     lists: dict[Path, yolo.ClassList] = {}
     for path in keys:
         if path.parent not in lists:

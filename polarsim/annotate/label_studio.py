@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from polarsim.annotate.shapes import SIZE, ExportedImage, ExportedShape, scale_of
-from polarsim.errors import FormatError, LabelError, within
+from polarsim.errors import FormatError, LabelError, with_part
 from polarsim.formats.files import read_json
 from polarsim.formats.readers import reading
-from polarsim.geometry.boxes import around, around_ellipse, of_mask
+from polarsim.geometry.boxes import box_around_points, box_of_ellipse, box_of_mask
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 
 _NAME_FIELDS = ("key", "image")  # fields of a task that usually contain the image name; searched first
@@ -152,7 +152,7 @@ def _shape(source: Path, name: str, index: int, region: Mapping[str, Any]) -> Ex
     if "original_width" in region and "original_height" in region:
         with reading(f"size of {name}", source):
             scale_of(source, name, float(region["original_width"]), float(region["original_height"]))
-    with within(f"{name}, {where}"), reading(form, source):
+    with with_part(f"{name}, {where}"), reading(form, source):
         return ExportedShape(where, form, labels[0], _box(form, region))
 
 
@@ -198,19 +198,19 @@ def _box(form: str, region: Mapping[str, Any]) -> np.ndarray | None:
         corners = np.array([[0, 0], [across, 0], [across, down], [0, down]])  # hundredths of a pixel
         cos, sin = np.cos(np.radians(rotation)), np.sin(np.radians(rotation))
         corners = corners @ np.array([[cos, sin], [-sin, cos]])  # about the upper left corner
-        return around((corners / SIZE + [float(region["x"]), float(region["y"])]) * SIZE / 100)
+        return box_around_points((corners / SIZE + [float(region["x"]), float(region["y"])]) * SIZE / 100)
     if form == "polygon":
-        return around(np.array(region["points"], float).reshape(-1, 2) * SIZE / 100)
+        return box_around_points(np.array(region["points"], float).reshape(-1, 2) * SIZE / 100)
     if form == "ellipse":
         centre, radii = (
             np.array([float(region[field]) for field in fields]) * SIZE / 100
             for fields in (("x", "y"), ("radiusX", "radiusY"))
         )
-        return around_ellipse(centre, radii, rotation)
+        return box_of_ellipse(centre, radii, rotation)
     if form == "brush" and "rle" in region:
         width, height = int(region["original_width"]), int(region["original_height"])
         painted = decode_brush(region["rle"], width * height * 4).reshape(height, width, 4)[..., 3] > 0
-        box = of_mask(painted)
+        box = box_of_mask(painted)
         if box is None:
             raise FormatError("the brush mask is empty")
         return box * (WIDTH / width)

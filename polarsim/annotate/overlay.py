@@ -73,7 +73,7 @@ def _common_area(first: Rectangle, second: Rectangle) -> float:
 
 
 @dataclass(frozen=True)
-class Marks:
+class OverlayStyle:
     """Style of an overlay.
 
     Attributes
@@ -105,7 +105,7 @@ class _Label:
     def centre(self) -> tuple[float, float]:
         return (self.box[0] + self.box[2]) / 2, (self.box[1] + self.box[3]) / 2
 
-    def tag(self, marks: Marks) -> str:
+    def tag(self, marks: OverlayStyle) -> str:
         """Return the rock id, followed by the confidence (.90) if it is below 1."""
         named = self.rock != NO_ROCK and (self.kind == ROCK or marks.shadow_ids)
         doubted = marks.confidences and self.confidence < 0.995
@@ -116,7 +116,7 @@ def draw_labels(
     pixels: np.ndarray,
     labels: pd.DataFrame,
     width: int | None = None,
-    marks: Marks | None = None,
+    marks: OverlayStyle | None = None,
     masks: Mapping[str, np.ndarray] | None = None,
 ) -> np.ndarray:
     """Draw labels on a resized image.
@@ -140,7 +140,7 @@ def draw_labels(
     """
     from PIL import Image, ImageDraw
 
-    marks = marks or Marks()
+    marks = marks or OverlayStyle()
     width = width or pixels.shape[1]
     size = (width, round(pixels.shape[0] * width / pixels.shape[1]))
     picture = Image.fromarray(np.ascontiguousarray(pixels)).resize(size, Image.Resampling.LANCZOS)

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.annotate.overlay import Marks, add_legend, draw_labels
-from polarsim.errors import ConfigError, FormatError, LabelError, about
+from polarsim.annotate.overlay import OverlayStyle, add_legend, draw_labels
+from polarsim.errors import ConfigError, FormatError, LabelError, with_path
 from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, label_table, read_parquet
 from polarsim.formats.yolo import read_polygons
@@ -41,7 +41,7 @@ def show_of_run(
     Parameters
     ----------
     scale, kinds
-        As in `show`.
+        As in `write_preview`.
     masks
         Also fill the masks: polygons of the labels for a photo, the instance map for a twin.
 
@@ -60,7 +60,7 @@ def show_of_run(
     if picture is None or not picture.exists():
         reason = f"no image {key} of the domain {domain}; domains of this run: {', '.join(run.domains)}"
         raise LabelError(reason, path=run.folder)
-    show(
+    write_preview(
         key=key,
         picture=picture,
         labels=tables / f"Terrain{key.terrain:02d}.parquet",
@@ -80,7 +80,7 @@ def _masks_of(run: Run, domain: str, key: PhotoKey) -> dict[str, np.ndarray]:
     return {kind: grey == GREY_VALUES[kind] for kind in BOX_CLASSES}
 
 
-def show(
+def write_preview(
     *,
     key: PhotoKey,
     picture: Path,
@@ -118,18 +118,18 @@ def show(
     unknown = [kind for kind in kinds if kind not in BOX_CLASSES]
     if unknown:
         raise ConfigError(f"kind {unknown[0]!r}, expected {' or '.join(BOX_CLASSES)}")
-    pixels = to_8bit(png.read(picture))
+    pixels = to_8bit(png.read_png(picture))
     width = round(scale * pixels.shape[1])
     if not 64 <= width <= 16384:
         raise ConfigError(f"scale {scale:g} makes an image {width} px wide, expected 64 to 16384 px")
     if isinstance(labels, Path):
-        with about(labels):
+        with with_path(labels):
             rows = rows_of(read_parquet(labels, LABEL_COLUMNS), key)
     else:
         rows = rows_of(label_table([dict(row) for row in labels]), key)
-    drawn = draw_labels(pixels, rows, width, Marks(kinds, links=True, shadow_ids=True), masks)
+    drawn = draw_labels(pixels, rows, width, OverlayStyle(kinds, links=True, shadow_ids=True), masks)
     usual = f"{key}, {picture.name}" if picture.stem != str(key) else str(key)
-    png.write(out, add_legend(drawn, title or usual, rows, kinds))
+    png.write_png(out, add_legend(drawn, title or usual, rows, kinds))
 
 
 def rows_of(table: pd.DataFrame, key: PhotoKey) -> pd.DataFrame:

@@ -1,8 +1,8 @@
 """Stage 2, scans or labels to rig poses: where the cameras stood in the sandbox."""
 
-from polarsim.public import offered
+from polarsim.public import lazy_exports
 
-__all__, __getattr__, __dir__ = offered(
+__all__, __getattr__, __dir__ = lazy_exports(
     __name__,
     register_scans="scans",
     locate_cameras="locate",

@@ -19,7 +19,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.features import Features, match_features, sift_features
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
-from polarsim.run_files.best_photos import Photos, Pictures, read_shrunk
+from polarsim.run_files.best_photos import BestPhotos, ViewPhotos, read_resized
 from polarsim.run_files.rigs import FEATURES, LocalisedRig
 from polarsim.tone import to_8bit
 
@@ -32,7 +32,11 @@ log = logging.getLogger("polarsim")
 
 
 def localise_by_features(
-    name: str, positions: Iterable[str], localised: Mapping[str, LocalisedRig], surface: MeshSurface, pictures: Pictures
+    name: str,
+    positions: Iterable[str],
+    localised: Mapping[str, LocalisedRig],
+    surface: MeshSurface,
+    pictures: BestPhotos,
 ) -> dict[str, LocalisedRig]:
     """Localise the positions with enough matches to a localised position; log a warning for each of the rest.
 
@@ -47,8 +51,8 @@ def localise_by_features(
     """
     rig = next(iter(localised.values())).rig
     lens = rig.left.scaled(FEATURE_SCALE)
-    shown: dict[str, Photos] = {
-        view[0]: {azimuth: read_shrunk(path, lens) for azimuth, path in by_azimuth.items()}
+    shown: dict[str, ViewPhotos] = {
+        view[0]: {azimuth: read_resized(path, lens) for azimuth, path in by_azimuth.items()}
         for view, by_azimuth in pictures.items()
         if view[1] == "L"
     }
@@ -72,7 +76,7 @@ def localise_by_features(
     return by_features
 
 
-def _features(photos: Photos) -> dict[str, Features]:
+def _features(photos: ViewPhotos) -> dict[str, Features]:
     """Return the features of each photo, by the azimuth of the Sun lamp."""
     return {
         azimuth: sift_features(to_8bit(np.rint(photo).astype(np.uint16))[..., 0], _MAX_FEATURES)

@@ -79,7 +79,7 @@ class Alignment:
     points: int  # samples
 
 
-def surface(points: np.ndarray, viewpoint: np.ndarray, voxel: float) -> ScanSurface:
+def thin_to_planes(points: np.ndarray, viewpoint: np.ndarray, voxel: float) -> ScanSurface:
     """Thin points (n, 3) to a grid of `voxel` metres and project each onto the plane through its neighbours.
 
     Normals point towards the viewpoint (3,). Points with few neighbours, such as threads, are removed.

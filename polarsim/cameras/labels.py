@@ -13,7 +13,7 @@ from polarsim.errors import RegistrationError
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
-from polarsim.survey import MAX_OFF_SURVEY
+from polarsim.survey import MAX_SURVEY_ERROR
 
 MIN_BOXES = 3  # positions with fewer boxes or meshes are localised by the survey
 ROLL_SD_DEG = 2.9  # prior on the roll of a tripod about level
@@ -104,9 +104,9 @@ def check_localisation(localisation: LabelLocalisation) -> LabelLocalisation:
             f"{localisation.runner_up:.2f} of the possible matches"
         )
     off = _off_survey(localisation)
-    if off > MAX_OFF_SURVEY:
+    if off > MAX_SURVEY_ERROR:
         raise RegistrationError(
-            f"the best pose is {off:.1f} m from the survey's position, the maximum is {MAX_OFF_SURVEY:g} m: check "
+            f"the best pose is {off:.1f} m from the survey's position, the maximum is {MAX_SURVEY_ERROR:g} m: check "
             f"whether these boxes belong to another position"
         )
     return localisation
@@ -119,7 +119,7 @@ def is_plausible(localisation: LabelLocalisation) -> bool:
     explained 0.19 to 0.82 of the possible matches. Boxes that the ground transferred from left to right by such poses
     matched annotated boxes with F1 0.82, by the surveyed poses with 0.60; no position was worse than by the survey.
     """
-    return _off_survey(localisation) <= MAX_OFF_SURVEY
+    return _off_survey(localisation) <= MAX_SURVEY_ERROR
 
 
 def _off_survey(localisation: LabelLocalisation) -> float:

@@ -13,9 +13,9 @@ import numpy as np
 
 from polarsim.cameras.adjust import outlier_weights, whiten
 from polarsim.cameras.shading import MeshSurface, ViewHits, cast_view
-from polarsim.geometry.patches import MatchedWindows, Window, find
+from polarsim.geometry.patches import MatchedWindows, MatchingOptions, match_windows
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PositionCamera
-from polarsim.run_files.best_photos import Photos
+from polarsim.run_files.best_photos import ViewPhotos
 from polarsim.run_files.rigs import LocalisedRig
 
 _DIFFERENCE_STEP = 0.04  # metres: step of numeric derivatives, about a pixel of a coarse view
@@ -34,7 +34,10 @@ class LampView:
 
 
 def lamp_views(
-    surface: MeshSurface, localised: Mapping[str, LocalisedRig], photos: Mapping[PositionCamera, Photos], scale: float
+    surface: MeshSurface,
+    localised: Mapping[str, LocalisedRig],
+    photos: Mapping[PositionCamera, ViewPhotos],
+    scale: float,
 ) -> dict[str, list[LampView]]:
     """Return the shrunk photos of the left cameras for each Sun lamp, by azimuth."""
     views: dict[str, list[LampView]] = {}
@@ -48,7 +51,7 @@ def lamp_views(
 
 
 def refine_lamp(
-    start: np.ndarray, surveyed: np.ndarray, views: list[LampView], window: Window, independent: int
+    start: np.ndarray, surveyed: np.ndarray, views: list[LampView], window: MatchingOptions, independent: int
 ) -> np.ndarray | None:
     """Return the position (3,) of a lamp, moved across the line to the sandbox's centre; None with too few windows.
 
@@ -78,13 +81,15 @@ def _across(position: np.ndarray) -> np.ndarray:
     return np.stack([side / np.linalg.norm(side), [0.0, 0.0, 1.0]])
 
 
-def _responses(lamp: np.ndarray, across: np.ndarray, view: LampView, window: Window) -> tuple[np.ndarray, np.ndarray]:
+def _responses(
+    lamp: np.ndarray, across: np.ndarray, view: LampView, window: MatchingOptions
+) -> tuple[np.ndarray, np.ndarray]:
     """Return whitened offsets of windows in the photo, (n, 2), and their derivatives by the lamp, (n, 2, 2) a metre."""
     shaded = view.hits.shade(lamp)
     usable = view.hits.hit & _on_shadow_edges(shaded, window)
-    in_photo = find(shaded, view.photo, usable, window)
+    in_photo = match_windows(shaded, view.photo, usable, window)
     nudged = [
-        _moves(find(shaded, _as_photo(view.hits.shade(lamp + nudge)), usable, window))
+        _moves(match_windows(shaded, _as_photo(view.hits.shade(lamp + nudge)), usable, window))
         for nudge in _DIFFERENCE_STEP * across
     ]
     pixels = [tuple(pixel) for pixel in in_photo.pixel.tolist()]
@@ -97,7 +102,7 @@ def _responses(lamp: np.ndarray, across: np.ndarray, view: LampView, window: Win
     )
 
 
-def _on_shadow_edges(image: np.ndarray, window: Window) -> np.ndarray:
+def _on_shadow_edges(image: np.ndarray, window: MatchingOptions) -> np.ndarray:
     """Return a mask (h, w) of windows that contain shadow and light; other windows hardly depend on the lamp."""
     import cv2
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from polarsim.cameras.labels import FINAL_NOISE, MIN_BOXES, LabelLocalisation, check_localisation, localise_by_labels
 from polarsim.cameras.options import LocalisationOptions
-from polarsim.cameras.refine import BoxFit, check_pose, pose_of
+from polarsim.cameras.refine import BoxFit, check_pose, pose_of_unknowns
 from polarsim.cameras.surveyed import offset_surveyed_pose
 from polarsim.cameras.translations import Translations, fit_translations, no_translations, translated
 from polarsim.errors import RegistrationError
@@ -130,6 +130,8 @@ def _fit_jointly(
     moved = translated(outlines, translations.metres)
     after = {}
     for position, localisation in localised.items():
-        fit = check_pose(pose_of(unknowns[position]), moved, localisation.boxes, lens, localisation.prior, FINAL_NOISE)
+        fit = check_pose(
+            pose_of_unknowns(unknowns[position]), moved, localisation.boxes, lens, localisation.prior, FINAL_NOISE
+        )
         after[position] = replace(localisation, fit=fit)
     return Localisations(after, translations, {})

@@ -20,9 +20,9 @@ from polarsim.cameras.rounding import rounded, rounded_metrics
 from polarsim.cameras.sandbox_frame import SandboxFrame, find_sandbox_frame
 from polarsim.cameras.scans import Network, register_scans
 from polarsim.cameras.small_box import small_box_frame
-from polarsim.cameras.surveyed import likely_pose, stations
+from polarsim.cameras.surveyed import expected_survey_pose, stations
 from polarsim.cameras.translations import translation_table
-from polarsim.errors import RegistrationError, within
+from polarsim.errors import RegistrationError, with_part
 from polarsim.formats import colmap, obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.yolo import read_rock_boxes
@@ -31,7 +31,7 @@ from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
 from polarsim.geometry.stereo import StereoRig
 from polarsim.run_files.inventory import Inventory, read_inventory
-from polarsim.run_files.rigs import PITCH_SD, SURVEYED, UNSURE, LocalisedRig, read_rig, write_localised
+from polarsim.run_files.rigs import PITCH_SD, SURVEYED, UNCERTAIN_LABELS, LocalisedRig, read_rig, write_localised
 from polarsim.run_files.rock_translations import FILE as TRANSLATION_FILE
 from polarsim.run_files.scans import read_scan
 from polarsim.schemas.stages import ALIGNMENT, MATCHES
@@ -82,7 +82,7 @@ def locate_cameras(
     os.environ["OMP_NUM_THREADS"] = str(threads)  # read by Open3D's OpenMP when it is first loaded
     source, rig = read_inventory(inventory), read_rig(calibration)
     scanned = [position for position in positions if position in source.scanned]
-    with within(f"Terrain{terrain:02d}"):
+    with with_part(f"Terrain{terrain:02d}"):
         if scanned:
             located = _locate_by_scans(source, scanned, rig)
         else:
@@ -167,7 +167,7 @@ def _formal_errors(covariance: np.ndarray, position: np.ndarray) -> dict[str, fl
 def _locate_by_labels(
     source: Inventory, positions: Sequence[str], rig: StereoRig, seeds: Path, options: LocalisationOptions
 ) -> LocalisationResult:
-    meshes = {rock: obj.read(path) for rock, path in source.rock_meshes().items()}
+    meshes = {rock: obj.read_obj(path) for rock, path in source.rock_meshes().items()}
     outlines = outlines_of(meshes)
     annotated = read_rock_boxes(seeds, source.terrain)
     seen = {position: consensus_boxes(annotated.get(position, [])) for position in positions}
@@ -189,7 +189,7 @@ def _locate_by_labels(
         position: _rounded_rig(
             rig,
             guess.fit.sandbox_from_left,
-            UNSURE,
+            UNCERTAIN_LABELS,
             {
                 **_label_metrics(guess, len(outlines)),
                 **_survey_offsets(position, guess.fit.sandbox_from_left, surveyed),
@@ -264,7 +264,7 @@ def _complete_positions(
             log.warning("position %s: its pose is suggested by labels and meshes, but not confirmed", position)
             complete[position] = located.unconfirmed[position]
             continue
-        likely = likely_pose(position, poses) if position in surveyed else None
+        likely = expected_survey_pose(position, poses) if position in surveyed else None
         if likely is None:
             log.warning("position %s: %s; photos may localise it", position, _NOT_LOCALISED)
             continue

@@ -25,19 +25,19 @@ from polarsim.cameras.rounding import rounded, rounded_metrics, rounded_rig
 from polarsim.cameras.shading import MeshSurface, cast_view, surface_of
 from polarsim.formats import colmap
 from polarsim.formats.files import relative_to, writing_folder
-from polarsim.geometry.patches import Window, find
+from polarsim.geometry.patches import MatchingOptions, match_windows
 from polarsim.geometry.poses import angle_between
-from polarsim.photo import USUAL_EXPOSURE_MS, PositionCamera
+from polarsim.photo import REFERENCE_EXPOSURE_MS, PositionCamera
 from polarsim.progress import track
 from polarsim.run_files import lamps
-from polarsim.run_files.best_photos import Photos, Pictures, best_pictures, read_all_shrunk
+from polarsim.run_files.best_photos import BestPhotos, ViewPhotos, best_pictures, read_all_resized
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised, write_localised
 from polarsim.run_files.scene import read_terrain
 
 # Windows of 21 px of a shaded view, every 12 px, are matched within 5 px. Their correlation with the photo is at least
 # 0.6, and the noise of their position is 0.4 of sqrt((1 - correlation) / second derivative of the correlation).
-WINDOW = Window(21 // 2, 5, 12, 0.6, 0.4)
+WINDOW = MatchingOptions(21 // 2, 5, 12, 0.6, 0.4)
 MIN_WINDOWS = 200  # minimum number of matched windows for the refinement of a position
 INDEPENDENT = 300  # maximum weight of a view, in windows: the errors of neighbouring windows are correlated
 # Accuracy of registered scans relative to their cameras, and repeatability of the calibration. Metres, radians and
@@ -94,7 +94,7 @@ def image_names(photos: Path, folder: Path) -> dict[tuple[str, str], str]:
     """Return a Sun-lit photo of about the usual exposure for each position and camera, as a path from `folder`."""
     best: dict[tuple[str, str], tuple[Any, ...]] = {}
     for key, path in pictures_at(photos).items():
-        rank = (key.azimuth == "no", key.light == "on", abs(math.log2(key.exposure_ms / USUAL_EXPOSURE_MS)), key)
+        rank = (key.azimuth == "no", key.light == "on", abs(math.log2(key.exposure_ms / REFERENCE_EXPOSURE_MS)), key)
         view = (key.position, key.camera)
         best[view] = min(best.get(view, (*rank, path)), (*rank, path))
     return {view: relative_to(ranked[-1], folder) for view, ranked in best.items()}
@@ -106,7 +106,7 @@ def model_points(vertices: np.ndarray) -> np.ndarray:
 
 
 def _add_by_features(
-    name: str, located: dict[str, LocalisedRig], surface: MeshSurface, pictures: Pictures
+    name: str, located: dict[str, LocalisedRig], surface: MeshSurface, pictures: BestPhotos
 ) -> dict[str, LocalisedRig]:
     """Add rigs of positions whose photos share enough features with the localised positions."""
     sure = {position: one for position, one in located.items() if not one.unproven}
@@ -115,7 +115,7 @@ def _add_by_features(
 
 
 def _refine(
-    name: str, located: dict[str, LocalisedRig], surface: MeshSurface, pictures: Pictures, options: RefinementOptions
+    name: str, located: dict[str, LocalisedRig], surface: MeshSurface, pictures: BestPhotos, options: RefinementOptions
 ) -> tuple[dict[str, LocalisedRig], dict[str, np.ndarray]]:
     """Refine rigs and lamps alternately, from coarse to fine.
 
@@ -125,7 +125,7 @@ def _refine(
     surveyed = lamps.surveyed_suns(located)
     suns: dict[str, np.ndarray] = {}
     for scale in options.scales:
-        photos = read_all_shrunk(pictures, located, scale)
+        photos = read_all_resized(pictures, located, scale)
         matches = {
             (position, camera): _match_view(
                 surface, current[position], camera, photos[position, camera], scale, surveyed | suns
@@ -154,13 +154,18 @@ def _refine(
 
 
 def _match_view(
-    surface: MeshSurface, rig: LocalisedRig, camera: str, photos: Photos, scale: float, suns: Mapping[str, np.ndarray]
+    surface: MeshSurface,
+    rig: LocalisedRig,
+    camera: str,
+    photos: ViewPhotos,
+    scale: float,
+    suns: Mapping[str, np.ndarray],
 ) -> MatchedPoints:
     """Match mesh points with the photos of a view, shrunk by a scale; return pixels of the full photo."""
     hits = cast_view(surface, rig.camera(camera).scaled(scale))
     points, pixels, whitening = [], [], []
     for azimuth, photo in photos.items():
-        windows = find(hits.shade(suns[azimuth]), photo, hits.hit, WINDOW)
+        windows = match_windows(hits.shade(suns[azimuth]), photo, hits.hit, WINDOW)
         column, row = windows.pixel.astype(int).T
         points.append(hits.points[row, column].astype(float))
         pixels.append(windows.seen / scale)

@@ -10,11 +10,11 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from polarsim.geometry import boxes as box_geometry
-from polarsim.geometry.boxes import MATCH_GATE_PX, assign
+from polarsim.geometry.boxes import MATCH_GATE_PX, match_by_position_and_size
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import EDGES, Outlines
-from polarsim.geometry.poses import Pose, looking, yaw_pitch_roll
+from polarsim.geometry.poses import Pose, camera_pose, yaw_pitch_roll
 
 MIN_IN_VIEW = 0.5  # minimum share of a rock's box inside the photo
 
@@ -75,7 +75,7 @@ def refine_pose(
     """Return the pose after a least-squares fit per gate, each to the pairs at the previous pose."""
     pose = start
     for gate in gates_px:
-        rows, columns = assign(outlines.seen(Camera(pose, lens)), boxes, gate)
+        rows, columns = match_by_position_and_size(outlines.seen(Camera(pose, lens)), boxes, gate)
         if not len(rows):
             return pose
         pose = _solve(pose, EdgeProblem(outlines.part(rows), boxes[columns], lens, prior, noise))
@@ -88,7 +88,7 @@ def check_pose(
     """Return pairs, overlap and covariance at a pose."""
     unclipped = outlines.project(Camera(pose, lens))
     projected = box_geometry.clip(unclipped, lens.width, lens.height)
-    rows, columns = assign(projected, boxes, MATCH_GATE_PX)
+    rows, columns = match_by_position_and_size(projected, boxes, MATCH_GATE_PX)
     overlap = np.diag(box_geometry.iou(np.nan_to_num(projected[rows]), boxes[columns])).copy()
     with np.errstate(invalid="ignore", divide="ignore"):
         in_view = box_geometry.area(projected) >= MIN_IN_VIEW * box_geometry.area(unclipped)
@@ -112,14 +112,14 @@ class EdgeProblem:
         return (self.boxes > self.noise.border_px) & (self.boxes < far - self.noise.border_px)
 
     def residuals(self, unknowns: np.ndarray) -> np.ndarray:
-        projected = self.outlines.project(Camera(pose_of(unknowns), self.lens))
+        projected = self.outlines.project(Camera(pose_of_unknowns(unknowns), self.lens))
         edges = np.where(self.measured(), projected - self.boxes, 0.0)
         edges = np.nan_to_num(edges, nan=1e3, posinf=1e3, neginf=-1e3)
         return np.concatenate([edges.ravel() / self.noise.edge_px, self.prior.residuals(unknowns)])
 
     def jacobian(self, unknowns: np.ndarray) -> np.ndarray:
         """Return the derivatives (4 n + 6, 6); an edge moves with the point that defines it."""
-        pose = pose_of(unknowns)
+        pose = pose_of_unknowns(unknowns)
         _, points = self.outlines.edges(Camera(pose, self.lens))
         camera_from_sandbox = pose.inverse()
         in_camera = camera_from_sandbox.apply(points)
@@ -150,7 +150,7 @@ def _solve(start: Pose, problem: EdgeProblem) -> Pose:
         x_scale=np.array([0.1, 0.1, 0.1, 0.03, 0.03, 0.03]),
         max_nfev=30,
     )
-    return pose_of(fit.x)
+    return pose_of_unknowns(fit.x)
 
 
 def unknowns_of(pose: Pose) -> np.ndarray:
@@ -158,9 +158,9 @@ def unknowns_of(pose: Pose) -> np.ndarray:
     return np.concatenate([pose.translation, yaw_pitch_roll(pose)])
 
 
-def pose_of(unknowns: np.ndarray) -> Pose:
+def pose_of_unknowns(unknowns: np.ndarray) -> Pose:
     """Return the pose of unknowns; the inverse of `unknowns_of`."""
-    return looking(unknowns[:3], *unknowns[3:])
+    return camera_pose(unknowns[:3], *unknowns[3:])
 
 
 def _motion_jacobian(from_centre: np.ndarray, pose: Pose, yaw: float) -> np.ndarray:

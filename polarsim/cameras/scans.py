@@ -12,7 +12,7 @@ from polarsim.cameras import icp
 from polarsim.cameras.heightmaps import agreement, correlate_rotations, relief_correlation
 from polarsim.errors import RegistrationError
 from polarsim.geometry.planes import level_from, tracked_plane
-from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.survey import NOMINAL_PITCH_DEG
 
 SCAN_RADIUS = 3.2  # metres from the terrain's centre; points farther out belong to the hall
@@ -149,7 +149,7 @@ def _find_majority(levelled: Mapping[str, _Levelled]) -> tuple[str, dict[str, Po
 
 def level_pose(position: str, points: np.ndarray, stations: Mapping[str, Pose]) -> Pose:
     """Return `level_from_left`: position and heading from the survey, tilt and height from the sand."""
-    guess = stations.get(position) or looking(GUESSED_POSITION, np.pi, np.radians(NOMINAL_PITCH_DEG))
+    guess = stations.get(position) or camera_pose(GUESSED_POSITION, np.pi, np.radians(NOMINAL_PITCH_DEG))
     near = guess.apply(points)
     sand = near[(np.abs(near[:, :2]) < SAND_REACH).all(axis=1)]
     if len(sand) < MIN_SAND_POINTS:
@@ -167,14 +167,16 @@ def _level_scan(position: str, points: np.ndarray, stations: Mapping[str, Pose])
     reach = [SCAN_RADIUS, SCAN_RADIUS, HEIGHT_REACH]
     near = near[(np.abs(near) < reach).all(axis=1)]
     viewpoint = level_from_left.translation
-    area = _sand_area(icp.surface(near, viewpoint, COARSE_VOXELS[0]))
+    area = _sand_area(icp.thin_to_planes(near, viewpoint, COARSE_VOXELS[0]))
     if area < MIN_SAND_AREA:
         raise RegistrationError(
             f"the scan of position {position} shows {area:.1f} m2 of level sand within {SAND_REACH:g} m of the centre, "
             f"{MIN_SAND_AREA:g} m2 needed: walls do not suffice for a registration"
         )
-    fine = icp.surface(near, viewpoint, VOXEL)
-    return _Levelled(level_from_left, [icp.surface(fine.points, viewpoint, voxel) for voxel in COARSE_VOXELS], fine)
+    fine = icp.thin_to_planes(near, viewpoint, VOXEL)
+    return _Levelled(
+        level_from_left, [icp.thin_to_planes(fine.points, viewpoint, voxel) for voxel in COARSE_VOXELS], fine
+    )
 
 
 def _sand_area(coarse: icp.ScanSurface) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
-from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.poses import Pose, camera_pose
 
 DISTANCE_STEP, HEIGHT_STEP = 0.3, 0.2  # metres: grid of tried positions
 AZIMUTH_RANGE_DEG, AZIMUTH_STEP_DEG = 12.0, 4.0  # of the search about the surveyed azimuth
@@ -40,7 +40,7 @@ class Hypothesis:
 
     @property
     def sandbox_from_left(self) -> Pose:
-        return looking(self.centre, self.yaw, self.pitch)
+        return camera_pose(self.centre, self.yaw, self.pitch)
 
 
 def candidate_centres(azimuth: float | None, level: float) -> np.ndarray:
@@ -110,7 +110,7 @@ class _NormalisedBoxes:
 def _hypotheses_at(centre: np.ndarray, outlines: Outlines, normalised: _NormalisedBoxes) -> list[Hypothesis]:
     yaw_home = float(np.arctan2(-centre[1], -centre[0]))
     pitch_home = float(np.arctan2(centre[2] - np.median(outlines.centres[:, 2]), np.hypot(centre[0], centre[1])))
-    home = looking(centre, yaw_home, pitch_home)
+    home = camera_pose(centre, yaw_home, pitch_home)
     directions, log_size = _rocks_from(home, outlines)
     with np.errstate(invalid="ignore"):
         rock, box = np.nonzero((np.abs(log_size[:, None] - normalised.log_size[None]) < SIZE_SD).all(axis=-1))

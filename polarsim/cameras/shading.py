@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.casters import caster
+from polarsim.geometry.casters import make_caster
 from polarsim.geometry.rays import Caster
 from polarsim.run_files.scene import TerrainMesh
 
@@ -51,7 +51,7 @@ class ViewHits:
 
 
 def surface_of(mesh: TerrainMesh) -> MeshSurface:
-    return MeshSurface(caster(mesh.vertices, mesh.faces), mesh.normals[mesh.faces].mean(axis=1).astype(np.float32))
+    return MeshSurface(make_caster(mesh.vertices, mesh.faces), mesh.normals[mesh.faces].mean(axis=1).astype(np.float32))
 
 
 def cast_view(surface: MeshSurface, camera: Camera) -> ViewHits:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from polarsim import survey
-from polarsim.geometry.poses import Pose, looking, surveyed_pose, yaw_pitch_roll
+from polarsim.geometry.poses import Pose, camera_pose, surveyed_pose, yaw_pitch_roll
 
 # The rig was tilted again for C, but only moved back from A to B: on six terrains the pitches of A and B, 21.8 to 28.4
 # degrees, differ by at most 1.1 degrees.
@@ -39,7 +39,7 @@ def offset_surveyed_pose(position: str, localised: Mapping[str, Pose]) -> Pose |
     return Pose(surveyed.rotation, surveyed.translation + (np.mean(offsets, axis=0) if offsets else 0.0))
 
 
-def likely_pose(position: str, localised: Mapping[str, Pose]) -> tuple[Pose, float] | None:
+def expected_survey_pose(position: str, localised: Mapping[str, Pose]) -> tuple[Pose, float] | None:
     """Return the most likely pose of a position without evidence, and the standard deviation of its pitch, degrees.
 
     It is `offset_surveyed_pose` with the pitch of the position that shares the tilt, or the usual pitch; None for
@@ -52,4 +52,4 @@ def likely_pose(position: str, localised: Mapping[str, Pose]) -> tuple[Pose, flo
     neighbour = localised.get(SAME_TILT.get(position, ""))
     pitch = np.radians(USUAL_PITCH_DEG) if neighbour is None else yaw_pitch_roll(neighbour)[1]
     sd_deg = USUAL_PITCH_SD_DEG if neighbour is None else SHARED_PITCH_SD_DEG
-    return looking(pose.translation, yaw_pitch_roll(pose)[0], float(pitch)), sd_deg
+    return camera_pose(pose.translation, yaw_pitch_roll(pose)[0], float(pitch)), sd_deg

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from polarsim.cameras.labels import FINAL_NOISE, LabelLocalisation
-from polarsim.cameras.refine import BoxFit, EdgeProblem, pose_of, unknowns_of
-from polarsim.geometry.boxes import MATCH_GATE_PX, assign
+from polarsim.cameras.refine import BoxFit, EdgeProblem, pose_of_unknowns, unknowns_of
+from polarsim.geometry.boxes import MATCH_GATE_PX, match_by_position_and_size
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
@@ -72,8 +72,8 @@ def fit_translations(
     for _ in range(PAIRINGS):
         moved = translated(outlines, metres)
         for position, localisation in positions.items():
-            rows, columns = assign(
-                moved.seen(Camera(pose_of(unknowns[position]), lens)), localisation.boxes, MATCH_GATE_PX
+            rows, columns = match_by_position_and_size(
+                moved.seen(Camera(pose_of_unknowns(unknowns[position]), lens)), localisation.boxes, MATCH_GATE_PX
             )
             known = ~mismatched[rows]
             pairs[position] = rows[known], columns[known]

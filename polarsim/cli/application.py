@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from polarsim.arguments import Checked, call, writes_file
+from polarsim.arguments import FiniteCommand, call, writes_file
 from polarsim.reporting import reporting
 
 app = typer.Typer(
@@ -40,10 +40,10 @@ def main() -> None:
 
 def commands_of(panel: str) -> Callable[..., Any]:
     """Return a decorator that adds a command to a panel of `--help`."""
-    return partial(app.command, cls=Checked, rich_help_panel=panel)
+    return partial(app.command, cls=FiniteCommand, rich_help_panel=panel)
 
 
-def listed(text: str) -> list[str]:
+def split_commas(text: str) -> list[str]:
     """Return the parts of a comma-separated option."""
     return [part.strip() for part in text.split(",") if part.strip()]
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from polarsim.arguments import writes_folder
-from polarsim.cli.application import JsonFile, commands_of, listed
+from polarsim.cli.application import JsonFile, commands_of, split_commas
 
 command = commands_of("Detectors")
 Treatment = Literal["zero", "left_out"]  # IoU 0, or excluded
@@ -51,12 +51,14 @@ def detect(
     threads: Annotated[int, typer.Option(min=1, help="Number of images processed in parallel.")] = 2,
 ) -> None:
     """Detect rocks and shadows in images. Writes boxes as CSV, YOLO and COCO."""
-    from polarsim.detect.detect_pictures import find_in_pictures, prediction_options
+    from polarsim.detect.detect_pictures import detect_in_images, prediction_options
     from polarsim.detect.detectors import choose_device
     from polarsim.detect.options import PACKAGED
 
-    options = prediction_options(listed(widths), listed(gates), device, mirrored=mirrored, precision=precision)
-    found = find_in_pictures(
+    options = prediction_options(
+        split_commas(widths), split_commas(gates), device, mirrored=mirrored, precision=precision
+    )
+    found = detect_in_images(
         pictures=pictures, weights=weights or [PACKAGED], out=out, options=options, threads=threads,
         confidence=confidence, draw=draw, masks=masks,
     )  # fmt: skip
@@ -103,14 +105,14 @@ def ipd(
     ipd: absolute value of the mean IoU difference, as in the paper; ipd_abs: mean of the absolute differences.
     """
     from polarsim.detect.external_sets import compare_sets
-    from polarsim.detect.ipd import Rules
+    from polarsim.detect.ipd import IpdRules
     from polarsim.formats.files import write_json
 
     report = compare_sets(
         (labels_a, labels_b),
         (predictions_a, predictions_b),
         confidence=confidence,
-        rules=Rules(undetected, unpaired),
+        rules=IpdRules(undetected, unpaired),
         unit=unit,
         pair_iou=pair_iou,
         missing=missing,

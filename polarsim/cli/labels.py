@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from polarsim.arguments import run_folder, writes_file, writes_folder
-from polarsim.cli.application import JsonFile, Results, commands_of, listed
+from polarsim.cli.application import JsonFile, Results, commands_of, split_commas
 from polarsim.errors import PolarsimError
 
 command = commands_of("Labels")
@@ -46,14 +46,14 @@ def validate(
     Exit code 0: no errors or warnings; 1: errors or warnings, or an unreadable folder; 2: usage error.
     """
     from polarsim.formats.files import write_json
-    from polarsim.lint.folders import lint
-    from polarsim.lint.rules import chosen
+    from polarsim.lint.folders import lint_folder
+    from polarsim.lint.rules import select_rules
 
     try:
-        names = chosen(listed(select), listed(ignore))
+        names = select_rules(split_commas(select), split_commas(ignore))
     except PolarsimError as error:
         raise typer.BadParameter(str(error)) from error
-    report = lint(root, names, workers=workers, fix=fix)
+    report = lint_folder(root, names, workers=workers, fix=fix)
     if json:
         write_json(json, report.as_json())
     if form == "text":
@@ -114,7 +114,9 @@ def show(
 
     photo, folder = PhotoKey.parse(key), run_folder(results, run)
     target = out or Path(f"{key}_{domain}.png")
-    show_of_run(key=photo, run=Run(folder), domain=domain, out=target, scale=scale, kinds=listed(kinds), masks=masks)
+    show_of_run(
+        key=photo, run=Run(folder), domain=domain, out=target, scale=scale, kinds=split_commas(kinds), masks=masks
+    )
     typer.echo(str(target))
 
 
@@ -136,7 +138,7 @@ def export(
     results: Results = Path("results"),
 ) -> None:
     """Export tone-mapped photos and labels of a run for correction in a labelling tool."""
-    from polarsim.annotate.export import export as write
+    from polarsim.annotate.export import export_photos as write
     from polarsim.annotate.export import opening
 
     found = run_folder(results, run)
@@ -211,7 +213,7 @@ def masks(
 
     files = release.polygon_sources(polygons)
     for path in track(files, "class masks"):
-        png.write(out / f"{path.stem}.png", paint(yolo.read_polygons(path)))
+        png.write_png(out / f"{path.stem}.png", paint(yolo.read_polygons(path)))
     typer.echo(f"{len(files)} class masks in {out}")
 
 

@@ -10,7 +10,7 @@ import typer
 
 from polarsim.arguments import PLOTS, refuse_existing_folder, sun_above_horizon, writes_file, writes_folder
 from polarsim.cli.application import commands_of
-from polarsim.photo import USUAL_EXPOSURE_MS
+from polarsim.photo import REFERENCE_EXPOSURE_MS
 from polarsim.render.models import Model
 from polarsim.reporting import reporting
 
@@ -56,7 +56,7 @@ def render(
             help="Directional light instead of the lamp: azimuth from +X towards +Y and elevation, deg.",
         ),
     ] = None,
-    exposure: Annotated[float, typer.Option(min=0, help="Exposure time, ms.")] = USUAL_EXPOSURE_MS,
+    exposure: Annotated[float, typer.Option(min=0, help="Exposure time, ms.")] = REFERENCE_EXPOSURE_MS,
     model: Annotated[Model, typer.Option(help="Reflectance model.")] = "hapke",
     engine: Annotated[
         Literal["numpy", "taichi"] | None, typer.Option(help="Shading engine; default: from the configuration.")
@@ -100,31 +100,31 @@ def render(
     from polarsim.config import render_options
     from polarsim.formats import png
     from polarsim.geometry.camera import Camera
-    from polarsim.geometry.poses import looking
-    from polarsim.geometry.stereo import stated_rig
+    from polarsim.geometry.poses import camera_pose
+    from polarsim.geometry.stereo import default_rig
     from polarsim.render.lamps import Lamp
     from polarsim.render.maps import write_maps
     from polarsim.render.scene import Scene, Shot
     from polarsim.render.sidecar import write_sidecar
     from polarsim.run_files.rigs import read_localised
-    from polarsim.run_files.scene import terrain_in
+    from polarsim.run_files.scene import terrain_of_folder
     from polarsim.tone import to_8bit
 
     writes_file(".png")(out)
     sidecar = out.with_suffix(".json")
     refuse_existing_folder(sidecar)
-    rig = read_localised(cameras).rig if cameras else stated_rig()
+    rig = read_localised(cameras).rig if cameras else default_rig()
     shot = Shot(
-        camera=Camera(looking(np.array(camera), *np.radians([yaw, pitch, roll])), rig.left),
+        camera=Camera(camera_pose(np.array(camera), *np.radians([yaw, pitch, roll])), rig.left),
         lamps={"sun": Lamp.sun(*sun, intensity) if sun else Lamp(np.array(lamp), intensity, lamp_radius)},
         exposure_ms=exposure,
         model=model,
     )
     assignments = [*(option or ()), *([f"engine={engine}"] if engine else ())]
-    scene = Scene(meshes, terrain or terrain_in(meshes), render_options(assignments))
+    scene = Scene(meshes, terrain or terrain_of_folder(meshes), render_options(assignments))
     scene.refuse_positions(shot)
     picture = scene.picture(shot, threads)
-    png.write(out, to_8bit(picture) if preview else picture)
+    png.write_png(out, to_8bit(picture) if preview else picture)
     write_sidecar(sidecar, scene.sidecar(shot))
     if maps:
         write_maps(maps, scene.maps(shot, threads))
@@ -156,7 +156,7 @@ def brdf(
     """Print the BRDF value f_r in 1/sr and the reflectance factor pi f_r (1: ideal white Lambertian surface)."""
     import numpy as np
 
-    from polarsim.render.goniometer import panels_of, parameters_of, phase_deg, reflectance_at
+    from polarsim.render.goniometer import parameters_of, phase_deg, reflectance_at, reflectance_panels
     from polarsim.render.options import HAPKE_SETS
 
     angles = (np.array([incidence]), np.array([emergence]), np.array([azimuth]))
@@ -169,7 +169,7 @@ def brdf(
 
         names = list(HAPKE_SETS) if soil is None and model in ("hapke", "hapke_chrono") else [soil]
         chosen = {name or model: parameters_of(model, name) for name in names}
-        draw_brdf(plot, panels_of(chosen, incidence))
+        draw_brdf(plot, reflectance_panels(chosen, incidence))
         typer.echo(str(plot))
 
 

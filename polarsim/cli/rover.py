@@ -39,8 +39,8 @@ def drive(
     An interrupted drive resumes with the same command.
     """
     from polarsim.errors import ConfigError, PolarsimError
-    from polarsim.progress import share_bar
-    from polarsim.rover.run import run_all
+    from polarsim.progress import progress_bar
+    from polarsim.rover.run import run_drive_pipeline
     from polarsim.running.configuration import STORED, read_configs, run_and_config
 
     if configfile and run is None and results.is_dir():
@@ -59,8 +59,8 @@ def drive(
         if not (there := meshes / f"Terrain{terrain:02d}").is_dir():
             raise PolarsimError("no such folder of meshes; create the meshes with polarsim run", path=there)
     folder = out or run_folder / f"rover/seed{number}"
-    with reporting(), share_bar(f"drive {number}") as progress:  # typer keeps Ctrl-C to itself
-        figures = run_all(
+    with reporting(), progress_bar(f"drive {number}") as progress:  # typer keeps Ctrl-C to itself
+        figures = run_drive_pipeline(
             meshes=meshes,
             folder=folder,
             options=rover,

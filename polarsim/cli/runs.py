@@ -45,7 +45,7 @@ def run(
     Exit code 0: complete; 1: a job failed, or the run cannot start; 2: usage error; 130: stopped by the user.
     """
     from polarsim.running.run import Call
-    from polarsim.running.run import run as supervise
+    from polarsim.running.run import run_workflow as supervise
     from polarsim.running.targets import CallError
 
     words = targets or []
@@ -107,7 +107,7 @@ def compare(
     results: Results = Path("results"),
 ) -> None:
     """Compare the metrics of several runs. Writes CSV, Markdown, LaTeX and Parquet."""
-    from polarsim.report.evaluation_table import compare_runs, compared
+    from polarsim.report.evaluation_table import compare_runs, comparison_lines
 
     for form in (".csv", ".md", ".tex", ".parquet"):
         refuse_existing_folder(out.with_name(out.name + form))
@@ -117,7 +117,7 @@ def compare(
     )
     if several:
         typer.echo(f"{' / '.join(runs)}, medians over the terrains of all these runs:")
-        typer.echo("\n".join(compared(table, runs)))
+        typer.echo("\n".join(comparison_lines(table, runs)))
     typer.echo(f"{out}.md")
 
 
@@ -141,7 +141,7 @@ def explore(
     Boxes can be corrected; corrections are stored in results/<run>/corrections for the option `labels.corrections`.
     The page is available only on this machine, until Ctrl-C.
     """
-    from polarsim.explore.site import site, write_site
+    from polarsim.explore.site import page_of_run, write_site
     from polarsim.run_files.run import Run
 
     chosen = Run.at(run_folder(results, run))
@@ -155,7 +155,7 @@ def explore(
     from polarsim.explore.corrections import Corrections
     from polarsim.explore.server import server
 
-    with server(site(chosen, width), port, Corrections(chosen)) as served:
+    with server(page_of_run(chosen, width), port, Corrections(chosen)) as served:
         address = f"http://{served.server_address[0]!s}:{served.server_address[1]}/"
         typer.echo(f"{address}   stop with Ctrl-C")
         if browser:
@@ -185,7 +185,7 @@ def undo(
     from polarsim.grid import selected_grid
     from polarsim.labels.propagate import PropagationInputs
     from polarsim.labels.seeds import read_corrections
-    from polarsim.labels.undo import what_followed
+    from polarsim.labels.undo import derived_labels
     from polarsim.photo import PhotoKey, positions
     from polarsim.running.configuration import run_and_config
 
@@ -198,7 +198,7 @@ def undo(
     out = folder / "labels" / "undone" / f"{key}.parquet"
     writes_file()(out)
     here = [position for position in config.positions if position in positions(key.terrain)]
-    found = what_followed(
+    found = derived_labels(
         drawing=key,
         inputs=PropagationInputs(
             terrain=key.terrain,
@@ -228,7 +228,7 @@ def schema(
     ] = False,
 ) -> None:
     """Print the JSON schema of the configuration, with description and unit of every key."""
-    from polarsim.config import schema as of_configuration
-    from polarsim.render.views.options import schema as of_views
+    from polarsim.config import config_schema as of_configuration
+    from polarsim.render.views.options import views_schema as of_views
 
     typer.echo(of_views() if views else of_configuration(), nl=False)

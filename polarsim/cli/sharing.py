@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from polarsim.arguments import run_folder, writes_file, writes_folder
-from polarsim.cli.application import Results, commands_of, listed
+from polarsim.cli.application import Results, commands_of, split_commas
 from polarsim.photo import WIDTH
 from polarsim.reporting import reporting
 
@@ -47,14 +47,14 @@ def publish(
     results: Results = Path("results"),
 ) -> None:
     """Publish a run as data sets in common formats, each with a data card. An interrupted call resumes."""
-    from polarsim.publish.run import publish as write
-    from polarsim.publish.run import summary
+    from polarsim.publish.run import form_summary
+    from polarsim.publish.run import publish_forms as write
 
-    names = [name for text in form for name in listed(text)]
+    names = [name for text in form for name in split_commas(text)]
     with reporting():  # typer keeps Ctrl-C to itself
         parts = write(run_folder(results, run), out, names, subset, max_size, photos, replace, split)
     for name, part in parts.items():
-        typer.echo(summary(name, part, out / name))
+        typer.echo(form_summary(name, part, out / name))
 
 
 @command()

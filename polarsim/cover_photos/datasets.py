@@ -7,9 +7,9 @@ from pathlib import Path
 
 from polarsim.cover_photos.options import SCENE_PICTURES, VAL_SHARE
 from polarsim.cover_photos.windows import terrain_of_window
-from polarsim.detect.dataset import Entry, entry_of, write_dataset
+from polarsim.detect.dataset import Entry, image_entry, write_yolo_dataset
 from polarsim.detect.split import PARTS, TEST, TRAIN, VAL
-from polarsim.errors import DetectError, LabelError, about
+from polarsim.errors import DetectError, LabelError, with_path
 from polarsim.formats.files import writing_folder
 from polarsim.photo import PhotoKey
 from polarsim.randomness import generator
@@ -47,12 +47,12 @@ def make_cover_dataset(
     _check_apart(test, scenes)
     entries = [entry for terrain in sorted(scenes) for entry in _scenes(terrain, scenes[terrain], seed)]
     for path in sorted(covers.glob("*.png")) if covers else []:
-        with about(path):
+        with with_path(path):
             if PhotoKey.parse(path.stem).terrain in test:
                 entries.append(Entry(path.stem, TEST, path, None))
     with writing_folder(dataset) as folder:
         facts = {"test": sorted(test), "train": sorted(scenes)}
-        write_dataset(DOMAIN, dataset, entries, folder, facts, needed=PARTS if test else (TRAIN, VAL))
+        write_yolo_dataset(DOMAIN, dataset, entries, folder, facts, needed=PARTS if test else (TRAIN, VAL))
 
 
 def make_fine_tuning_dataset(
@@ -82,12 +82,12 @@ def make_fine_tuning_dataset(
     _check_apart(test, scenes)
     random = generator(seed, "covers", "fine tuning", *sorted(test))
     names = [path.stem for path in sorted((windows / "images").glob("*.png")) if terrain_of_window(path) not in test]
-    entries = [entry_of(windows, name, VAL if random.random() < VAL_SHARE else TRAIN) for name in names]
+    entries = [image_entry(windows, name, VAL if random.random() < VAL_SHARE else TRAIN) for name in names]
     pictures = [entry for terrain in sorted(scenes) for entry in _scenes(terrain, scenes[terrain], seed)]
     entries += [pictures[number] for number in random.permutation(len(pictures))[:SCENE_PICTURES]]
     with writing_folder(dataset) as folder:
         facts = {"test": sorted(test), "train": sorted(scenes)}
-        write_dataset(DOMAIN, dataset, entries, folder, facts, needed=(TRAIN, VAL))
+        write_yolo_dataset(DOMAIN, dataset, entries, folder, facts, needed=(TRAIN, VAL))
 
 
 def _check_apart(test: Sequence[int], trained: Collection[int]) -> None:
@@ -109,7 +109,7 @@ def _scenes(terrain: int, folder: Path, seed: int) -> list[Entry]:
     order = generator(seed, "covers", "val", terrain).permutation(sorted(images))
     val = set(order[: max(1, round(VAL_SHARE * len(images)))].tolist())
     return [
-        entry_of(folder, name, VAL if scene in val else TRAIN)
+        image_entry(folder, name, VAL if scene in val else TRAIN)
         for scene, names in sorted(images.items())
         for name in names
     ]

@@ -41,7 +41,7 @@ class CoversOptions(BaseModel, extra="forbid", frozen=True):
         (),
         description="Known photo keys of cover photos. The keys of unlisted photos are derived from boxes and shadows.",
     )
-    scenes: SceneOptions = Field(SceneOptions(), description="Training scenes.")
+    scenes: SceneOptions = Field(SceneOptions(), description="Randomised scenes for the training.")
     carved_scenes: int = Field(
         512,
         ge=0,

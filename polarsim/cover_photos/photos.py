@@ -18,8 +18,8 @@ from polarsim.formats import png, release, tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.geometry import boxes
 from polarsim.geometry.images import resize
-from polarsim.photo import BOX_CLASSES, HEIGHT, ROCK, SHADOW, USUAL_EXPOSURE_MS, WIDTH, PhotoKey
-from polarsim.scenes.strokes import drawn_boxes, erase_strokes, find_strokes
+from polarsim.photo import BOX_CLASSES, HEIGHT, REFERENCE_EXPOSURE_MS, ROCK, SHADOW, WIDTH, PhotoKey
+from polarsim.scenes.strokes import erase_strokes, find_drawn_boxes, find_strokes
 
 SOURCE = "annotated"  # source of human labels
 PAIRING_COLUMNS = (
@@ -86,14 +86,14 @@ def read_covers(
             rows += [(path.name, *row) for row in paired.itertuples(index=False)]
             key = PhotoKey.parse(str(paired.loc[paired["shown"], "key"].item()))
             photos[key] = cover.photo
-            annotated += label_rows(key, files[key])
+            annotated += annotation_rows(key, files[key])
     if named:
         raise DetectError(f"no cover photo for key {next(iter(named.values()))}", path=root)
     if not photos:
         raise DetectError(f"no usable cover photo of terrains {', '.join(map(str, terrains))}", path=root)
     with writing_folder(pictures) as folder:
         for key, photo in photos.items():
-            png.write(folder / f"{key}.png", photo)
+            png.write_png(folder / f"{key}.png", photo)
     tables.write_parquet(labels, tables.label_table(annotated))
     table = pd.DataFrame(rows, columns=list(PAIRING_COLUMNS))
     tables.write_csv(pairing, table.round({"drawn_iou": 3, "shadow_contrast": 3}))
@@ -109,7 +109,7 @@ def read_cover(path: Path) -> Cover:
     FormatError
         Not an image.
     """
-    picture = png.read(path)
+    picture = png.read_png(path)
     height, width = picture.shape[:2]
     if width < _MIN_WIDTH or abs(width * HEIGHT / (height * WIDTH) - 1) > _MAX_ASPECT_ERROR:
         raise DetectError(
@@ -119,7 +119,7 @@ def read_cover(path: Path) -> Cover:
     if picture.ndim == 2:
         picture = np.repeat(picture[..., None], 3, axis=-1)
     picture = np.ascontiguousarray(picture[..., :3])
-    drawn = drawn_boxes(find_strokes(picture)) * (WIDTH / width)
+    drawn = find_drawn_boxes(find_strokes(picture)) * (WIDTH / width)
     return Cover(resize(erase_strokes(picture), (WIDTH, HEIGHT)), drawn)
 
 
@@ -148,7 +148,7 @@ def pair_cover(cover: Cover, brackets: Mapping[PhotoKey, Path], known: PhotoKey 
         classes, corners = yolo.read_boxes(path)
         rocks, shadows = (corners[classes == BOX_CLASSES.index(kind)] for kind in (ROCK, SHADOW))
         overlap = boxes.iou(cover.drawn, rocks) if len(cover.drawn) and len(rocks) else np.zeros((0, 0))
-        total = overlap[boxes.match_sum(overlap)] if overlap.size else np.zeros(0)
+        total = overlap[boxes.match_by_summed_iou(overlap)] if overlap.size else np.zeros(0)
         count = max(len(cover.drawn), len(rocks), 1)
         rows.append(
             (str(key), False, "", len(cover.drawn), len(rocks), int((total > 0).sum()), total.sum() / count,
@@ -187,7 +187,7 @@ def shadow_contrast(photo: np.ndarray, shadows: np.ndarray, rocks: np.ndarray) -
     return float(np.mean(values)) if values else float("nan")
 
 
-def label_rows(key: PhotoKey, path: Path) -> list[dict[str, object]]:
+def annotation_rows(key: PhotoKey, path: Path) -> list[dict[str, object]]:
     """Return rows of the label table for the human boxes of a label file."""
     classes, corners = yolo.read_boxes(path)
     return [
@@ -199,12 +199,12 @@ def label_rows(key: PhotoKey, path: Path) -> list[dict[str, object]]:
 
 
 def _brackets(files: Mapping[PhotoKey, Path], position: str, known: PhotoKey | None) -> dict[PhotoKey, Path]:
-    """Return a label file of each bracket without rover light, with the exposure closest to `USUAL_EXPOSURE_MS`."""
+    """Return a label file of each bracket without rover light, with the exposure closest to `REFERENCE_EXPOSURE_MS`."""
     if known is not None and known not in files:
         raise DetectError(f"no label file {known}.txt")
     keys = [key for key in files if key.position == position and key.light == "off" and key.azimuth != "no"]
     nearest: dict[object, PhotoKey] = {}
-    for key in sorted(keys, key=lambda key: (abs(log2(key.exposure_ms / USUAL_EXPOSURE_MS)), key)):
+    for key in sorted(keys, key=lambda key: (abs(log2(key.exposure_ms / REFERENCE_EXPOSURE_MS)), key)):
         nearest.setdefault(key.bracket, key)
     if known is not None:
         nearest[known.bracket] = known

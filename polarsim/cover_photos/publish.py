@@ -10,17 +10,17 @@ import numpy as np
 import pandas as pd
 
 from polarsim.cover_photos.scores import ALL
-from polarsim.cover_photos.widths import Found, merged, read_folds, together, widths_for
+from polarsim.cover_photos.widths import WidthPredictions, merge_widths, read_folds, together, widths_for
 from polarsim.detect import detectors
 from polarsim.detect.calibration import Calibration, calibrate_boxes, calibration_error, fit_calibration
 from polarsim.detect.grouping import labels_by_photo
-from polarsim.detect.inference_widths import ClassSizes
+from polarsim.detect.inference_widths import ClassInferenceWidths
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
 from polarsim.formats import tables
 from polarsim.formats.files import write_text
 from polarsim.photo import BOX_CLASSES
-from polarsim.schemas.covers import COVER_SCORES, FINE_TUNED, ONE
+from polarsim.schemas.covers import COVER_SCORES, FINE_TUNED, SINGLE
 
 
 @dataclass(frozen=True)
@@ -75,18 +75,20 @@ def publish_detector(
     )
     detectors.write_detector(detector, complete)
     figures = tables.read_parquet(scores, COVER_SCORES.columns)
-    write_text(card, _card(complete, figures[figures["detectors"] == ONE], check))
+    write_text(card, _card(complete, figures[figures["detectors"] == SINGLE], check))
 
 
 def _chosen(
-    labels: pd.DataFrame, by_photo: Found, imgsz: int, options: PredictionOptions
-) -> tuple[ClassSizes, Calibration]:
+    labels: pd.DataFrame, by_photo: WidthPredictions, imgsz: int, options: PredictionOptions
+) -> tuple[ClassInferenceWidths, Calibration]:
     sizes = widths_for(labels, by_photo, imgsz, options)
-    boxes = [merged(rows, sizes, options.nms_iou) for rows in by_photo.values()]
+    boxes = [merge_widths(rows, sizes, options.nms_iou) for rows in by_photo.values()]
     return sizes, fit_calibration(labels_by_photo(labels, list(by_photo)), boxes)
 
 
-def _check(labels: pd.DataFrame, by_fold: Mapping[str, Found], imgsz: int, options: PredictionOptions) -> Check:
+def _check(
+    labels: pd.DataFrame, by_fold: Mapping[str, WidthPredictions], imgsz: int, options: PredictionOptions
+) -> Check:
     """Calibrate the boxes of each fold with widths and calibration from the remaining folds.
 
     Widths are selected again without the sand filter of `widths.choose_widths`, because users of the published detector
@@ -96,7 +98,7 @@ def _check(labels: pd.DataFrame, by_fold: Mapping[str, Found], imgsz: int, optio
     after: list[np.ndarray] = []
     for fold, photos in by_fold.items():
         sizes, calibration = _chosen(labels, together(by_fold, but=fold), imgsz, options)
-        boxes = [merged(rows, sizes, options.nms_iou) for rows in photos.values()]
+        boxes = [merge_widths(rows, sizes, options.nms_iou) for rows in photos.values()]
         before += boxes
         after += [calibrate_boxes(rows, calibration) for rows in boxes]
     truth = labels_by_photo(labels, list(together(by_fold)))

@@ -12,7 +12,7 @@ import pandas as pd
 from polarsim import intervals
 from polarsim.detect import metrics
 from polarsim.detect.calibration import calibrate_boxes, calibration_error, fit_calibration
-from polarsim.detect.dataset import read_pictures
+from polarsim.detect.dataset import dataset_images
 from polarsim.detect.detectors import detector_name
 from polarsim.detect.grouping import DETECTION, boxes_by_photo, detections_by_photo, labels_by_photo
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
@@ -20,7 +20,7 @@ from polarsim.detect.split import TEST, TRAIN
 from polarsim.formats import tables
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.randomness import generator
-from polarsim.schemas.covers import COVER_SCORES, MEAN, MERGED, NO_SEED, ONE
+from polarsim.schemas.covers import COVER_SCORES, MEAN, MERGED, NO_SEED, SINGLE
 from polarsim.schemas.detect import PREDICTIONS
 
 ALL = "all"  # all terrains
@@ -77,9 +77,9 @@ def score_covers(
         Missing or invalid file.
     """
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
-    folds = {fold: read_pictures(folder, TEST) for fold, folder in datasets.items()}
+    folds = {fold: dataset_images(folder, TEST) for fold, folder in datasets.items()}
     of_seed = {seed: _read(path, truth, folds) for seed, path in sorted(predictions.items())}
-    rows = [(ONE, seed, [evaluated]) for seed, evaluated in of_seed.items()]
+    rows = [(SINGLE, seed, [evaluated]) for seed, evaluated in of_seed.items()]
     rows += [(MEAN, NO_SEED, list(of_seed.values()))] if len(of_seed) > 1 else []
     rows += [(MERGED, NO_SEED, [_read(merged, truth, folds)])] if merged else []
     parts = [
@@ -93,7 +93,7 @@ def score_covers(
         start=start,
         epochs=training.epochs,
         folds=len(datasets),
-        pictures=round(float(np.mean([len(read_pictures(folder, TRAIN)) for folder in trained_on]))),
+        pictures=round(float(np.mean([len(dataset_images(folder, TRAIN)) for folder in trained_on]))),
     )
     tables.write_parquet(scores, table[list(COVER_SCORES.columns)].astype(COVER_SCORES.dtypes))
 
@@ -141,7 +141,7 @@ def cover_figures(
         drawn = np.array([_times(len(keys), random) for _ in range(resamples)])
         each = [_precision(truth, table[table["kind"] == kind], keys, drawn) for table in predictions]
         by_iou, precision, best = (np.mean(values, axis=0) for values in zip(*each, strict=True))
-        low, high = intervals.interval(precision, len(keys))
+        low, high = intervals.percentile_interval(precision, len(keys))
         rows.append((kind, len(keys), sum(map(len, truth)), by_iou[0], low, high, by_iou.mean(), best))
     names = ["kind", "images", "labels", "map50", "map50_low", "map50_high", "map50_95", "iou_mean"]
     return pd.DataFrame(rows, columns=names)

@@ -9,21 +9,21 @@ import numpy as np
 import pandas as pd
 
 from polarsim.detect import detectors
-from polarsim.detect.dataset import read_pictures
+from polarsim.detect.dataset import dataset_images
 from polarsim.detect.frame import read_picture
 from polarsim.detect.grouping import BOX_COLUMNS, detection_rows, detections_by_photo, labels_by_photo
-from polarsim.detect.inference_widths import ClassSizes, InferenceWidths, choose_sizes, merge
+from polarsim.detect.inference_widths import ClassInferenceWidths, InferenceWidths, choose_sizes, merge
 from polarsim.detect.options import PredictionOptions
-from polarsim.detect.predict import detect
+from polarsim.detect.predict import predict_images
 from polarsim.detect.sand_filter import SandFilter
 from polarsim.detect.split import TEST
-from polarsim.errors import DetectError, about
+from polarsim.errors import DetectError, with_path
 from polarsim.formats import tables
 from polarsim.photo import BOX_CLASSES
 from polarsim.schemas.covers import COVER_FOUND
 from polarsim.schemas.detect import PREDICTIONS
 
-Found = dict[str, dict[int, np.ndarray]]  # photo -> width, px -> boxes (n, 6) of a detector
+WidthPredictions = dict[str, dict[int, np.ndarray]]  # photo -> width, px -> boxes (n, 6) of a detector
 
 
 def predict_multiscale(
@@ -37,13 +37,15 @@ def predict_multiscale(
         Invalid weights, image or data set.
     """
     detector = detectors.read_detector(weights)
-    with about(weights):
+    with with_path(weights):
         loaded = detectors.load_detector(detector, found.parent, options, threads)
     rows = []
-    for key in read_pictures(dataset, TEST):
+    for key in dataset_images(dataset, TEST):
         picture = read_picture(dataset / "images" / TEST / f"{key}.png")
         for width in sorted({detector.imgsz, *widths}):
-            boxes = next(detect(loaded, [picture], ClassSizes.same(InferenceWidths((width,))), options.nms_iou))
+            boxes = next(
+                predict_images(loaded, [picture], ClassInferenceWidths.same(InferenceWidths((width,))), options.nms_iou)
+            )
             rows += [(key, width, *row[1:]) for row in detection_rows(key, boxes)]
     table = pd.DataFrame(rows, columns=list(COVER_FOUND.columns)).astype(COVER_FOUND.dtypes)
     tables.write_parquet(found, table.round({"confidence": 5, **dict.fromkeys(BOX_COLUMNS, 2)}))
@@ -96,33 +98,35 @@ def choose_widths(
     tables.write_csv(sizes, pd.DataFrame(rows, columns=["fold", "kind", "widths", "gates_px", "width_of_training"]))
 
 
-def widths_for(labels: pd.DataFrame, photos: Found, imgsz: int, options: PredictionOptions) -> ClassSizes:
+def widths_for(
+    labels: pd.DataFrame, photos: WidthPredictions, imgsz: int, options: PredictionOptions
+) -> ClassInferenceWidths:
     """Return the widths of the options, else the best widths on these photos, else the training width."""
-    if named := ClassSizes.named(options):
+    if named := ClassInferenceWidths.named(options):
         return named
     if not photos:
-        return ClassSizes.same(InferenceWidths((imgsz,)))
+        return ClassInferenceWidths.same(InferenceWidths((imgsz,)))
     widths = sorted(next(iter(photos.values())))
     by_width = {width: [by_photo_width[width] for by_photo_width in photos.values()] for width in widths}
     return choose_sizes(labels_by_photo(labels, list(photos)), by_width, options.nms_iou, detectors.MAX_BOXES)
 
 
-def read_folds(found: Mapping[str, Path], datasets: Mapping[str, Path]) -> dict[str, Found]:
+def read_folds(found: Mapping[str, Path], datasets: Mapping[str, Path]) -> dict[str, WidthPredictions]:
     """Read the predictions of each fold, see `read_found`."""
-    return {fold: read_found(path, read_pictures(datasets[fold], TEST)) for fold, path in found.items()}
+    return {fold: read_found(path, dataset_images(datasets[fold], TEST)) for fold, path in found.items()}
 
 
-def kept_on_sand(found: Found, sand: SandFilter) -> Found:
+def kept_on_sand(found: WidthPredictions, sand: SandFilter) -> WidthPredictions:
     """Return the predictions on the sand."""
     return {key: {w: sand.keep(key, rows) for w, rows in by_width.items()} for key, by_width in found.items()}
 
 
-def together(by_fold: Mapping[str, Found], but: str = "") -> Found:
+def together(by_fold: Mapping[str, WidthPredictions], but: str = "") -> WidthPredictions:
     """Return the predictions of all folds except `but`."""
     return {key: by_width for fold, photos in by_fold.items() if fold != but for key, by_width in photos.items()}
 
 
-def read_found(path: Path, keys: Sequence[str]) -> Found:
+def read_found(path: Path, keys: Sequence[str]) -> WidthPredictions:
     """Read the predictions of `predict_multiscale`, including photos without predictions."""
     table = tables.read_parquet(path, COVER_FOUND.columns)
     widths = sorted(table["width"].unique().tolist())
@@ -132,13 +136,15 @@ def read_found(path: Path, keys: Sequence[str]) -> Found:
     return {key: {width: by_width[width][key] for width in widths} for key in keys}
 
 
-def merged(by_width: Mapping[int, np.ndarray], sizes: ClassSizes, nms_iou: float) -> np.ndarray:
+def merge_widths(by_width: Mapping[int, np.ndarray], sizes: ClassInferenceWidths, nms_iou: float) -> np.ndarray:
     """Merge the boxes (n, 6) of a photo at the selected widths."""
     return merge(by_width, sizes, nms_iou, detectors.MAX_BOXES)
 
 
-def _table(found: Found, sizes: ClassSizes, nms_iou: float) -> pd.DataFrame:
-    rows = [row for key, by_width in found.items() for row in detection_rows(key, merged(by_width, sizes, nms_iou))]
+def _table(found: WidthPredictions, sizes: ClassInferenceWidths, nms_iou: float) -> pd.DataFrame:
+    rows = [
+        row for key, by_width in found.items() for row in detection_rows(key, merge_widths(by_width, sizes, nms_iou))
+    ]
     return pd.DataFrame(rows, columns=list(PREDICTIONS.columns))
 
 

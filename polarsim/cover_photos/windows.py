@@ -10,7 +10,7 @@ from polarsim.cover_photos.options import WIDEST_PX
 from polarsim.detect.frame import read_picture
 from polarsim.detect.grouping import BOX_COLUMNS
 from polarsim.detect.training_windows import draw_windows, make_folders, write_window
-from polarsim.errors import DetectError, about
+from polarsim.errors import DetectError, with_path
 from polarsim.formats import tables
 from polarsim.formats.files import writing_folder
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey
@@ -42,7 +42,7 @@ def cut_windows(*, photos: Path, labels: Path, windows: Path, count: int, stored
         for path in sorted(photos.glob("*.png")):
             rows = table[table["key"] == path.stem]
             classes = rows["kind"].map(BOX_CLASSES.index).to_numpy(int)
-            with about(path):
+            with with_path(path):
                 photo = read_picture(path)
             boxes = rows[list(BOX_COLUMNS)].to_numpy(float) * np.tile(photo.shape[::-1], 2) / (*_SIZE, *_SIZE)
             random = generator(seed, "covers", "windows", path.stem)
@@ -68,5 +68,5 @@ def terrain_of_window(path: Path) -> int:
     key, _, number = path.stem.rpartition("_w")
     if not number.isdigit():
         raise DetectError("expected the name of a window, KEY_wNN", path=path)
-    with about(path):
+    with with_path(path):
         return PhotoKey.parse(key).terrain

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pandas as pd
 
-from polarsim.detect.dataset import read_pictures
-from polarsim.detect.domain_evaluation import DomainEvaluation, change, ipd_change
-from polarsim.detect.evaluate import detector_facts, read_labels
+from polarsim.detect.dataset import dataset_images
+from polarsim.detect.domain_evaluation import DomainEvaluation, ipd_change, paired_change
+from polarsim.detect.evaluate import detector_facts, read_evaluation_labels
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.detect.predict import PREDICTION_COLUMNS
 from polarsim.detect.split import TEST
@@ -38,12 +38,12 @@ def effect_of(photo: DomainEvaluation, twin: DomainEvaluation, replaced: DomainE
         facts = {"kind": kind, "images": len(photo.keys), "units": units, "unit": photo.options.resampled}
         row: dict[str, object] = {**facts, **ipd_change(kind, photo, twin, replaced)}
         row |= {"map50_photo": float(photo.precision[kind][0])}
-        row |= change("map50", twin.precision[kind], replaced.precision[kind], units)
+        row |= paired_change("map50", twin.precision[kind], replaced.precision[kind], units)
         for name, column in (
             (("false_positives", "false_positives"), ("false_positive_area", "area")) if kind == ROCK else ()
         ):
             row |= {f"{name}_photo": float(photo.rates(column)[0])}
-            row |= change(name, twin.rates(column), replaced.rates(column), units)
+            row |= paired_change(name, twin.rates(column), replaced.rates(column), units)
         rows.append(row)
     columns = ABLATION_COLUMNS[ABLATION_COLUMNS.index("images") :]
     return pd.DataFrame(rows, columns=["kind", *columns])
@@ -82,10 +82,10 @@ def write_ablation(
     PolarsimError
         Invalid file, or no photo that all domains contain.
     """
-    keys = sorted(set.intersection(*(set(read_pictures(dataset, TEST)) for dataset in datasets.values())))
+    keys = sorted(set.intersection(*(set(dataset_images(dataset, TEST)) for dataset in datasets.values())))
     if not keys:
         raise DetectError("the domains of the ablation have no common test image", path=datasets[photo])
-    truth = {domain: read_labels(path) for domain, path in labels.items()}
+    truth = {domain: read_evaluation_labels(path) for domain, path in labels.items()}
     facts = {"model": twin, **detector_facts(training, imgsz)}
     parts = []
     for trained in track(sorted({trained for trained, _ in predictions}), "ablation"):

@@ -135,7 +135,7 @@ def _figures(matched: Matches, chosen: np.ndarray, area: int, seed: int, resampl
         [str(key) for key, is_in in zip(matched.keys, chosen, strict=True) if is_in], matched.unit
     )
     units = int(unit.max(initial=-1)) + 1
-    drawn = intervals.draws(units, resamples, seed)
+    drawn = intervals.bootstrap_draws(units, resamples, seed)
     values: list[np.ndarray] = []
     samples: list[np.ndarray] = []
     counts: list[int] = []
@@ -155,7 +155,7 @@ def _figures(matched: Matches, chosen: np.ndarray, area: int, seed: int, resampl
     for kind, count, value, sample in zip((*BOX_CLASSES, ALL), (*counts, sum(counts)), values, samples, strict=True):
         row: dict[str, object] = {"kind": kind, **facts, "labels": count}
         for number, name in enumerate(MEASURES):
-            low, high = intervals.interval(sample[:, number], units)
+            low, high = intervals.percentile_interval(sample[:, number], units)
             row |= {name: float(value[number]), f"{name}_low": low, f"{name}_high": high}
         yield row
 

@@ -119,18 +119,18 @@ def mix_datasets(
     for source, weight in sorted(weights.items()):
         folder = datasets[source]
         for part in (TRAIN, VAL):
-            names = read_pictures(folder, part)
+            names = dataset_images(folder, part)
             order = generator(options.seed, "detect", "mix", domain, source, part).permutation(len(names))
             for n in range(round(weight * len(names))):
                 name, copy = names[order[n % len(names)]], n // len(names) + 1
                 named = f"{source}-{name}" + (f"-{copy}" if copy > 1 else "")
-                entries.append(entry_of(folder, name, part, part, named))
+                entries.append(image_entry(folder, name, part, part, named))
         left_out += [(f"{source}-{name}", part) for name, part in _left_out(folder) if part != TEST]
     with writing_folder(dataset) as made:
-        write_dataset(domain, dataset, entries, made, {"weights": dict(weights)}, left_out, (TRAIN, VAL))
+        write_yolo_dataset(domain, dataset, entries, made, {"weights": dict(weights)}, left_out, (TRAIN, VAL))
 
 
-def entry_of(folder: Path, name: str, part: str, below: str = "", named: str = "") -> Entry:
+def image_entry(folder: Path, name: str, part: str, below: str = "", named: str = "") -> Entry:
     """Return the entry of an image with files in `images/`, `labels/` and optionally `masks/`, or `below` these."""
     image, label = (folder / kind / below / f"{name}{ending}" for kind, ending in KINDS)
     mask = folder / MASKS / below / f"{name}.png"
@@ -143,7 +143,7 @@ def read_parts(dataset: Path) -> dict[str, list[str]]:
     return {part: sorted(table.loc[table["part"] == part, "key"].astype(str)) for part in PARTS}
 
 
-def read_pictures(dataset: Path, part: str) -> list[str]:
+def dataset_images(dataset: Path, part: str) -> list[str]:
     """Return the sorted names of the images in one part."""
     return read_parts(dataset)[part]
 
@@ -167,10 +167,10 @@ def _share(
     for key, state in zip(states["key"], states["state"], strict=True):
         part = part_of.get(key)
         if part and state == USED:
-            entries.append(entry_of(pictures, key, part))
+            entries.append(image_entry(pictures, key, part))
         elif part and state == CORRUPT:
             left_out.append((key, part))
-    write_dataset(domain, dataset, entries, folder, {"split": by}, left_out, needed)
+    write_yolo_dataset(domain, dataset, entries, folder, {"split": by}, left_out, needed)
 
 
 def _parts_of_views(
@@ -186,7 +186,7 @@ def _parts_of_views(
     }
 
 
-def write_dataset(
+def write_yolo_dataset(
     domain: str,
     dataset: Path,
     entries: Sequence[Entry],

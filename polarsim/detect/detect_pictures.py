@@ -20,8 +20,8 @@ from polarsim.detect.fusion import fuse
 from polarsim.detect.grouping import detection_rows
 from polarsim.detect.masks import MaskInference, class_mask, mask_widths, within_boxes
 from polarsim.detect.options import PredictionOptions
-from polarsim.detect.predict import detect, sizes_of
-from polarsim.errors import DetectError, PolarsimError, about
+from polarsim.detect.predict import inference_widths_of, predict_images
+from polarsim.errors import DetectError, PolarsimError, with_path
 from polarsim.formats import coco, png, tables, yolo
 from polarsim.formats.files import relative_to, write_bytes, writing_folder
 from polarsim.formats.yaml_files import describe_error
@@ -34,7 +34,7 @@ COLUMNS = ("picture", "kind", "confidence", "x0", "y0", "x1", "y1")
 _TINT = 0.4  # opacity of masks in drawn images
 # 8-bit input image, width and height of the original image -> boxes (n, 6): x0, y0, x1, y1 in pixels of the original
 # image, confidence, class.
-Look = Callable[[np.ndarray, tuple[int, int]], np.ndarray]
+ImageDetector = Callable[[np.ndarray, tuple[int, int]], np.ndarray]
 Result = TypeVar("Result")
 _THREADS = 1  # threads of torch: images are processed in parallel because one image does not use two cores
 _MIN_CONFIDENCE = 0.01  # minimum confidence before calibration
@@ -43,13 +43,13 @@ log = logging.getLogger("polarsim")
 
 @dataclass(frozen=True)
 class _Detections:
-    """Width and height of an image, px, and the boxes (n, 6) to write, as returned by a `Look`."""
+    """Width and height of an image, px, and the boxes (n, 6) to write, as returned by a `ImageDetector`."""
 
     size: tuple[int, int]
     boxes: np.ndarray
 
 
-def find_in_pictures(
+def detect_in_images(
     *,
     pictures: Sequence[Path],
     weights: Sequence[Path],
@@ -106,7 +106,7 @@ def find_in_pictures(
             found = found[found[:, 4] >= confidence]
             mask = within_boxes(class_mask(segmenters, shown, size), found) if segmenters else None
             if mask is not None:
-                class_masks.write(folder / "masks" / f"{path.stem}.png", mask)
+                class_masks.write_class_mask(folder / "masks" / f"{path.stem}.png", mask)
             if draw:
                 _draw(folder / "pictures" / f"{path.stem}.jpg", pixels, found, mask)
             return _Detections(size, found)
@@ -128,20 +128,20 @@ def find_in_pictures(
             raise DetectError(f"none of {len(paths)} images can be read", path=pictures[0])
         table = pd.DataFrame(rows, columns=list(COLUMNS)).round({"confidence": 4, **dict.fromkeys(COLUMNS[3:], 1)})
         tables.write_csv(folder / "detections.csv", table)
-        coco.write_pictures(folder / "coco.json", annotated, f"Found by {', '.join(path.name for path in trained)}")
+        coco.write_coco_images(folder / "coco.json", annotated, f"Found by {', '.join(path.name for path in trained)}")
     return table
 
 
 def _load_look(
     path: Path, detector: detectors.Detector, folder: Path, options: PredictionOptions
-) -> tuple[Look, tuple[int, ...]]:
+) -> tuple[ImageDetector, tuple[int, ...]]:
     """Return the inference function of a detector and its widths: those of the options, else of the detector."""
-    sizes = sizes_of(detector, options)
-    with about(path):
+    sizes = inference_widths_of(detector, options)
+    with with_path(path):
         loaded = detectors.load_detector(detector, folder, options, _THREADS)
 
     def look(shown: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-        (found,) = detect(loaded, [shown], sizes, options.nms_iou, size)
+        (found,) = predict_images(loaded, [shown], sizes, options.nms_iou, size)
         return found
 
     return look, tuple(sizes.widths)
@@ -149,7 +149,7 @@ def _load_look(
 
 def _segmenter(path: Path, detector: detectors.Detector, options: PredictionOptions) -> MaskInference:
     """Return the mask inference of a detector and the inference widths."""
-    with about(path):
+    with with_path(path):
         loaded = detectors.load_masks(detector, options, _THREADS)
     return loaded, mask_widths(detector, options)
 
@@ -203,7 +203,7 @@ def read_any(path: Path) -> np.ndarray:
     DetectError
         Unsupported bit depth.
     """
-    pixels = png.read(path)
+    pixels = png.read_png(path)
     if pixels.dtype not in (np.uint8, np.uint16):
         raise DetectError(f"{pixels.dtype}, expected 8 or 16 bits", path=path)
     return pixels

@@ -11,11 +11,11 @@ from itertools import combinations
 
 import pandas as pd
 
-from polarsim.detect.domain_evaluation import DomainEvaluation, change, ipd_change
+from polarsim.detect.domain_evaluation import DomainEvaluation, ipd_change, paired_change
 from polarsim.photo import BOX_CLASSES
 from polarsim.schemas.detect import DIFFERENCES
 
-SIDES = ("trained", "evaluated")
+SIDE_COLUMNS = ("trained", "evaluated")
 OTHER_SIDES = ("other_trained", "other_evaluated")
 _VALUES = ("value", "other_value", "difference", "difference_low", "difference_high")
 DIFFERENCE_COLUMNS = DIFFERENCES.without("split", "seed")
@@ -41,7 +41,7 @@ def paired_differences(evaluations: Mapping[tuple[str, str], DomainEvaluation]) 
     for first_side, second_side in _compared_precisions(evaluations):
         for kind in BOX_CLASSES:
             first, second = evaluations[first_side].precision[kind], evaluations[second_side].precision[kind]
-            rows.append(_row("map50", kind, "", first_side, second_side, change("map50", second, first, units)))
+            rows.append(_row("map50", kind, "", first_side, second_side, paired_change("map50", second, first, units)))
     for against, first_side, second_side in _compared_ipds(evaluations):
         for kind in BOX_CLASSES:
             changed = ipd_change(kind, evaluations[against], evaluations[second_side], evaluations[first_side])
@@ -81,5 +81,5 @@ def _row(
     """Return a row. In `changed`, the second side of the comparison has the suffix `_twin`."""
     ends = ("", "_twin", "_change", "_change_low", "_change_high")
     values = [changed[f"{metric}{end}"] for end in ends]
-    sides = dict(zip((*SIDES, *OTHER_SIDES), (*first, *second), strict=True))
+    sides = dict(zip((*SIDE_COLUMNS, *OTHER_SIDES), (*first, *second), strict=True))
     return {"metric": metric, "kind": kind, "against": against, **sides, **dict(zip(_VALUES, values, strict=True))}

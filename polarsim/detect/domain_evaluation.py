@@ -13,7 +13,7 @@ from polarsim import intervals
 from polarsim.detect import bootstrap, metrics
 from polarsim.detect.breakdown import rank_by_kind
 from polarsim.detect.false_positives import false_positives_of_photos
-from polarsim.detect.ipd import Rules, instance_performance, pair
+from polarsim.detect.ipd import IpdRules, instance_performance, pair_rock_labels
 from polarsim.detect.options import ComparisonOptions
 from polarsim.schemas.detect import CHANGE_ENDS
 
@@ -77,7 +77,7 @@ class DomainEvaluation:
     def draws(self) -> tuple[np.ndarray, np.ndarray]:
         """Bootstrap unit of each photo and draw count of each unit, equal for evaluations of the same photos."""
         unit = bootstrap.units_of(self.keys, self.options.resampled)
-        return unit, intervals.draws(int(unit.max()) + 1, self.options.resamples)
+        return unit, intervals.bootstrap_draws(int(unit.max()) + 1, self.options.resamples)
 
 
 def ipd_change(
@@ -85,27 +85,29 @@ def ipd_change(
 ) -> dict[str, object]:
     """Return mean IoU, IPD and the change of the IPD over the rocks that photos and both twins contain."""
     options = photo.options
-    rules = Rules(unit=options.resampled)
+    rules = IpdRules(unit=options.resampled)
     performances = [
         evaluation.performance[evaluation.performance["kind"] == kind] for evaluation in (photo, twin, replaced)
     ]
-    unchanged, modified = (pair(performances[0], side, rules) for side in performances[1:])
+    unchanged, modified = (pair_rock_labels(performances[0], side, rules) for side in performances[1:])
     pairs = unchanged.merge(modified.drop(columns="first"), on=_CELL, suffixes=("", "_replaced"), validate="one_to_one")
     if pairs.empty:
         return {"pairs": 0}
     unit = bootstrap.units_of(pairs["key"].astype(str).tolist(), rules.unit)
     units = int(unit.max()) + 1
-    drawn = intervals.draws(units, options.resamples)
+    drawn = intervals.bootstrap_draws(units, options.resamples)
     gain, other_gain = ((pairs["first"] - pairs[name]).to_numpy(float) for name in ("second", "second_replaced"))
     row: dict[str, object] = {"pairs": len(pairs), "iou_photo": pairs["first"].mean()}
     row |= {"iou_twin": pairs["second"].mean(), "iou": pairs["second_replaced"].mean()}
-    row |= change("ipd", np.abs(_means(gain, unit, drawn)), np.abs(_means(other_gain, unit, drawn)), units)
-    return row | change("ipd_abs", _means(np.abs(gain), unit, drawn), _means(np.abs(other_gain), unit, drawn), units)
+    row |= paired_change("ipd", np.abs(_means(gain, unit, drawn)), np.abs(_means(other_gain, unit, drawn)), units)
+    return row | paired_change(
+        "ipd_abs", _means(np.abs(gain), unit, drawn), _means(np.abs(other_gain), unit, drawn), units
+    )
 
 
-def change(name: str, twin: np.ndarray, replaced: np.ndarray, units: int) -> dict[str, float]:
+def paired_change(name: str, twin: np.ndarray, replaced: np.ndarray, units: int) -> dict[str, float]:
     """Return both metrics and their difference with interval, from values (1 + resamples,) of the same replicates."""
-    low, high = intervals.interval(replaced[1:] - twin[1:], units)
+    low, high = intervals.percentile_interval(replaced[1:] - twin[1:], units)
     values = (float(twin[0]), float(replaced[0]), float(replaced[0] - twin[0]), low, high)
     return dict(zip((f"{name}{end}" for end in CHANGE_ENDS), values, strict=True))
 

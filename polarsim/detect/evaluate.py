@@ -17,18 +17,18 @@ from polarsim.detect.breakdown import (
     curves,
     match_predictions,
 )  # fmt: skip
-from polarsim.detect.dataset import count_left_out, read_pictures
+from polarsim.detect.dataset import count_left_out, dataset_images
 from polarsim.detect.detectors import detector_name
-from polarsim.detect.differences import DIFFERENCE_COLUMNS, SIDES, paired_differences
+from polarsim.detect.differences import DIFFERENCE_COLUMNS, SIDE_COLUMNS, paired_differences
 from polarsim.detect.domain_evaluation import DomainEvaluation
 from polarsim.detect.false_positives import FALSE_POSITIVE_COLUMNS, false_positives
 from polarsim.detect.grouping import BOX_COLUMNS
 from polarsim.detect.ipd import (
     ROCK_COLUMNS,
-    Rules,
+    IpdRules,
     instance_performance,
     instance_performance_difference,
-    pair,
+    pair_rock_labels,
     rock_means,
 )  # fmt: skip
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
@@ -41,7 +41,7 @@ from polarsim.photo import BOX_CLASSES
 from polarsim.progress import track
 from polarsim.schemas.detect import CURVES, DETECTION, INSTANCES, IPD
 
-PAIR = ("trained", "first", "second")
+IPD_PAIR_COLUMNS = ("trained", "first", "second")
 DETECTION_COLUMNS = DETECTION.without("seed")
 IPD_COLUMNS = IPD.without("split", "seed")
 _DIGITS = 6
@@ -100,8 +100,8 @@ def evaluate(
     for domain in sorted({evaluated for _, evaluated in named}):
         if domain not in labels or domain not in datasets:
             raise DetectError(f"domain {domain!r} has predictions, but no labels or no data set")
-        keys[domain] = read_pictures(datasets[domain], TEST)
-        truth[domain] = read_labels(labels[domain])
+        keys[domain] = dataset_images(datasets[domain], TEST)
+        truth[domain] = read_evaluation_labels(labels[domain])
     parts: dict[str, list[pd.DataFrame]] = {"breakdown": [], "curves": [], "false_positives": []}
     performances: dict[tuple[str, str], pd.DataFrame] = {}
     evaluations: dict[tuple[str, str], DomainEvaluation] = {}
@@ -112,19 +112,19 @@ def evaluate(
         performances[trained, evaluated] = figures.pop("instances")
         evaluations[trained, evaluated] = DomainEvaluation(common, truth[evaluated], detections, options)
         for name, table in figures.items():
-            parts[name].append(_named(table, SIDES, (trained, evaluated)))
-    matched = _joined(parts["breakdown"], (*SIDES, *BREAKDOWN_COLUMNS))
+            parts[name].append(_named(table, SIDE_COLUMNS, (trained, evaluated)))
+    matched = _joined(parts["breakdown"], (*SIDE_COLUMNS, *BREAKDOWN_COLUMNS))
     _write(tables_of.breakdown, matched)
     left_out = {sides: _left_out(datasets, *sides) for sides in named}
     facts = {"split": by, "leaks_views": leaked, **detector_facts(training, imgsz), "unit": options.resampled}
     _write(tables_of.detection, _detection_table(matched, left_out, facts))
     _write(tables_of.curves, _joined(parts["curves"], CURVES.columns))
-    _write(tables_of.false_positives, _joined(parts["false_positives"], (*SIDES, *FALSE_POSITIVE_COLUMNS)))
+    _write(tables_of.false_positives, _joined(parts["false_positives"], (*SIDE_COLUMNS, *FALSE_POSITIVE_COLUMNS)))
     _write(tables_of.ipd, _ipd_table(performances, options))
     _write(tables_of.rocks, _rock_table(performances, options))
     differences = paired_differences(evaluations) if common else pd.DataFrame(columns=list(DIFFERENCE_COLUMNS))
     _write(tables_of.differences, differences)
-    instances = [_named(table, SIDES, sides) for sides, table in sorted(performances.items())]
+    instances = [_named(table, SIDE_COLUMNS, sides) for sides, table in sorted(performances.items())]
     _write(tables_of.instances, _joined(instances, INSTANCES.columns))
 
 
@@ -182,7 +182,7 @@ def _left_out(datasets: Mapping[str, Path], trained: str, evaluated: str) -> int
     return training + count_left_out(datasets[evaluated], (TEST,))
 
 
-def read_labels(path: Path) -> pd.DataFrame:
+def read_evaluation_labels(path: Path) -> pd.DataFrame:
     """Read the labels for the evaluation of detectors."""
     return clip_labels(tables.read_parquet(path, tables.LABEL_COLUMNS))
 
@@ -214,7 +214,7 @@ def _pairs_of_domains(
 
 
 def _ipd_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: ComparisonOptions) -> pd.DataFrame:
-    rules = Rules(unit=options.resampled)
+    rules = IpdRules(unit=options.resampled)
     settings = {"undetected": rules.undetected, "unpaired": rules.unpaired, "confidence": options.iou_confidence}
     rows = []
     for names, *sides in _pairs_of_domains(performances):
@@ -224,16 +224,18 @@ def _ipd_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: Co
                 rules=rules,
                 resamples=options.resamples,
             )
-            rows.append(dict(zip(PAIR, names, strict=True)) | {"kind": kind} | settings | asdict(difference))
+            rows.append(
+                dict(zip(IPD_PAIR_COLUMNS, names, strict=True)) | {"kind": kind} | settings | asdict(difference)
+            )
     return pd.DataFrame(rows, columns=list(IPD_COLUMNS))
 
 
 def _rock_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: ComparisonOptions) -> pd.DataFrame:
     parts = [
-        _named(rock_means(pair(first, second, Rules(unit=options.resampled))), PAIR, names)
+        _named(rock_means(pair_rock_labels(first, second, IpdRules(unit=options.resampled))), IPD_PAIR_COLUMNS, names)
         for names, first, second in _pairs_of_domains(performances)
     ]
-    return _joined(parts, (*PAIR, *ROCK_COLUMNS))
+    return _joined(parts, (*IPD_PAIR_COLUMNS, *ROCK_COLUMNS))
 
 
 def _named(table: pd.DataFrame, columns: Sequence[str], names: Sequence[str]) -> pd.DataFrame:

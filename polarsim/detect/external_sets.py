@@ -11,7 +11,7 @@ import pandas as pd
 
 from polarsim.detect.bootstrap import Unit
 from polarsim.detect.grouping import BOX_COLUMNS
-from polarsim.detect.ipd import Rules, Treatment, instance_performance, instance_performance_difference
+from polarsim.detect.ipd import IpdRules, MissingTreatment, instance_performance, instance_performance_difference
 from polarsim.errors import DetectError, FormatError, LabelError
 from polarsim.formats import release, tables, yolo
 from polarsim.geometry import boxes
@@ -25,10 +25,10 @@ def compare_sets(
     predictions: tuple[Path, Path],
     *,
     confidence: float = 0.25,
-    rules: Rules | None = None,
+    rules: IpdRules | None = None,
     unit: Unit | None = None,
     pair_iou: float = PAIR_IOU,
-    missing: Treatment = "left_out",
+    missing: MissingTreatment = "left_out",
     seed: int = 0,
     resamples: int = 1000,
 ) -> dict[str, Any]:
@@ -54,7 +54,7 @@ def compare_sets(
     PolarsimError
         Invalid file, or no image that both sets contain.
     """
-    sides = [read_labels(path) for path in labels]
+    sides = [read_external_labels(path) for path in labels]
     predicted = [read_predictions(path) for path in predictions]
     common = sorted(set(sides[0]["key"]) & set(sides[1]["key"]))
     if not common:
@@ -68,7 +68,7 @@ def compare_sets(
     by_id = all((side["rock"] != NO_ROCK).any() for side in sides)
     if not by_id:
         sides = list(identify(sides[0], sides[1], pair_iou))
-    rules = replace(rules or Rules(), unit=unit or ("view" if all(map(_is_key, common)) else "photo"))
+    rules = replace(rules or IpdRules(), unit=unit or ("view" if all(map(_is_key, common)) else "photo"))
     performances = [instance_performance(*pair, confidence) for pair in zip(sides, predicted, strict=True)]
     report: dict[str, Any] = {
         "pictures": len(common),
@@ -94,7 +94,7 @@ def compare_sets(
     return report
 
 
-def read_labels(path: Path) -> pd.DataFrame:
+def read_external_labels(path: Path) -> pd.DataFrame:
     """Read key, kind, rock (-1: unknown), x0, y0, x1, y1 from a YOLO folder or a table."""
     _refuse_missing(path)
     if path.is_dir():
@@ -138,7 +138,7 @@ def identify(first: pd.DataFrame, second: pd.DataFrame, pair_iou: float) -> tupl
         corners = [
             table[list(BOX_COLUMNS)].to_numpy(float)[rows] for table, rows in zip(tables_of, group_rows, strict=True)
         ]
-        rows, columns = boxes.match(boxes.iou(*corners), pair_iou)
+        rows, columns = boxes.match_by_iou(boxes.iou(*corners), pair_iou)
         ids[1][group_rows[1][columns]] = ids[0][group_rows[0][rows]]
     return tables_of[0].assign(rock=ids[0]), tables_of[1].assign(rock=ids[1])
 

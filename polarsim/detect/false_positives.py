@@ -129,7 +129,7 @@ def _rates(region: str, rows: pd.DataFrame, unit: bootstrap.Unit, seed: int, res
     free, false_positives, area = rows[["free", "false_positives", "area"]].to_numpy(float).T
     owner = bootstrap.units_of(keys, unit)
     units = int(owner.max()) + 1
-    drawn = intervals.draws(units, resamples, seed)
+    drawn = intervals.bootstrap_draws(units, resamples, seed)
     terrains = sorted({PhotoKey.parse(key).terrain for key in keys})
     row: dict[str, object] = {
         "region": region,
@@ -140,7 +140,7 @@ def _rates(region: str, rows: pd.DataFrame, unit: bootstrap.Unit, seed: int, res
         "false_positives": int(false_positives.sum()),
     }
     for name, values in zip(RATES, (false_positives, area), strict=True):
-        low, high = intervals.interval(intervals.resampled_ratios(values, free, owner, drawn), units)
+        low, high = intervals.percentile_interval(intervals.resampled_ratios(values, free, owner, drawn), units)
         value = float(values.sum() / free.sum()) if free.sum() else float("nan")
         row |= {name: value, f"{name}_low": low, f"{name}_high": high}
     return row
@@ -157,7 +157,7 @@ def _free_tiles(rocks: np.ndarray) -> np.ndarray:
 def _centre_in(corners: np.ndarray, free: np.ndarray) -> np.ndarray:
     """Return a mask (n,) of boxes (n, 4) with their centre in a free tile."""
     x, y = _edges()
-    centre = boxes.centres(corners)
+    centre = boxes.box_centres(corners)
     column = (np.searchsorted(x, centre[:, 0], side="right") - 1).clip(0, COLUMNS_OF_TILES - 1)
     row = (np.searchsorted(y, centre[:, 1], side="right") - 1).clip(0, ROWS_OF_TILES - 1)
     return np.asarray(free[row, column])

@@ -15,7 +15,7 @@ STRIDE = 32  # the sides of the network input are multiples of this, px
 PADDING = 114  # grey value of the padding, as in training
 
 
-def widest_look(width: int) -> int:
+def max_inference_width(width: int) -> int:
     """Return the maximum inference width of an image without upscaling, px."""
     return max(width // STRIDE, 1) * STRIDE
 
@@ -28,13 +28,13 @@ def read_picture(path: Path) -> np.ndarray:
     PolarsimError
         Not an image, or not one channel of 8 bits.
     """
-    pixels = png.read(path)
+    pixels = png.read_png(path)
     if pixels.ndim != 2 or pixels.dtype != np.uint8:
         raise DetectError(f"{pixels.dtype} with shape {pixels.shape}, expected one channel of 8 bits", path=path)
     return pixels
 
 
-def frame(
+def letterbox(
     picture: np.ndarray, imgsz: int, full: tuple[int, int] = (WIDTH, HEIGHT)
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Resize an image (h, w) uint8 to the longer side `imgsz` and pad it to multiples of `STRIDE`.

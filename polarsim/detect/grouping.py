@@ -11,7 +11,7 @@ from polarsim.photo import BOX_CLASSES
 
 BOX_COLUMNS = ("x0", "y0", "x1", "y1")
 DETECTION = (*BOX_COLUMNS, "confidence", "kind")  # a detector's output, kind as index in BOX_CLASSES
-Labels = tuple[np.ndarray, np.ndarray]  # class indices (n,) and boxes (n, 4) of a picture
+ClassBoxes = tuple[np.ndarray, np.ndarray]  # class indices (n,) and boxes (n, 4) of a picture
 
 
 def rows_by(table: pd.DataFrame, by: Sequence[str]) -> dict[Hashable, np.ndarray]:
@@ -50,7 +50,7 @@ def detection_rows(key: object, boxes: np.ndarray) -> list[tuple[object, ...]]:
     return [(key, BOX_CLASSES[int(box[5])], box[4], *box[:4]) for box in boxes]
 
 
-def labels_by_photo(labels: pd.DataFrame, keys: Sequence[str]) -> list[Labels]:
+def labels_by_photo(labels: pd.DataFrame, keys: Sequence[str]) -> list[ClassBoxes]:
     """Return the labels of each photo in the order of the keys, without kinds that are not in `BOX_CLASSES`."""
     boxes = labels[labels["kind"].isin(BOX_CLASSES)]
     numbered = boxes.assign(kind=boxes["kind"].map(BOX_CLASSES.index))

@@ -46,18 +46,18 @@ class InferenceWidths:
 
 
 @dataclass(frozen=True)
-class ClassSizes:
+class ClassInferenceWidths:
     """Inference widths of each class, in the order of `BOX_CLASSES`."""
 
     by_class: tuple[InferenceWidths, ...]
 
     @classmethod
-    def same(cls, sizes: InferenceWidths) -> ClassSizes:
+    def same(cls, sizes: InferenceWidths) -> ClassInferenceWidths:
         """Return equal widths for all classes."""
         return cls((sizes,) * len(BOX_CLASSES))
 
     @classmethod
-    def named(cls, options: PredictionOptions) -> ClassSizes | None:
+    def named(cls, options: PredictionOptions) -> ClassInferenceWidths | None:
         """Return the sizes of the options for all classes; None if the options have no widths."""
         return cls.same(InferenceWidths(options.widths, options.gates_px)) if options.widths else None
 
@@ -66,16 +66,16 @@ class ClassSizes:
         """All inference widths, ascending."""
         return sorted({width for sizes in self.by_class for width in sizes.widths})
 
-    def scaled(self, factor: float) -> ClassSizes:
+    def scaled(self, factor: float) -> ClassInferenceWidths:
         """Return a copy, see `InferenceWidths.scaled`."""
-        return ClassSizes(tuple(sizes.scaled(factor) for sizes in self.by_class))
+        return ClassInferenceWidths(tuple(sizes.scaled(factor) for sizes in self.by_class))
 
-    def within(self, widest: int) -> ClassSizes:
+    def within(self, widest: int) -> ClassInferenceWidths:
         """Return a copy, see `InferenceWidths.within`."""
-        return ClassSizes(tuple(sizes.within(widest) for sizes in self.by_class))
+        return ClassInferenceWidths(tuple(sizes.within(widest) for sizes in self.by_class))
 
 
-def merge(found: Mapping[int, np.ndarray], sizes: ClassSizes, nms_iou: float, most: int) -> np.ndarray:
+def merge(found: Mapping[int, np.ndarray], sizes: ClassInferenceWidths, nms_iou: float, most: int) -> np.ndarray:
     """Merge the boxes of one image at all `sizes.widths`.
 
     Parameters
@@ -107,7 +107,7 @@ def choose_sizes(
     found: Mapping[int, Sequence[np.ndarray]],
     nms_iou: float,
     most: int,
-) -> ClassSizes:
+) -> ClassInferenceWidths:
     """Return the widths and gates with the maximum AP@0.5 of each class.
 
     Candidates are single widths and pairs of widths with gates of `_GATES_PX`. The images should show places that are
@@ -137,11 +137,11 @@ def choose_sizes(
             dict(zip(sizes.widths, rows, strict=True))
             for rows in zip(*(found[width] for width in sizes.widths), strict=True)
         )
-        merged = [merge(by_width, ClassSizes.same(sizes), nms_iou, most) for by_width in of_pictures]
+        merged = [merge(by_width, ClassInferenceWidths.same(sizes), nms_iou, most) for by_width in of_pictures]
         ranked = metrics.rank_classes(labels, merged, np.array([0.5]))
         return np.array([metrics.precision_at_recalls(of_class).mean() for of_class in ranked])
 
     by_size = np.array([precisions(sizes) for sizes in candidates])  # (tried, classes)
     labelled = ~np.isnan(by_size).any(axis=0)
     by_size[:, ~labelled] = by_size[:, labelled].mean(axis=1, keepdims=True)
-    return ClassSizes(tuple(candidates[best] for best in by_size.argmax(axis=0)))
+    return ClassInferenceWidths(tuple(candidates[best] for best in by_size.argmax(axis=0)))

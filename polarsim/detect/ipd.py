@@ -1,7 +1,7 @@
 """Instance performance difference (IPD) of a detector on the same rocks in two domains.
 
 Chen, Negrut et al., arXiv 2411.07375. The performance of a rock in a photo is the maximum IoU of its label with a
-predicted box (`instance_performance`). Rocks are paired by photo key and rock id. `Rules` defines the details that the
+predicted box (`instance_performance`). Rocks are paired by photo key and rock id. `IpdRules` defines details that the
 paper does not specify.
 """
 
@@ -23,11 +23,11 @@ from polarsim.schemas.detect import INSTANCES, IPD_ROCKS
 
 INSTANCE_COLUMNS = INSTANCES.columns[2:6]  # columns for a detector in a domain
 ROCK_COLUMNS = IPD_ROCKS.without("split", "seed", "trained", "first", "second")
-Treatment = Literal["zero", "left_out"]
+MissingTreatment = Literal["zero", "left_out"]
 
 
 @dataclass(frozen=True)
-class Rules:
+class IpdRules:
     """Rules of the IPD. The defaults follow the paper, in which the IPD is a difference of two IOU_means.
 
     Attributes
@@ -41,13 +41,13 @@ class Rules:
         Unit of the bootstrap.
     """
 
-    undetected: Treatment = "zero"
-    unpaired: Treatment = "left_out"
+    undetected: MissingTreatment = "zero"
+    unpaired: MissingTreatment = "left_out"
     unit: bootstrap.Unit = "view"
 
 
 @dataclass(frozen=True)
-class Difference:
+class IpdResult:
     """IPD over `pairs` rocks, with 95 % bootstrap intervals over `units` views or photos.
 
     All metrics are NaN without pairs. Intervals are NaN with fewer than two units.
@@ -91,7 +91,7 @@ def instance_performance(labels: pd.DataFrame, predictions: pd.DataFrame, confid
     return table.sort_values(["key", "kind", "rock", "iou"], kind="stable", ignore_index=True)
 
 
-def pair(first: pd.DataFrame, second: pd.DataFrame, rules: Rules | None = None) -> pd.DataFrame:
+def pair_rock_labels(first: pd.DataFrame, second: pd.DataFrame, rules: IpdRules | None = None) -> pd.DataFrame:
     """Pair the rocks of two tables of `instance_performance`: key, kind, rock, first, second (performances).
 
     If a rock has several labels in a photo, the maximum performance is used. NaN counts as a missing performance.
@@ -101,7 +101,7 @@ def pair(first: pd.DataFrame, second: pd.DataFrame, rules: Rules | None = None) 
     DetectError
         A column is missing.
     """
-    rules = rules or Rules()
+    rules = rules or IpdRules()
     sides = []
     for table, name in ((first, "first"), (second, "second")):
         missing = [column for column in INSTANCE_COLUMNS if column not in table.columns]
@@ -118,8 +118,8 @@ def pair(first: pd.DataFrame, second: pd.DataFrame, rules: Rules | None = None) 
 
 
 def instance_performance_difference(
-    first: pd.DataFrame, second: pd.DataFrame, *, rules: Rules | None = None, seed: int = 0, resamples: int = 1000
-) -> Difference:
+    first: pd.DataFrame, second: pd.DataFrame, *, rules: IpdRules | None = None, seed: int = 0, resamples: int = 1000
+) -> IpdResult:
     """Return the IPD of a detector between two domains, from `instance_performance` in each domain.
 
     Parameters
@@ -127,7 +127,7 @@ def instance_performance_difference(
     first, second : DataFrame
         Columns key, kind, rock, iou.
     rules
-        None: the defaults of `Rules`.
+        None: the defaults of `IpdRules`.
     seed, resamples : int
         Seed and number of bootstrap replicates.
 
@@ -136,18 +136,18 @@ def instance_performance_difference(
     DetectError
         Missing column; or the bootstrap unit is the view and a key is not a photo key.
     """
-    rules = rules or Rules()
-    pairs = pair(first, second, rules)
+    rules = rules or IpdRules()
+    pairs = pair_rock_labels(first, second, rules)
     if pairs.empty:
-        return Difference(0, 0, rules.unit, *[float("nan")] * 6)
+        return IpdResult(0, 0, rules.unit, *[float("nan")] * 6)
     gain = (pairs["first"] - pairs["second"]).to_numpy(float)
     unit = bootstrap.units_of(pairs["key"].astype(str).tolist(), rules.unit)
     units = int(unit.max()) + 1
-    drawn = intervals.draws(units, resamples, seed)
-    low, high = intervals.interval(intervals.resampled_means(gain, unit, drawn), units)
+    drawn = intervals.bootstrap_draws(units, resamples, seed)
+    low, high = intervals.percentile_interval(intervals.resampled_means(gain, unit, drawn), units)
     folded = 0.0 if low <= 0 <= high else min(abs(low), abs(high))  # lower limit of |mean|; 0 if the sign is uncertain
-    abs_low, abs_high = intervals.interval(intervals.resampled_means(np.abs(gain), unit, drawn), units)
-    return Difference(
+    abs_low, abs_high = intervals.percentile_interval(intervals.resampled_means(np.abs(gain), unit, drawn), units)
+    return IpdResult(
         len(gain),
         units,
         rules.unit,
@@ -161,7 +161,7 @@ def instance_performance_difference(
 
 
 def rock_means(pairs: pd.DataFrame) -> pd.DataFrame:
-    """Return `ROCK_COLUMNS`: mean performance of each rock in each domain over its photos, from rows of `pair`."""
+    """Return `ROCK_COLUMNS`: mean performance of each rock in each domain over its photos, from `pair_rock_labels`."""
     terrain = [PhotoKey.parse(str(key)).terrain for key in pairs["key"]]
     grouped = pairs.assign(terrain=terrain).groupby(["terrain", "kind", "rock"])
     table = grouped.agg(photos=("key", "size"), iou_first=("first", "mean"), iou_second=("second", "mean"))

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.detect import detectors
-from polarsim.detect.dataset import read_pictures
-from polarsim.detect.frame import frame, read_picture
+from polarsim.detect.dataset import dataset_images
+from polarsim.detect.frame import letterbox, read_picture
 from polarsim.detect.options import PredictionOptions
-from polarsim.detect.predict import sizes_of
+from polarsim.detect.predict import inference_widths_of
 from polarsim.detect.split import TEST
-from polarsim.errors import about
+from polarsim.errors import with_path
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
@@ -40,18 +40,18 @@ def segment_pictures(
     """
     loaded = []
     for path in weights:
-        with about(path):
+        with with_path(path):
             detector = detectors.read_detector(path)
             loaded.append((detectors.load_masks(detector, options, threads), mask_widths(detector, options)))
     with writing_folder(masks) as folder:
-        for key in track(read_pictures(dataset, TEST), "masks"):
+        for key in track(dataset_images(dataset, TEST), "masks"):
             picture = read_picture(dataset / "images" / TEST / f"{key}.png")
-            class_masks.write(folder / f"{key}.png", class_mask(loaded, picture))
+            class_masks.write_class_mask(folder / f"{key}.png", class_mask(loaded, picture))
 
 
 def mask_widths(detector: detectors.Detector, options: PredictionOptions) -> tuple[int, ...]:
     """Return the inference widths of masks: `mask_widths` of the options, else the widths for boxes."""
-    return options.mask_widths or tuple(sizes_of(detector, options).widths)
+    return options.mask_widths or tuple(inference_widths_of(detector, options).widths)
 
 
 def class_mask(
@@ -96,7 +96,7 @@ def _probabilities_at(
 ) -> np.ndarray:
     import cv2
 
-    framed, offset, scale = frame(picture, width, full)
+    framed, offset, scale = letterbox(picture, width, full)
     cells = np.ascontiguousarray(loaded(framed[None])[0].transpose(1, 2, 0))
     cell_px = framed.shape[1] / cells.shape[1]
     # From pixels of the full image to cells; the origin of OpenCV is the centre of the first pixel.

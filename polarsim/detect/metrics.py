@@ -70,7 +70,9 @@ def rank(
         other_label, other_prediction = (
             (size < low) | (size > high) for size in (boxes.area(label)[None], boxes.area(prediction)[None])
         )
-        matched, passed = matching_numba.match(boxes.iou(prediction, label), thresholds, other_label)
+        matched, passed = matching_numba.match_predictions_of_photo(
+            boxes.iou(prediction, label), thresholds, other_label
+        )
         confidence_parts.append(confidence[order])
         picture.append(np.full(len(order), number))
         right.append(matched)

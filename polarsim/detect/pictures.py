@@ -12,9 +12,9 @@ import pandas as pd
 
 from polarsim.detect import tone
 from polarsim.detect.frame import read_picture
-from polarsim.detect.grouping import Labels, labels_by_photo
+from polarsim.detect.grouping import ClassBoxes, labels_by_photo
 from polarsim.detect.options import VIEWS, PicturesOptions
-from polarsim.errors import DetectError, PolarsimError, about, within
+from polarsim.errors import DetectError, PolarsimError, with_part, with_path
 from polarsim.formats import png, tables, yolo
 from polarsim.formats.files import read_json, write_json, writing_folder
 from polarsim.geometry import boxes
@@ -102,8 +102,8 @@ def convert_photos(
     boxes_of = dict(zip(names, labels_by_photo(table, names), strict=True))
     things_of = _things_by_photo(table) if masks else {}
 
-    def labelled(source: ImageSource, size: tuple[int, int]) -> Labels:
-        with about(labels), within(source.key):
+    def labelled(source: ImageSource, size: tuple[int, int]) -> ClassBoxes:
+        with with_path(labels), with_part(source.key):
             return _inside(*boxes_of[source.key], size)
 
     def masked(source: ImageSource) -> np.ndarray:
@@ -132,7 +132,7 @@ def convert_views(*, views: Path, folder: Path, options: PicturesOptions) -> Non
         camera = f"{scene} {row['camera']}"
         sources.append(ImageSource(name, existing, camera, terrains_of[scene], size=None))
 
-    def labelled(source: ImageSource, size: tuple[int, int]) -> Labels:
+    def labelled(source: ImageSource, size: tuple[int, int]) -> ClassBoxes:
         return _inside(*yolo.read_boxes(views / "labels" / f"{source.key}.txt", size), size)
 
     _convert(VIEWS, sources, labelled, folder, options)
@@ -165,7 +165,7 @@ def read_states(folder: Path) -> pd.DataFrame:
 def _convert(
     domain: str,
     sources: Sequence[ImageSource],
-    labelled: Callable[[ImageSource, tuple[int, int]], Labels],
+    labelled: Callable[[ImageSource, tuple[int, int]], ClassBoxes],
     folder: Path,
     options: PicturesOptions,
     masked: Callable[[ImageSource], np.ndarray] | None = None,
@@ -186,7 +186,7 @@ def _convert(
 
 def _convert_one(
     source: ImageSource,
-    labelled: Callable[[ImageSource, tuple[int, int]], Labels],
+    labelled: Callable[[ImageSource, tuple[int, int]], ClassBoxes],
     masked: Callable[[ImageSource], np.ndarray] | None,
     made: Path,
     options: PicturesOptions,
@@ -203,10 +203,10 @@ def _convert_one(
         log.warning("skipped: %s", error)
         return CORRUPT
     small = tone.shrink(picture, min(options.longer_side, max(picture.shape)))
-    png.write(made / "images" / f"{source.key}.png", tone.to_8_bits(small))
+    png.write_png(made / "images" / f"{source.key}.png", tone.to_8_bits(small))
     yolo.write_boxes(made / "labels" / f"{source.key}.txt", classes, corners, size)
     if mask is not None:
-        class_masks.write(
+        class_masks.write_class_mask(
             made / "masks" / f"{source.key}.png", class_masks.resized(mask, (small.shape[1], small.shape[0]))
         )
     return USED
@@ -238,7 +238,7 @@ def _read_mask(folders: Sequence[Path], key: PhotoKey, labelled: Collection[int]
     grey_map, instance_map = folder / f"{key}.png", folder / f"{str(key).rpartition('_')[0]}.png"
     if grey_map.is_file():
         return class_masks.of_grey_map(read_picture(grey_map))
-    return class_masks.of_ids(instances.read(instance_map), labelled)
+    return class_masks.of_ids(instances.read_instances(instance_map), labelled)
 
 
 def _read_labels(path: Path) -> pd.DataFrame:
@@ -256,7 +256,7 @@ def _things_by_photo(table: pd.DataFrame) -> dict[str, set[int]]:
     return {str(key): set(photo_ids.tolist()) for key, photo_ids in ids.groupby(numbered["key"])}
 
 
-def _inside(classes: np.ndarray, corners: np.ndarray, size: tuple[int, int]) -> Labels:
+def _inside(classes: np.ndarray, corners: np.ndarray, size: tuple[int, int]) -> ClassBoxes:
     """Clip boxes at the border of the image and drop boxes outside.
 
     Raises

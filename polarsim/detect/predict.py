@@ -10,15 +10,15 @@ import numpy as np
 import pandas as pd
 
 from polarsim.detect import detectors
-from polarsim.detect.dataset import read_pictures
-from polarsim.detect.frame import frame, read_picture
+from polarsim.detect.dataset import dataset_images
+from polarsim.detect.frame import letterbox, read_picture
 from polarsim.detect.grouping import BOX_COLUMNS, detection_rows
-from polarsim.detect.inference_widths import ClassSizes, InferenceWidths, merge
+from polarsim.detect.inference_widths import ClassInferenceWidths, InferenceWidths, merge
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.sand_filter import SandFilter
 from polarsim.detect.split import TEST
 from polarsim.digest import code_digest
-from polarsim.errors import DetectError, about
+from polarsim.errors import DetectError, with_path
 from polarsim.formats.table_parts import write_in_parts
 from polarsim.geometry import boxes
 from polarsim.photo import HEIGHT, WIDTH
@@ -78,10 +78,10 @@ def predict(
         Invalid weights, image or data set.
     """
     detector = detectors.read_detector(weights)
-    sizes = sizes_of(detector, options)
-    keys = read_pictures(dataset, TEST)
+    sizes = inference_widths_of(detector, options)
+    keys = dataset_images(dataset, TEST)
     predictions.parent.mkdir(parents=True, exist_ok=True)
-    with about(weights):
+    with with_path(weights):
         loaded = detectors.load_detector(detector, predictions.parent, options, threads)
     paths = {key: dataset / "images" / TEST / f"{key}.png" for key in keys}
     sand = SandFilter.read(cameras, meshes)
@@ -90,7 +90,7 @@ def predict(
         rows: list[tuple[Any, ...]] = []
         for group in (some[n : n + BATCH] for n in range(0, len(some), BATCH)):
             pictures = [read_picture(paths[key]) for key in group]
-            results = detect(loaded, pictures, sizes, options.nms_iou)
+            results = predict_images(loaded, pictures, sizes, options.nms_iou)
             rows += [
                 row
                 for key, result in zip(group, results, strict=True)
@@ -102,19 +102,21 @@ def predict(
     write_in_parts(predictions, keys, see, PART, identity)
 
 
-def sizes_of(detector: detectors.Detector, options: PredictionOptions) -> ClassSizes:
+def inference_widths_of(detector: detectors.Detector, options: PredictionOptions) -> ClassInferenceWidths:
     """Return the inference widths of the options, else the widths stored in the detector, else the training width."""
-    if named := ClassSizes.named(options):
+    if named := ClassInferenceWidths.named(options):
         return named
     if detector.sizes:
-        return ClassSizes(tuple(InferenceWidths(tuple(widths), tuple(gates)) for widths, gates in detector.sizes))
-    return ClassSizes.same(InferenceWidths((detector.imgsz,)))
+        return ClassInferenceWidths(
+            tuple(InferenceWidths(tuple(widths), tuple(gates)) for widths, gates in detector.sizes)
+        )
+    return ClassInferenceWidths.same(InferenceWidths((detector.imgsz,)))
 
 
-def detect(
+def predict_images(
     loaded: detectors.LoadedDetector,
     pictures: list[np.ndarray],
-    sizes: ClassSizes,
+    sizes: ClassInferenceWidths,
     nms_iou: float,
     full: tuple[int, int] = (WIDTH, HEIGHT),
 ) -> Iterator[np.ndarray]:
@@ -139,7 +141,7 @@ def detect(
 def _detect_at(
     loaded: detectors.LoadedDetector, pictures: list[np.ndarray], width: int, full: tuple[int, int]
 ) -> list[np.ndarray]:
-    framed = [frame(picture, width, full) for picture in pictures]
+    framed = [letterbox(picture, width, full) for picture in pictures]
     kept = []
     for rows, (_, offset, scale) in zip(loaded(np.stack([pixels for pixels, _, _ in framed])), framed, strict=True):
         rows[:, :4] = boxes.clip((rows[:, :4] - np.tile(offset, 2)) * np.tile(scale, 2), *full)

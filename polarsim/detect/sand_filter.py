@@ -14,7 +14,7 @@ from polarsim.geometry import boxes
 from polarsim.geometry.camera import Camera
 from polarsim.photo import BOX_CLASSES, NO_ROCK, PhotoKey
 from polarsim.run_files.rigs import LocalisedRig, localised_files, read_all_localised
-from polarsim.run_files.scene import mesh_files, terrain_in
+from polarsim.run_files.scene import mesh_files, terrain_of_folder
 from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL, half_width, wall_height
 
 
@@ -63,10 +63,10 @@ class SandFilter:
         if sandbox is None or rig is None or rig.unproven or not len(detections):
             return detections
         half, wall = half_width(photo.terrain), wall_height(photo.terrain, surely=True)
-        return detections[on_sand(detections, rig.camera(photo.camera), sandbox.level_m, half, wall)]
+        return detections[boxes_on_sand(detections, rig.camera(photo.camera), sandbox.level_m, half, wall)]
 
 
-def on_sand(
+def boxes_on_sand(
     detections: np.ndarray, camera: Camera, level_m: float, half: float = SANDBOX_HALF_WIDTH, wall: float = SURELY_WALL
 ) -> np.ndarray:
     """Return a mask (n,) of boxes (n, 6) of a photo with their foot on visible sand.
@@ -84,7 +84,7 @@ def on_sand(
     half, wall : float
         Half width of the sand, and minimum height of the walls above the sand, m.
     """
-    centres = boxes.centres(detections[:, :4])
+    centres = boxes.box_centres(detections[:, :4])
     rocks = detections[:, 5] == BOX_CLASSES.index("rock")
     feet = np.column_stack([centres[:, 0], np.where(rocks, detections[:, 3], centres[:, 1])])
     rays, start = camera.directions(feet), camera.centre
@@ -102,10 +102,10 @@ def on_sand(
 
 def _ground_in(folder: Path) -> tuple[int, Path]:
     """Return the terrain of a mesh folder and the file of the ground mesh."""
-    terrain = terrain_in(folder)
+    terrain = terrain_of_folder(folder)
     return terrain, mesh_files(folder, terrain)[NO_ROCK]
 
 
 def _level_of(ground: Path) -> float:
     """Return the median height of the ground; craters and heaps cover less than half of the ground."""
-    return float(np.median(obj.read(ground).vertices[:, 2]))
+    return float(np.median(obj.read_obj(ground).vertices[:, 2]))

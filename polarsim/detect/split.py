@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from polarsim.detect.options import SplitOptions
-from polarsim.errors import DetectError, about
+from polarsim.errors import DetectError, with_path
 from polarsim.formats import tables
 from polarsim.formats.files import write_json
 from polarsim.photo import CameraSide, PhotoKey
@@ -22,7 +22,7 @@ SPLIT_COLUMNS = PARTS_TABLE.columns
 PHOTO, TERRAIN = "photo", "terrain"
 
 
-def unit(key: PhotoKey, by: str) -> Any:
+def split_unit(key: PhotoKey, by: str) -> Any:
     """Return the unit of a photo that is not divided by a split: the key, the view, the station or the terrain."""
     if by == "view":
         return key.view
@@ -44,16 +44,16 @@ def draw_split(keys: Sequence[PhotoKey], by: str, options: SplitOptions) -> dict
         A part would be empty.
     """
     ordered = sorted(set(keys))
-    units = sorted({unit(key, by) for key in ordered})
+    units = sorted({split_unit(key, by) for key in ordered})
     if by == TERRAIN and options.test_terrains:
         test = _configured_terrains(units, options)
     else:
         test = _draw(units, options.test_share, options.seed, "split", by)
-    rest = [key for key in ordered if unit(key, by) not in test]
-    units = sorted({unit(key, by) for key in rest})
+    rest = [key for key in ordered if split_unit(key, by) not in test]
+    units = sorted({split_unit(key, by) for key in rest})
     val_by = by if round(VAL_SHARE * len(units)) else PHOTO
-    val = _draw(sorted({unit(key, val_by) for key in rest}), VAL_SHARE, options.seed, "val", by)
-    parts = {key: VAL if unit(key, val_by) in val else TRAIN for key in rest}
+    val = _draw(sorted({split_unit(key, val_by) for key in rest}), VAL_SHARE, options.seed, "val", by)
+    parts = {key: VAL if split_unit(key, val_by) in val else TRAIN for key in rest}
     if len(rest) == len(ordered) or TRAIN not in parts.values():
         raise DetectError(
             f"{len(ordered)} photos split by {by} leave {len(ordered) - len(rest)} to test and {len(rest)} to train, "
@@ -98,8 +98,8 @@ def check_split(parts: Mapping[PhotoKey, str], by: str) -> None:
     """
     if by == PHOTO:
         return
-    test = {unit(key, by) for key, part in parts.items() if part == TEST}
-    shared = sorted(test & {unit(key, by) for key, part in parts.items() if part != TEST})
+    test = {split_unit(key, by) for key, part in parts.items() if part == TEST}
+    shared = sorted(test & {split_unit(key, by) for key, part in parts.items() if part != TEST})
     if shared:
         name = shared[0] if by == TERRAIN else " ".join(map(str, shared[0]))
         raise DetectError(f"split by {by}, but {by} {name} is both inside and outside the test part")
@@ -107,7 +107,7 @@ def check_split(parts: Mapping[PhotoKey, str], by: str) -> None:
 
 def split_photos(*, keys: list[PhotoKey], by: str, split: Path, options: SplitOptions) -> None:
     """Write a split of the photos as CSV (key, part), and a JSON file with the parameters of the split."""
-    with about(split):
+    with with_path(split):
         parts = draw_split(keys, by, options)
         check_split(parts, by)
     rows = [(str(key), part) for key, part in parts.items()]
@@ -136,7 +136,7 @@ def read_split(split: Path, by: str = PHOTO) -> dict[PhotoKey, str]:
     unknown = sorted(set(table["part"].astype(str)) - set(PARTS))
     if unknown:
         raise DetectError(f"part {unknown[0]!r}, expected one of {', '.join(PARTS)}", path=split)
-    with about(split):
+    with with_path(split):
         parts = {PhotoKey.parse(str(key)): str(part) for key, part in zip(table["key"], table["part"], strict=True)}
         check_split(parts, by)
     return parts

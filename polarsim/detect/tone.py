@@ -6,7 +6,7 @@ import numpy as np
 
 from polarsim.geometry.images import resize_longer_side
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
-from polarsim.tone import encoded, white_level
+from polarsim.tone import encode_tone, white_level
 
 _WHITE_PERCENTILE = 99.5  # percentile of the light that becomes white; glints may be clipped
 _MIN_WHITE = 64  # minimum white level, DN above black, so that the noise of dark images remains dark
@@ -28,7 +28,7 @@ def bits_in_use(pixels: np.ndarray, kind: np.dtype) -> int:
 def to_8_bits(pixels: np.ndarray) -> np.ndarray:
     """Convert linear 12-bit pixels (h, w) to uint8: scaling to the white level of the image, then gamma."""
     light = np.clip(pixels.astype(np.float32) - BLACK_LEVEL, 0, None)
-    return encoded(light, white_level(light, _WHITE_PERCENTILE, _MIN_WHITE))
+    return encode_tone(light, white_level(light, _WHITE_PERCENTILE, _MIN_WHITE))
 
 
 def brighten(picture: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 from polarsim.detect import detectors
-from polarsim.detect.dataset import KINDS, MASKS, read_pictures
+from polarsim.detect.dataset import KINDS, MASKS, dataset_images
 from polarsim.detect.options import PredictionOptions, TrainingOptions
 from polarsim.detect.split import TRAIN, VAL
 from polarsim.digest import code_digest
@@ -78,7 +78,7 @@ def train_detector(
 
 def _check_masks(dataset: Path) -> None:
     for part in (TRAIN, VAL):
-        for key in read_pictures(dataset, part):
+        for key in dataset_images(dataset, part):
             if not (dataset / MASKS / part / f"{key}.png").is_file():
                 raise DetectError(f"detect.training.masks: {part} image {key} has no mask", path=dataset)
 
@@ -88,7 +88,7 @@ def _prepare(training: detectors.Training) -> None:
     files = (
         training.dataset / kind / part / f"{key}{ending}"
         for part in (TRAIN, VAL)
-        for key in read_pictures(training.dataset, part)
+        for key in dataset_images(training.dataset, part)
         for kind, ending in (*KINDS, *([(MASKS, ".png")] if training.options.masks else []))
     )
     start = training.options.start_weights

@@ -20,7 +20,7 @@ _ENTIRE_STEP = 10  # every tenth window is the entire image
 
 
 @dataclass(frozen=True)
-class Window:
+class TrainingWindow:
     """Pixels (h, w) uint8, and classes (n,) and boxes (n, 4) x0, y0, x1, y1 in pixels of the window."""
 
     pixels: np.ndarray
@@ -36,7 +36,7 @@ def draw_windows(
     width: int,
     widest_px: int,
     random: np.random.Generator,
-) -> Iterator[Window]:
+) -> Iterator[TrainingWindow]:
     """Yield windows of `width` px from an image (h, w) uint8 resized at random; every tenth is the entire image.
 
     Parameters
@@ -63,7 +63,7 @@ def draw_windows(
             if visible.any():
                 break
         cut = pixels[start[1] : start[1] + size[1], start[0] : start[0] + size[0]]
-        yield Window(np.ascontiguousarray(cut), classes[visible], inside[visible])
+        yield TrainingWindow(np.ascontiguousarray(cut), classes[visible], inside[visible])
 
 
 def make_folders(folder: Path) -> None:
@@ -72,8 +72,10 @@ def make_folders(folder: Path) -> None:
         (folder / kind).mkdir(parents=True)
 
 
-def write_window(folder: Path, name: str, window: Window) -> None:
+def write_window(folder: Path, name: str, window: TrainingWindow) -> None:
     """Write the image and labels of a window, and a mask that is ignored in training because it is unknown."""
-    png.write(folder / "images" / f"{name}.png", window.pixels)
+    png.write_png(folder / "images" / f"{name}.png", window.pixels)
     yolo.write_boxes(folder / "labels" / f"{name}.txt", window.classes, window.boxes, window.pixels.shape[::-1])
-    class_masks.write(folder / MASKS / f"{name}.png", np.full(window.pixels.shape, class_masks.IGNORED, np.uint8))
+    class_masks.write_class_mask(
+        folder / MASKS / f"{name}.png", np.full(window.pixels.shape, class_masks.IGNORED, np.uint8)
+    )

@@ -13,7 +13,7 @@ from polarsim.explore.tables import EDGES
 from polarsim.formats import yolo
 from polarsim.formats.coco import read_coco
 from polarsim.formats.release import key_files
-from polarsim.labels.seeds import Annotated, matched_rocks, read_corrections
+from polarsim.labels.seeds import AnnotatedBoxes, matched_rocks, read_corrections
 from polarsim.photo import BOX_CLASSES, HEIGHT, ROCK, SHADOW, WIDTH, PhotoKey
 from polarsim.run_files.run import PHOTO, Run
 
@@ -55,7 +55,7 @@ class Corrections:
         if not self.folder.is_dir():
             return {}
         with self._lock:
-            corrected: dict[PhotoKey, Annotated] = {}
+            corrected: dict[PhotoKey, AnnotatedBoxes] = {}
             for terrain in self._run.terrains:
                 corrected |= read_corrections(self.folder, terrain)
         return {str(key): self._with_rocks(key, annotated) for key, annotated in sorted(corrected.items())}
@@ -104,7 +104,7 @@ class Corrections:
                 raise LabelError(f"{key} is corrected here: edit or remove this file first", path=path)
         return key_files(self.folder).files.get(key, self.folder / f"{key}.txt")
 
-    def _with_rocks(self, key: PhotoKey, annotated: Annotated) -> Boxes:
+    def _with_rocks(self, key: PhotoKey, annotated: AnnotatedBoxes) -> Boxes:
         labels = self._run.labels(key.terrain, of_twins=not self._has_photo(key))
         labels = labels[labels["key"] == str(key)]
         result: Boxes = []

@@ -24,7 +24,7 @@ def of_photos(polygons: Path) -> list[dict[str, Any]]:
 
 def of_twins(instances: Path) -> list[dict[str, Any]]:
     """Return the polygons of rocks and shadows in an instance map."""
-    ids = png.read(instances)
+    ids = png.read_png(instances)
     rings = []
     for number in np.unique(ids[ids >= ROCK_IDS]).tolist():
         kind, rock = (SHADOW, number - SHADOW_IDS) if number >= SHADOW_IDS else (ROCK, number - ROCK_IDS)

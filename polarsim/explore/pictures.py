@@ -41,7 +41,7 @@ def jpeg(path: Path, width: int, quality: int = QUALITY) -> bytes:
 
 @lru_cache(maxsize=4)  # large and small copies are encoded in succession
 def _read(path: Path) -> np.ndarray:
-    return png.read(path)
+    return png.read_png(path)
 
 
 def small_jpeg(path: Path) -> bytes:

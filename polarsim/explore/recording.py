@@ -17,7 +17,7 @@ from polarsim.explore.tables import EDGES
 from polarsim.explore.terrain import thinned_terrain
 from polarsim.formats.files import writing
 from polarsim.geometry.camera import Camera
-from polarsim.photo import CAMERAS, COLOURS, NO_ROCK, ROCK, SHADOW, USUAL_EXPOSURE_MS, WIDTH, PhotoKey, by_bracket
+from polarsim.photo import CAMERAS, COLOURS, NO_ROCK, REFERENCE_EXPOSURE_MS, ROCK, SHADOW, WIDTH, PhotoKey, by_bracket
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.run import PHOTO, Run
 
@@ -94,7 +94,7 @@ def _blueprint(run: Run) -> Any:
         for side in CAMERAS
         for domain in run.domains
     ]
-    around = parts.Spatial3DView(origin="world", name=f"terrain; {USUAL_EXPOSURE_MS} ms")
+    around = parts.Spatial3DView(origin="world", name=f"terrain; {REFERENCE_EXPOSURE_MS} ms")
     # By default, the viewer may play the timeline of log times, which starts without an image.
     time = parts.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused")
     return parts.Blueprint(

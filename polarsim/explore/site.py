@@ -14,7 +14,7 @@ from polarsim.explore.corrections import Corrections
 from polarsim.explore.drives import drive_content, drive_pictures
 from polarsim.explore.pictures import jpeg, small_jpeg
 from polarsim.explore.tables import facts_of_rocks, picture_table, shown_labels, shown_predictions
-from polarsim.explore.terrain import surroundings, thinned_terrain
+from polarsim.explore.terrain import terrain_setup, thinned_terrain
 from polarsim.formats import arrow
 from polarsim.formats.files import check_new_folder, writing_folder
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
@@ -26,7 +26,7 @@ WIDTH_PX = WIDTH // 2  # width of the images
 CORRECTIONS = "data/corrections.json"
 
 
-def site(run: Run, width: int = WIDTH_PX) -> Files:
+def page_of_run(run: Run, width: int = WIDTH_PX) -> Files:
     """Return all files of a run's page; the server answers no other addresses."""
     return {**page_files(), **_tables(run), **_terrains(run), **_pictures(run, width), **_drives(run)}
 
@@ -48,7 +48,7 @@ def write_site(run: Run, folder: Path, width: int = WIDTH_PX) -> int:
         The folder is not empty.
     """
     check_new_folder(folder)
-    files = site(run, width)
+    files = page_of_run(run, width)
     with writing_folder(folder) as temporary:
         for name, content in track(list(files.items()), "files"):
             target = temporary / name
@@ -84,7 +84,7 @@ def _json(content: Callable[[], Any]) -> bytes:
 
 
 def _arrow(content: Callable[[], Any]) -> bytes:
-    return arrow.encode(content())
+    return arrow.encode_arrow(content())
 
 
 def _tables(run: Run) -> Files:
@@ -112,7 +112,7 @@ def _undone(run: Run, path: Path) -> Any:
 def _terrains(run: Run) -> Files:
     files: Files = {}
     for terrain in run.terrains:
-        files[f"data/terrain/{terrain}.json"] = partial(_json, partial(surroundings, run, terrain))
+        files[f"data/terrain/{terrain}.json"] = partial(_json, partial(terrain_setup, run, terrain))
         if (run.folder / f"meshes/Terrain{terrain:02d}").exists():
             for part, name in enumerate(("vertices", "faces")):
                 files[f"data/terrain/{terrain}/{name}.arrow"] = partial(_mesh, run, terrain, part)
@@ -123,7 +123,7 @@ def _mesh(run: Run, terrain: int, part: int) -> bytes:
     import pandas as pd
 
     tables = thinned_terrain(run, terrain)
-    return arrow.encode(tables[part] if tables else pd.DataFrame())
+    return arrow.encode_arrow(tables[part] if tables else pd.DataFrame())
 
 
 def _pictures(run: Run, width: int) -> Files:

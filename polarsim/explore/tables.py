@@ -9,7 +9,7 @@ from polarsim.detect.evaluate import clip_labels
 from polarsim.detect.false_positives import mark_false_positives
 from polarsim.formats.tables import key_columns
 from polarsim.geometry.boxes import iou
-from polarsim.geometry.matching_numba import match
+from polarsim.geometry.matching_numba import match_predictions_of_photo
 from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, PhotoKey
 from polarsim.run_files.run import PHOTO, Run
 from polarsim.schemas.photos import BOX
@@ -107,7 +107,7 @@ def shown_predictions(run: Run, name: str) -> pd.DataFrame:
         ious = iou(corners[rows], boxes[label_rows])
         overlap[rows] = ious.max(axis=1)
         rock[rows] = np.where(overlap[rows] > 0, rocks[label_rows][ious.argmax(axis=1)], NO_ROCK)
-        matched, _ = match(ious, np.array([MIN_IOU]), np.zeros((1, len(label_rows)), bool))
+        matched, _ = match_predictions_of_photo(ious, np.array([MIN_IOU]), np.zeros((1, len(label_rows)), bool))
         correct[rows] = matched[0, 0]
     false_positive = mark_false_positives(labels, predicted)["false_positive"]
     return predicted.assign(iou=overlap, rock=rock, right=correct, false_positive=false_positive)

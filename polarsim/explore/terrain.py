@@ -38,7 +38,7 @@ def thinned_terrain(run: Run, terrain: int) -> tuple[pd.DataFrame, pd.DataFrame]
     supports, errors = _supports(folder), _errors(run, terrain)
     vertices, faces, start = [], [], 0
     for rock, path in mesh_files(folder, terrain).items():
-        full = obj.read(path)
+        full = obj.read_obj(path)
         mesh, cluster = clustered(full, GROUND_CELL if rock == NO_ROCK else ROCK_CELL)
         support = supports.get(path.name, np.ones(len(full.vertices)))
         columns = [*mesh.vertices.T, *mesh.normals().T, np.full(len(mesh.vertices), float(rock))]
@@ -103,7 +103,7 @@ def _nearest(tree: tuple[cKDTree, np.ndarray] | None, vertices: np.ndarray) -> n
     return np.append(tree[1], np.nan)[nearest]
 
 
-def surroundings(run: Run, terrain: int) -> dict[str, Any]:
+def terrain_setup(run: Run, terrain: int) -> dict[str, Any]:
     """Return cameras and lamps of a terrain in the sandbox frame, metres; lenses in pixels."""
     folder = run.folder / "cameras" / f"Terrain{terrain:02d}"
     localised = rigs.read_all_localised(folder) if folder.exists() else {}

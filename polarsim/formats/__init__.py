@@ -4,6 +4,6 @@ All readers and writers share `files` (atomic writing, paths, encodings) and `re
 that only polarsim defines are in `polarsim.run_files`.
 """
 
-from polarsim.public import offered
+from polarsim.public import lazy_exports
 
-__all__, __getattr__, __dir__ = offered(__name__, read_parquet="tables")
+__all__, __getattr__, __dir__ = lazy_exports(__name__, read_parquet="tables")

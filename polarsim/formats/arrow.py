@@ -12,7 +12,7 @@ import pyarrow as pa
 _NARROW = {"f": pa.float32(), "i": pa.int32(), "u": pa.int32(), "b": pa.uint8()}
 
 
-def encode(table: pd.DataFrame) -> bytes:
+def encode_arrow(table: pd.DataFrame) -> bytes:
     """Return a table as an uncompressed Arrow file with a single batch. Equal rows make equal bytes.
 
     Texts are dictionary-encoded, numbers have 32 bits, booleans are stored as 0 and 1, missing floats as NaN.

@@ -27,7 +27,7 @@ _LATCHED = (
 )
 
 
-def write(path: Path, streams: Iterable[Iterator[Stamped]], compression: str = "zstd") -> dict[str, int]:
+def write_mcap_bag(path: Path, streams: Iterable[Iterator[Stamped]], compression: str = "zstd") -> dict[str, int]:
     """Write the messages of several streams, each sorted by time stamp, and return the number of messages per topic.
 
     Raises
@@ -70,7 +70,7 @@ def _encoder(writer: Any, kind: str) -> tuple[int, Any]:
 
 
 @reader("bag", largest_mb=1e6)
-def metadata(bag: Path, name: str) -> str:
+def bag_metadata(bag: Path, name: str) -> str:
     """Return the content of `metadata.yaml` (version 8) for a bag, computed from the summary section of the bag.
 
     Parameters

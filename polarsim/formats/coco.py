@@ -21,13 +21,13 @@ from polarsim.formats.files import relative_to, writing
 from polarsim.formats.readers import reader
 from polarsim.formats.rle import Rle
 from polarsim.formats.tables import key_columns
-from polarsim.geometry.boxes import area, of_mask, turned
+from polarsim.geometry.boxes import area, box_of_mask, rotated_box
 from polarsim.geometry.polygons import outlines, rasterised
 from polarsim.photo import AZIMUTHS, BOX_CLASSES, CAMERAS, HEIGHT, LIGHTS, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey
 
 CATEGORIES = {ROCK: 1, SHADOW: 2}  # ids start at 1 because CVAT does not accept the id 0
 PER_PHOTO = 10_000  # annotation ids per photo
-FAR_PX = 1e5  # maximum absolute coordinate of a polygon
+MAX_POLYGON_COORDINATE_PX = 1e5  # maximum absolute coordinate of a polygon
 MAX_OVERHANG = 0.1  # maximum overhang of a box over the image border, as a share of the image side
 _MIN_CORNER_CHECK_BOXES = 3  # minimum number of boxes for the check whether all boxes are stored as two corners
 _EXPOSURES, _POSITIONS = 10, "ABCDEFG"  # 16 to 8192 ms
@@ -93,10 +93,10 @@ def write_coco(
     """
     names = {key: relative_to(picture, Path(path).parent) for key, picture in (pictures or {}).items()}
     rows = [(_image_row(key, names.get(key, f"{key}.png"), size), photos[key]) for key in sorted(photos)]
-    write_pictures(path, rows, "Rocks and shadows of the POLAR data set, labelled by polarsim", simplify_px)
+    write_coco_images(path, rows, "Rocks and shadows of the POLAR data set, labelled by polarsim", simplify_px)
 
 
-def write_pictures(
+def write_coco_images(
     path: str | Path,
     pictures: Sequence[tuple[Mapping[str, Any], Sequence[Annotation]]],
     description: str,
@@ -280,7 +280,7 @@ def read_coco(
         unknown image or category, neither box nor mask, or an invalid box or mask.
     """
     photos: dict[PhotoKey, list[Annotation]] = {}
-    for name, image_size, rows in read_pictures(path, kinds, size):
+    for name, image_size, rows in read_coco_images(path, kinds, size):
         if image_size != size:
             raise FormatError(
                 f"image {name}: {image_size[0]} x {image_size[1]} px, expected {size[0]} x {size[1]}", path=path
@@ -316,7 +316,7 @@ class Row:
 
 
 @reader("COCO file", largest_mb=500)
-def read_pictures(
+def read_coco_images(
     path: str | Path, kinds: Sequence[str] | None = None, default_size: tuple[int, int] = (WIDTH, HEIGHT)
 ) -> list[tuple[str, tuple[int, int], list[Row]]]:
     """Read the name, the size (width, height) and the annotations of every image of a COCO file.
@@ -428,7 +428,7 @@ def _annotation(
         _check_plausible(row, mask, size)
         rotation = (row.attributes.rotation if row.attributes else None) or 0.0
         if rotation:
-            box = turned(box, rotation) if mask is None else _box([], mask, size)
+            box = rotated_box(box, rotation) if mask is None else _box([], mask, size)
     return Annotation(kind, rock, box, mask, source, confidence, amodal)
 
 
@@ -446,7 +446,7 @@ def _check_plausible(row: _Annotation, mask: Rle | None, size: tuple[int, int]) 
     if width <= x or height <= y:
         return
     if mask is not None:
-        covered = of_mask(mask.mask())
+        covered = box_of_mask(mask.mask())
         corners, sized = np.array(row.bbox), np.array([x, y, x + width, y + height])
         if covered is not None and np.abs(corners - covered).max() < 2 < np.abs(sized - covered).max():
             raise FormatError(f"bbox {row.bbox} contradicts the mask from {covered.tolist()}; {_TWO_CORNERS}")
@@ -470,10 +470,10 @@ def _mask(segmentation: _Segmentation | None, size: tuple[int, int]) -> Rle | No
     for ring in rings:
         if len(ring) < 6 or len(ring) % 2:
             raise FormatError(f"polygon of {len(ring)} numbers, expected x and y of at least 3 points")
-        if np.abs(ring).max() > FAR_PX:
+        if np.abs(ring).max() > MAX_POLYGON_COORDINATE_PX:
             raise FormatError("polygon far outside the photo")
         covered |= rasterised(ring.reshape(-1, 2), size[::-1])
-    return rle.encode(covered, size=size)
+    return rle.encode_rle(covered, size=size)
 
 
 def _box(bbox: list[float], mask: Rle | None, size: tuple[int, int]) -> np.ndarray:
@@ -485,7 +485,7 @@ def _box(bbox: list[float], mask: Rle | None, size: tuple[int, int]) -> np.ndarr
         if (box[:2] >= size).any() or (box[2:] <= 0).any():
             raise FormatError(f"bbox {bbox} outside the photo")
         return box
-    covered = of_mask(mask.mask()) if mask else None
+    covered = box_of_mask(mask.mask()) if mask else None
     if covered is None:
         raise FormatError("neither a bbox nor a mask")
     return covered

@@ -17,7 +17,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from polarsim.errors import FormatError, about
+from polarsim.errors import FormatError, with_path
 from polarsim.formats.files import share_file, writing_folder
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
@@ -62,8 +62,8 @@ def write_model(
     """
     import pycolmap
 
-    with about(folder):
-        model = _model(one_rig(localised))
+    with with_path(folder):
+        model = _model(common_rig(localised))
     linked: dict[str, Path] = {}  # name in the model -> file
     for frame_id, position in enumerate(sorted(localised), 1):
         names: dict[str, str] = {}
@@ -85,7 +85,7 @@ def write_model(
         model.write_text(str(temporary))
 
 
-def one_rig(localised: Mapping[str, LocalisedPair]) -> StereoRig:
+def common_rig(localised: Mapping[str, LocalisedPair]) -> StereoRig:
     """Return the rig that all positions share.
 
     Raises

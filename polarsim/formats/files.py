@@ -94,7 +94,7 @@ def check_new_folder(path: Path) -> None:
         raise ConfigError("exists and is not empty, files are not overwritten: give a new folder", path=path)
 
 
-def found_from(path: str | Path, file: str | Path) -> Path:
+def resolve_from(path: str | Path, file: str | Path) -> Path:
     """Return the location of a path that is stated in a file, such as a table of photos.
 
     A relative path is resolved from the folder of the file, then from each folder above: paths in a run are relative to
@@ -108,7 +108,7 @@ def found_from(path: str | Path, file: str | Path) -> Path:
     return path
 
 
-def packaged(path: str | Path) -> Path:
+def resolve_packaged(path: str | Path) -> Path:
     """Return a path; if a path below `config/` does not exist, return the file of that name in the installed package.
 
     Configurations, vehicles and soils can therefore be used without a clone of the repository.
@@ -118,7 +118,7 @@ def packaged(path: str | Path) -> Path:
     return installed if path.parts[:1] == ("config",) and not path.exists() and installed.is_file() else path
 
 
-def census(folder: Path, max_suffixes: int = 6) -> str:
+def suffix_counts(folder: Path, max_suffixes: int = 6) -> str:
     """Return, for messages, the number of files of each suffix below a folder with an example of each."""
     by_suffix: dict[str, list[str]] = {}
     for path in sorted(path for path in folder.rglob("*") if path.is_file() and not path.name.startswith(".")):

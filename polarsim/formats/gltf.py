@@ -14,8 +14,8 @@ import numpy as np
 from polarsim.formats.files import writing
 from polarsim.geometry.meshes import Mesh
 
-GROUND = "ground"  # name of the ground node; the other nodes are rocks
-SAND, ROCK, UNSEEN = np.array([176, 168, 152]), np.array([110, 106, 100]), np.array([168, 92, 72])  # sRGB
+GROUND_NODE = "ground"  # name of the ground node; the other nodes are rocks
+SAND_COLOUR, ROCK_COLOUR, UNSEEN = np.array([176, 168, 152]), np.array([110, 106, 100]), np.array([168, 92, 72])  # sRGB
 Y_UP_FROM_SANDBOX = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 
@@ -23,7 +23,7 @@ def name(terrain: int) -> str:
     return f"terrain{terrain:02d}.glb"
 
 
-def write(
+def write_glb(
     path: str | Path,
     parts: Mapping[str, Mesh],
     support: Mapping[str, np.ndarray],
@@ -44,7 +44,7 @@ def write(
     scene = trimesh.Scene(base_frame="sandbox")
     for node, mesh in parts.items():
         known = support.get(node, np.ones(len(mesh.vertices)))[:, None]
-        colour = known * (SAND if node == GROUND else ROCK) + (1 - known) * UNSEEN
+        colour = known * (SAND_COLOUR if node == GROUND_NODE else ROCK_COLOUR) + (1 - known) * UNSEEN
         body = trimesh.Trimesh(
             mesh.vertices.astype(np.float32),
             mesh.faces,

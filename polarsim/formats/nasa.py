@@ -18,7 +18,7 @@ from polarsim.errors import FormatError
 from polarsim.formats.files import ENCODINGS, text_of, write_text, writing
 from polarsim.formats.readers import reader
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose, checked_rotation
+from polarsim.geometry.poses import Pose, orthogonal_rotation
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import HEIGHT, SUNS, WIDTH, PhotoKey, is_exposure
 from polarsim.survey import POSITION_DISTANCE_MM
@@ -74,7 +74,7 @@ def read_calibration(path: str | Path) -> StereoRig:
         not about 0.30 m, or left and right camera are exchanged.
     """
     entries = _entries(text_of(path))
-    rotation = checked_rotation(entries["ROTATION_MATRIX"].reshape(3, 3))
+    rotation = orthogonal_rotation(entries["ROTATION_MATRIX"].reshape(3, 3))
     translation = entries["TRANSLATION_VECTOR"]
     if not _MIN_BASELINE <= np.linalg.norm(translation) <= _MAX_BASELINE:
         raise FormatError(f"TRANSLATION_VECTOR is {np.linalg.norm(translation):.4g} m long, expected about 0.30")

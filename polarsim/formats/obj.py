@@ -48,7 +48,7 @@ def rock_files(folder: str | Path) -> dict[int, Path]:
 
 
 @reader("OBJ file", largest_mb=2000)
-def read(path: str | Path) -> Mesh:
+def read_obj(path: str | Path) -> Mesh:
     """Return vertices and triangles of an OBJ file; polygons are cut into fans, other lines are ignored.
 
     Raises
@@ -193,7 +193,7 @@ def _counted(corner: int, vertices: int) -> int:
     return number
 
 
-def write(path: str | Path, mesh: Mesh, name: str) -> None:
+def write_obj(path: str | Path, mesh: Mesh, name: str) -> None:
     """Write a mesh with vertex normals, rounded to micrometres. Equal meshes make equal bytes."""
     with writing(path) as temporary, temporary.open("w", encoding="ascii", newline="\n") as file:
         file.write(f"# polarsim, metres, sandbox frame\no {name}\n")

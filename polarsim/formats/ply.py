@@ -27,7 +27,7 @@ class Cloud:
         return len(self.points)
 
 
-def write(path: str | Path, cloud: Cloud) -> None:
+def write_ply(path: str | Path, cloud: Cloud) -> None:
     """Write `x y z nx ny nz` as little-endian float32. An empty cloud makes a valid file."""
     properties = "".join(f"property float {name}\n" for name in _COLUMNS)
     header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(cloud)}\n{properties}end_header\n"
@@ -37,8 +37,8 @@ def write(path: str | Path, cloud: Cloud) -> None:
 
 
 @reader("PLY file", largest_mb=4000)
-def read(path: str | Path) -> Cloud:
-    """Read a binary file of `write`: vertices with six float properties.
+def read_ply(path: str | Path) -> Cloud:
+    """Read a binary file of `write_ply`: vertices with six float properties.
 
     Raises
     ------

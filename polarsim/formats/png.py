@@ -1,6 +1,6 @@
 """Images: PNG files of 16-bit photos with 12-bit values and of 8-bit maps, written fast and with reproducible bytes.
 
-`read` and `size` also accept JPEG, TIFF, BMP, WebP and PGM files. Both apply the EXIF orientation, as viewers and
+`read_png` and `size` also accept JPEG, TIFF, BMP, WebP and PGM files. Both apply the EXIF orientation, as viewers and
 annotation tools do.
 """
 
@@ -90,7 +90,7 @@ def _orientation(exif: bytes) -> int:
 
 
 @reader("picture")
-def read(path: str | Path) -> np.ndarray:
+def read_png(path: str | Path) -> np.ndarray:
     """Return pixels (h, w) or (h, w, 3; RGB order) with the depth of the file, upright by the EXIF orientation.
 
     Transparency is dropped.
@@ -170,7 +170,7 @@ def read_photo(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> np.
     FormatError
         The photo has another size (width, height), bit depth or number of channels, or values above 12 bits.
     """
-    pixels = read(path)
+    pixels = read_png(path)
     if pixels.dtype != np.uint16 or pixels.ndim != 2:
         raise FormatError(
             f"{pixels.dtype} with shape {pixels.shape}, expected a photo with a single channel of 16 bits", path=path
@@ -182,7 +182,7 @@ def read_photo(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> np.
     return pixels
 
 
-def write(path: str | Path, pixels: np.ndarray) -> None:
+def write_png(path: str | Path, pixels: np.ndarray) -> None:
     """Write (h, w) or (h, w, 3; RGB order) pixels, uint8 or uint16.
 
     Raises
@@ -190,10 +190,10 @@ def write(path: str | Path, pixels: np.ndarray) -> None:
     PolarsimError
         The file cannot be written.
     """
-    write_bytes(path, encode(pixels))
+    write_bytes(path, encode_png(pixels))
 
 
-def encode(pixels: np.ndarray) -> bytes:
+def encode_png(pixels: np.ndarray) -> bytes:
     """Return the PNG file of (h, w) or (h, w, 3; RGB order) pixels, uint8 or uint16.
 
     Rows are stored as differences between adjacent pixels (filter "Sub"). Intel's deflate is five times as fast as

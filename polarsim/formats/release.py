@@ -62,10 +62,10 @@ class Layout:
         return _terrains_in(parents)
 
 
-PUBLISHED = Layout("published", f"{BOXES}/Terrain{{:02d}}", f"{POLYGONS}/terrain{{:02d}}/labels")
-OF_RUN = Layout("of a run", "boxes/Terrain{:02d}", "polygons/Terrain{:02d}")  # results/<run>/labels
-BY_TERRAIN = Layout("by terrain", "Terrain{:02d}")
-FLAT = Layout("flat", ".")
+PUBLISHED_LAYOUT = Layout("published", f"{BOXES}/Terrain{{:02d}}", f"{POLYGONS}/terrain{{:02d}}/labels")
+RUN_LAYOUT = Layout("of a run", "boxes/Terrain{:02d}", "polygons/Terrain{:02d}")  # results/<run>/labels
+TERRAIN_LAYOUT = Layout("by terrain", "Terrain{:02d}")
+FLAT_LAYOUT = Layout("flat", ".")
 
 
 @dataclass
@@ -101,7 +101,7 @@ def key_files(folder: str | Path) -> KeyFiles:
 
 
 @reader("label folder")
-def read_annotated(folder: str | Path) -> dict[PhotoKey, tuple[np.ndarray, np.ndarray]]:
+def read_annotated_boxes(folder: str | Path) -> dict[PhotoKey, tuple[np.ndarray, np.ndarray]]:
     """Read the class numbers (n,) and boxes (n, 4) of a folder that annotators edited, as `yolo.read_boxes` does.
 
     labelImg rewrites `classes.txt` on every save. If the names or their order change, the class numbers in `KEY.txt`
@@ -169,7 +169,7 @@ def polygon_sources(folder: Path) -> list[Path]:
 
 def label_folder(root: str | Path, terrain: int) -> Path:
     """Return the folder of the published boxes of a terrain."""
-    return PUBLISHED.box_folder(Path(root), terrain)
+    return PUBLISHED_LAYOUT.box_folder(Path(root), terrain)
 
 
 def polygon_folder(root: str | Path, terrain: int) -> Path:
@@ -189,10 +189,10 @@ def label_files(root: str | Path, terrain: int) -> dict[PhotoKey, Path]:
 
 def polygon_files(root: str | Path, terrain: int) -> dict[PhotoKey, Path]:
     """Return the files of hand-annotated polygons of a terrain."""
-    return PUBLISHED.polygon_files(Path(root), terrain).files
+    return PUBLISHED_LAYOUT.polygon_files(Path(root), terrain).files
 
 
-def mesh_files(root: str | Path, terrain: int) -> dict[int, Path]:
+def released_meshes(root: str | Path, terrain: int) -> dict[int, Path]:
     """Return the rock meshes of a terrain by rock id; the decimated mesh only if the full mesh is missing."""
     files = obj.rock_files(mesh_folder(root, terrain))
     return {rock: path for rock, path in files.items() if _mesh_terrain(path.name) == terrain}
@@ -228,7 +228,7 @@ def _terrains_in(parents: Iterable[Path]) -> list[int]:
 def stray_files(root: str | Path, terrain: int) -> list[Path]:
     """Return the files in the folders of a terrain with names outside the layout: copies, system files and so on."""
     meshes = mesh_folder(root, terrain)
-    stray = [*key_files(label_folder(root, terrain)).stray, *PUBLISHED.polygon_files(Path(root), terrain).stray]
+    stray = [*key_files(label_folder(root, terrain)).stray, *PUBLISHED_LAYOUT.polygon_files(Path(root), terrain).stray]
     if meshes.is_dir():
         files = [path for path in meshes.iterdir() if path.is_file() and path.name != SNAKEMAKE_FILE]
         stray += [path for path in files if _mesh_terrain(path.name) != terrain]

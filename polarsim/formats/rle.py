@@ -42,7 +42,7 @@ class Rle:
         return _checked(_runs_of(self.counts), self.height, self.width)
 
 
-def encode(mask: np.ndarray, left: int = 0, top: int = 0, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Rle:
+def encode_rle(mask: np.ndarray, left: int = 0, top: int = 0, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Rle:
     """Encode a mask (h, w) that covers a part of an image (width, height), with the first pixel at (left, top)."""
     width, height = size
     assert left >= 0

@@ -19,7 +19,7 @@ Message = dict[str, Any]
 Stamped = tuple[int, str, str, Message]  # time, ns; topic; type; message
 # Definitions that are missing in the ROS 2 Humble store of rosbags: vision_msgs 4, grid_map 2 and `polarsim_msgs`,
 # without comments. The order of fields is the order of bytes.
-OTHERS = {
+EXTRA_DEFINITIONS = {
     "vision_msgs/msg/Point2D": "float64 x\nfloat64 y",
     "vision_msgs/msg/Pose2D": "vision_msgs/Point2D position\nfloat64 theta",
     "vision_msgs/msg/BoundingBox2D": "vision_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y",
@@ -60,7 +60,11 @@ def _store() -> Any:
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     store.register(
-        {kind: fields for name, text in OTHERS.items() for kind, fields in get_types_from_msg(text, name).items()}
+        {
+            kind: fields
+            for name, text in EXTRA_DEFINITIONS.items()
+            for kind, fields in get_types_from_msg(text, name).items()
+        }
     )
     return store
 
@@ -77,7 +81,7 @@ def transform(time_ns: int, parent: str, child: str, parent_from_child: Pose) ->
         "child_frame_id": child,
         "transform": {
             "translation": vector(parent_from_child.translation),
-            "rotation": quaternion(parent_from_child.rotation),
+            "rotation": ros_quaternion(parent_from_child.rotation),
         },
     }
 
@@ -130,14 +134,17 @@ def detections(time_ns: int, frame: str, rows: Sequence[Mapping[str, Any]]) -> M
 
 
 def pose(parent_from_child: Pose) -> Message:
-    return {"position": vector(parent_from_child.translation), "orientation": quaternion(parent_from_child.rotation)}
+    return {
+        "position": vector(parent_from_child.translation),
+        "orientation": ros_quaternion(parent_from_child.rotation),
+    }
 
 
 def vector(values: np.ndarray) -> Message:
     return dict(zip("xyz", (float(value) for value in values), strict=True))
 
 
-def quaternion(rotation: np.ndarray) -> Message:
+def ros_quaternion(rotation: np.ndarray) -> Message:
     from scipy.spatial.transform import Rotation
 
     values = Rotation.from_matrix(rotation).as_quat(canonical=True)

@@ -25,7 +25,7 @@ def fields_of(path: str | Path, kind: str) -> list[tuple[int, list[str]]]:
     return [(n, line.split()) for n, line in enumerate(lines, 1) if line.strip()]
 
 
-def numbers(path: str | Path, number: int, fields: Sequence[str]) -> np.ndarray:
+def parse_values(path: str | Path, number: int, fields: Sequence[str]) -> np.ndarray:
     """Return the (n,) values of the fields of a line.
 
     Raises

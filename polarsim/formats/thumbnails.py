@@ -36,7 +36,7 @@ def of_photo(path: Path, width: int) -> str:
     """
     from PIL import Image
 
-    return _data_uri(Image.fromarray(np.ascontiguousarray(to_8bit(png.read(path)))), width)
+    return _data_uri(Image.fromarray(np.ascontiguousarray(to_8bit(png.read_png(path)))), width)
 
 
 def _data_uri(picture: Image.Image, width: int) -> str:

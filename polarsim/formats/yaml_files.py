@@ -10,7 +10,7 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from polarsim.errors import ConfigError
-from polarsim.formats.files import packaged, text_of
+from polarsim.formats.files import resolve_packaged, text_of
 from polarsim.formats.readers import reader
 
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the loader of libyaml is ten times as fast
@@ -21,14 +21,14 @@ Model = TypeVar("Model", bound=BaseModel)
 
 @reader("YAML file", largest_mb=1, error=ConfigError)
 def read_yaml(path: str | Path) -> Any:
-    """Read a YAML file; a missing file of `config/` is read from the installed package (see `files.packaged`).
+    """Read a YAML file; a missing file of `config/` is read from the installed package (see `files.resolve_packaged`).
 
     Raises
     ------
     ConfigError
         The file is missing or not YAML.
     """
-    return parse_yaml(text_of(packaged(path)))
+    return parse_yaml(text_of(resolve_packaged(path)))
 
 
 def parse_yaml(text: str) -> Any:

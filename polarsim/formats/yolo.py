@@ -9,24 +9,24 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.errors import FormatError, PolarsimError, about
+from polarsim.errors import FormatError, PolarsimError, with_path
 from polarsim.formats.files import read_json, text_of, write_text
 from polarsim.formats.readers import reader, reading
-from polarsim.formats.text_fields import fields_of, numbers
+from polarsim.formats.text_fields import fields_of, parse_values
 from polarsim.formats.yaml_files import read_yaml
-from polarsim.geometry.boxes import around
+from polarsim.geometry.boxes import box_around_points
 from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, ROCK, WIDTH, PhotoKey
 
 CLASS_FILE = "classes.txt"  # names of the class numbers of the label files in the same folder, one per line
 NOTES_FILE = "notes.json"  # class list of Label Studio's YOLO export
-FOLDERS_UP = 2  # Ultralytics stores data.yaml two folders above the label files
+MAX_FOLDERS_UP = 2  # Ultralytics stores data.yaml two folders above the label files
 _SIZE = np.array([WIDTH, HEIGHT], float)
 _MAX_OFFSET = 0.6  # maximum distance of a polygon from the image centre, as a share of the image width or height
 _MAX_CLASSES = 10_000
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class LabelLine:
     """Line of a label file: a box, a box with a confidence, or a polygon."""
 
     line: int  # from 1
@@ -39,11 +39,11 @@ class Shape:
     @property
     def box(self) -> np.ndarray:
         """(4,) box as x0, y0, x1, y1 in pixels."""
-        return around(self.corners) if self.is_polygon else self.corners.ravel()
+        return box_around_points(self.corners) if self.is_polygon else self.corners.ravel()
 
 
 @reader("label file", largest_mb=100)
-def read_shapes(path: str | Path, size: tuple[int, int] | None = None) -> list[Shape]:
+def read_shapes(path: str | Path, size: tuple[int, int] | None = None) -> list[LabelLine]:
     """Read every line of a label file; all other readers of label files call this function.
 
     A line is `class x y width height` (a box), a box with a confidence of 0 to 1 (a detection), or a class and x and y
@@ -61,7 +61,7 @@ def read_shapes(path: str | Path, size: tuple[int, int] | None = None) -> list[S
     return [_shape(path, number, fields, size or (WIDTH, HEIGHT), outlined) for number, fields in lines]
 
 
-def _shape(path: str | Path, number: int, fields: list[str], size: tuple[int, int], outlined: bool) -> Shape:
+def _shape(path: str | Path, number: int, fields: list[str], size: tuple[int, int], outlined: bool) -> LabelLine:
     count = len(fields)
     if count < 5 or (count > 6 and count % 2 == 0):
         commas = ", with commas instead of spaces" if any("," in field for field in fields) else ""
@@ -71,7 +71,7 @@ def _shape(path: str | Path, number: int, fields: list[str], size: tuple[int, in
             path=path,
             line=number,
         )
-    values = numbers(path, number, fields[1:])
+    values = parse_values(path, number, fields[1:])
     if count > 6:
         whole = [field for field in fields[5:] if count == 7 and _is_whole(field) and not outlined]
         if whole:
@@ -84,7 +84,7 @@ def _shape(path: str | Path, number: int, fields: list[str], size: tuple[int, in
         if (np.abs(values - 0.5) > _MAX_OFFSET).any():
             hint = ": class x y width height confidence and a track id?" if count == 7 else ""
             raise FormatError(f"polygon far outside the photo{hint}", path=path, line=number)
-        return Shape(number, fields[0], values.reshape(-1, 2) * np.array(size, float), None, True, count)
+        return LabelLine(number, fields[0], values.reshape(-1, 2) * np.array(size, float), None, True, count)
     if count == 6 and not 0 <= values[4] <= 1:
         raise FormatError(
             f"sixth field {fields[5]}, expected a confidence from 0 to 1: a track id?", path=path, line=number
@@ -96,7 +96,7 @@ def _shape(path: str | Path, number: int, fields: list[str], size: tuple[int, in
         raise FormatError(f"box outside the photo or without area{pixels}", path=path, line=number)
     x, y, half_width, half_height = x * width, y * height, w * width / 2, h * height / 2
     corners = np.array([[x - half_width, y - half_height], [x + half_width, y + half_height]])
-    return Shape(number, fields[0], corners, float(values[4]) if count == 6 else None, False, count)
+    return LabelLine(number, fields[0], corners, float(values[4]) if count == 6 else None, False, count)
 
 
 def _is_whole(text: str) -> bool:
@@ -190,7 +190,7 @@ def read_detections(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return classes, boxes, np.array(confidences, float)
 
 
-def class_number(path: str | Path, shape: Shape) -> int:
+def class_number(path: str | Path, shape: LabelLine) -> int:
     """Return the class of a line of a label file.
 
     Raises
@@ -220,7 +220,7 @@ def find_classes(folder: Path, top: Path | None = None) -> ClassList:
 
     Class lists are `classes.txt`, `*.names` (Darknet, CVAT), `names` of a YAML file (Ultralytics, Roboflow) and
     `notes.json` (Label Studio). They are searched in the folder and in the folders above up to `top`, then in all
-    folders below `top`, then in the next `FOLDERS_UP` folders above. Without a list, `BOX_CLASSES` is assumed.
+    folders below `top`, then in the next `MAX_FOLDERS_UP` folders above. Without a list, `BOX_CLASSES` is assumed.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ def find_classes(folder: Path, top: Path | None = None) -> ClassList:
     if top and not lists:
         below = sorted({path.parent for path in top.rglob("*") if is_class_list(path)})
         lists = [classes for subfolder in below for classes in _lists_in(subfolder)]
-    for above in list((top or folder).absolute().parents)[:FOLDERS_UP]:
+    for above in list((top or folder).absolute().parents)[:MAX_FOLDERS_UP]:
         lists = lists or list(_lists_in(above, lenient=True))
     if not lists:
         return ClassList(BOX_CLASSES, None)
@@ -382,7 +382,7 @@ def write_polygons(path: str | Path, polygons: list[tuple[int, np.ndarray]]) -> 
     write_text(path, "".join(lines))
 
 
-def _box_class(path: str | Path, shape: Shape, names: tuple[str, ...]) -> int:
+def _box_class(path: str | Path, shape: LabelLine, names: tuple[str, ...]) -> int:
     name = names[_class(path, shape, names)]
     if _plain(name) not in BOX_CLASSES:
         raise FormatError(
@@ -391,7 +391,7 @@ def _box_class(path: str | Path, shape: Shape, names: tuple[str, ...]) -> int:
     return BOX_CLASSES.index(_plain(name))
 
 
-def _class(path: str | Path, shape: Shape, names: tuple[str, ...]) -> int:
+def _class(path: str | Path, shape: LabelLine, names: tuple[str, ...]) -> int:
     if not _is_whole(shape.label) or int(shape.label) >= len(names):
         raise FormatError(
             f"class {shape.label}, expected 0 to {len(names) - 1} ({', '.join(names)})", path=path, line=shape.line
@@ -410,7 +410,7 @@ def read_rock_boxes(seeds: Path, terrain: int) -> dict[str, list[np.ndarray]]:
     """
     boxes: dict[str, list[np.ndarray]] = {}
     for path in sorted(Path(seeds).glob("*.txt")):
-        with about(path):
+        with with_path(path):
             key = PhotoKey.parse(path.stem)
         if key.terrain == terrain and key.camera == "L":
             classes, annotated = read_boxes(path)

@@ -1,15 +1,15 @@
 """Geometry without files: poses, lenses, rays, boxes, polygons; functions of arrays that return arrays."""
 
-from polarsim.public import offered
+from polarsim.public import lazy_exports
 
-__all__, __getattr__, __dir__ = offered(
+__all__, __getattr__, __dir__ = lazy_exports(
     __name__,
     Camera="camera",
     Lens="lens",
     Pose="poses",
-    looking="poses",
+    camera_pose="poses",
     fit_pose="poses",
     StereoRig="stereo",
-    stated_rig="stereo",
+    default_rig="stereo",
     Mesh="meshes",
 )

@@ -18,13 +18,13 @@ def area(boxes: np.ndarray) -> np.ndarray:
     return np.clip(boxes[..., 2] - boxes[..., 0], 0, None) * np.clip(boxes[..., 3] - boxes[..., 1], 0, None)
 
 
-def centres(boxes: np.ndarray) -> np.ndarray:
+def box_centres(boxes: np.ndarray) -> np.ndarray:
     """Return the centres (n, 2) of boxes (n, 4)."""
     boxes = np.asarray(boxes, float)
     return np.asarray((boxes[:, :2] + boxes[:, 2:]) / 2)
 
 
-def window(box: np.ndarray, margin: np.ndarray, width: int, height: int) -> tuple[slice, slice]:
+def pixel_window(box: np.ndarray, margin: np.ndarray, width: int, height: int) -> tuple[slice, slice]:
     """Return rows and columns of an image's pixels around a box (4,), with a margin (2,) in x and y; empty outside."""
     box, margin = np.asarray(box, float), np.asarray(margin, float)
     left, top = np.maximum(np.floor(box[:2] - margin), 0).astype(int)
@@ -65,7 +65,7 @@ def _intersection(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.asarray(np.prod(np.clip(high - low, 0, None), axis=-1))
 
 
-def pairs(
+def match_pairs(
     score: np.ndarray, allowed: np.ndarray, objective: Literal["most", "sum", "greedy"] = "most"
 ) -> tuple[np.ndarray, np.ndarray]:
     """Match rows with columns of a score (n, m), one to one, among the `allowed` (n, m) pairs.
@@ -107,17 +107,17 @@ def _greedy_pairs(score: np.ndarray, allowed: np.ndarray) -> tuple[np.ndarray, n
     return rows, columns
 
 
-def match(overlap: np.ndarray, threshold: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
+def match_by_iou(overlap: np.ndarray, threshold: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
     """Match one to one (rows, columns) with overlap >= threshold: maximum number of pairs, then maximum sum."""
-    return pairs(overlap, overlap >= threshold)
+    return match_pairs(overlap, overlap >= threshold)
 
 
-def match_sum(overlap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def match_by_summed_iou(overlap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Match one to one (rows, columns) with maximum summed overlap, without pairs that do not overlap."""
-    return pairs(overlap, overlap > 0, "sum")
+    return match_pairs(overlap, overlap > 0, "sum")
 
 
-def match_nearest(
+def match_by_distance(
     boxes: np.ndarray, others: np.ndarray, gate_px: float, smallest_iou: float = 0.2
 ) -> tuple[np.ndarray, np.ndarray]:
     """Match boxes (n, 4) with `others` (m, 4) (rows, columns): maximum number of pairs, then nearest and most similar.
@@ -126,8 +126,8 @@ def match_nearest(
     off by more.
     """
     overlap = iou(boxes, others)
-    distance = np.linalg.norm(centres(boxes)[:, None] - centres(others)[None], axis=-1)
-    return pairs(overlap - distance / gate_px, (distance <= gate_px) | (overlap >= smallest_iou))
+    distance = np.linalg.norm(box_centres(boxes)[:, None] - box_centres(others)[None], axis=-1)
+    return match_pairs(overlap - distance / gate_px, (distance <= gate_px) | (overlap >= smallest_iou))
 
 
 def clip(boxes: np.ndarray, width: int = WIDTH, height: int = HEIGHT) -> np.ndarray:
@@ -135,12 +135,12 @@ def clip(boxes: np.ndarray, width: int = WIDTH, height: int = HEIGHT) -> np.ndar
     return np.clip(boxes, 0, [width, height, width, height])
 
 
-def around(points: np.ndarray) -> np.ndarray:
+def box_around_points(points: np.ndarray) -> np.ndarray:
     """Return the box (4,) around points (n, 2)."""
     return np.concatenate([points.min(axis=0), points.max(axis=0)])
 
 
-def turned(box: np.ndarray, angle_deg: float) -> np.ndarray:
+def rotated_box(box: np.ndarray, angle_deg: float) -> np.ndarray:
     """Return the box (4,) around a box (4,) that is rotated about its centre."""
     cos, sin = abs(np.cos(np.radians(angle_deg))), abs(np.sin(np.radians(angle_deg)))
     half_width, half_height = (box[2:] - box[:2]) / 2
@@ -149,14 +149,14 @@ def turned(box: np.ndarray, angle_deg: float) -> np.ndarray:
     return np.concatenate([centre - half, centre + half])
 
 
-def around_ellipse(centre: np.ndarray, radii: np.ndarray, angle_deg: float = 0.0) -> np.ndarray:
+def box_of_ellipse(centre: np.ndarray, radii: np.ndarray, angle_deg: float = 0.0) -> np.ndarray:
     """Return the box (4,) around an ellipse of semi-axes (2,) that is rotated about its centre (2,)."""
     cos, sin = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
     half = np.hypot(radii * cos, radii[::-1] * sin)
     return np.concatenate([centre - half, centre + half])
 
 
-def of_mask(mask: np.ndarray) -> np.ndarray | None:
+def box_of_mask(mask: np.ndarray) -> np.ndarray | None:
     """Return the box (4,) around the true pixels of a mask (h, w), in the corner convention; None for an empty mask."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     if not len(rows):
@@ -164,7 +164,7 @@ def of_mask(mask: np.ndarray) -> np.ndarray | None:
     return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], float)
 
 
-def assign(
+def match_by_position_and_size(
     projected: np.ndarray, annotated: np.ndarray, gate_px: float = MATCH_GATE_PX
 ) -> tuple[np.ndarray, np.ndarray]:
     """Match projected (m, 4) and annotated (b, 4) boxes of similar position and size (rows, columns)."""
@@ -175,4 +175,4 @@ def assign(
     distance = np.linalg.norm(offset, axis=-1)
     log_size = np.abs(np.log(size[:, None] / size_annotated[None])).sum(axis=-1)
     cost = distance / gate_px + 0.5 * log_size - 0.5 * iou(np.nan_to_num(projected), annotated)
-    return pairs(-cost, (distance <= gate_px) & (log_size <= MAX_LOG_SIZE))  # excludes NaN
+    return match_pairs(-cost, (distance <= gate_px) & (log_size <= MAX_LOG_SIZE))  # excludes NaN

@@ -57,7 +57,7 @@ class _Level:
         return np.repeat(np.arange(len(self.count)), self.count)
 
 
-def built(vertices: np.ndarray, faces: np.ndarray) -> Tree:
+def build_tree(vertices: np.ndarray, faces: np.ndarray) -> Tree:
     """Build the tree of triangles `faces` (f, 3) of `vertices` (v, 3), with boxes that bound them in float32; f > 0.
 
     Raises

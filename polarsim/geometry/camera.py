@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.geometry.boxes import around
+from polarsim.geometry.boxes import box_around_points
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 
@@ -50,7 +50,7 @@ class Camera:
         pixels = self.project(points)
         if not self.inside(pixels).any():
             return np.full(4, np.nan)
-        return around(np.clip(pixels[np.isfinite(pixels).all(axis=1)], 0, self.size))
+        return box_around_points(np.clip(pixels[np.isfinite(pixels).all(axis=1)], 0, self.size))
 
     def scaled(self, factor: float) -> Camera:
         """Return the camera with a photo that is `factor` times as large."""

@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from polarsim.errors import PolarsimError
-from polarsim.geometry.rays import Device, NumpyCaster, RayEngine, Surveyor
+from polarsim.geometry.rays import Device, Intersector, NumpyCaster, RayEngine
 from polarsim.geometry.rays_embree import EmbreeCaster
 
 
-def caster(
+def make_caster(
     vertices: np.ndarray,
     faces: np.ndarray,
     engine: RayEngine = "embree",
     threads: int | None = None,
     device: Device = "cpu",
-) -> Surveyor:
+) -> Intersector:
     """Return an engine for triangles `faces` (f, 3) of `vertices` (v, 3), metres.
 
     Embree casts float32 rays on `threads` threads (default: 1). Taichi uses the same number on the CPU; its default is

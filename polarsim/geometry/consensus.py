@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.geometry.boxes import iou, largest_iou, pairs
+from polarsim.geometry.boxes import iou, largest_iou, match_pairs
 from polarsim.geometry.camera import Camera
 
 MIN_SAME_ROCK_IOU = 0.3  # minimum IoU of two annotations of the same rock
@@ -62,7 +62,7 @@ def consensus_of_sets(sets: Sequence[Sequence[np.ndarray]], share: float = 0.3, 
 def _add_photo(clusters: list[list[np.ndarray]], boxes: np.ndarray, same_iou: float) -> None:
     """Add each box to its best cluster, best pairs first, one box per cluster; remaining boxes start new clusters."""
     overlap = iou(boxes, np.array([_median(cluster) for cluster in clusters]))
-    taken, best = pairs(overlap, overlap > same_iou, "greedy")
+    taken, best = match_pairs(overlap, overlap > same_iou, "greedy")
     for box, cluster in zip(taken, best, strict=True):
         clusters[cluster].append(boxes[box])
     clusters += [[box] for box in np.delete(boxes, taken, axis=0)]
@@ -83,7 +83,7 @@ def _median(cluster: list[np.ndarray]) -> np.ndarray:
     return np.asarray(np.median(cluster, axis=0))
 
 
-def rocks_called_shadows(shadows: np.ndarray, rocks: np.ndarray, elsewhere: Sequence[np.ndarray]) -> np.ndarray:
+def find_rocks_labelled_shadow(shadows: np.ndarray, rocks: np.ndarray, elsewhere: Sequence[np.ndarray]) -> np.ndarray:
     """Return which shadows of a photo are rocks.
 
     Parameters
@@ -102,7 +102,7 @@ def rocks_called_shadows(shadows: np.ndarray, rocks: np.ndarray, elsewhere: Sequ
 
 
 @dataclass(frozen=True)
-class Stranger:
+class MislabelledPosition:
     """Position with boxes that the pose of another position explains."""
 
     position: str
@@ -117,7 +117,9 @@ class Stranger:
         )
 
 
-def find_strangers(annotated: Mapping[str, np.ndarray], projected: Mapping[str, np.ndarray]) -> list[Stranger]:
+def find_mislabelled_positions(
+    annotated: Mapping[str, np.ndarray], projected: Mapping[str, np.ndarray]
+) -> list[MislabelledPosition]:
     """Return positions with boxes of another position.
 
     Parameters
@@ -138,19 +140,19 @@ def find_strangers(annotated: Mapping[str, np.ndarray], projected: Mapping[str, 
         own_share = met.pop(position)
         best = max(sorted(met), key=lambda pose: met[pose], default=None)
         if best is not None and met[best] - own_share >= MIN_POSITION_LEAD and own_share < MAX_OWN_SHARE * met[best]:
-            mislabelled.append(Stranger(position, own_share, best, met[best]))
+            mislabelled.append(MislabelledPosition(position, own_share, best, met[best]))
     return mislabelled
 
 
-def positions_of_strangers(
+def warn_mislabelled_positions(
     annotated: Mapping[str, np.ndarray], cameras: Mapping[str, Camera], rocks: Sequence[np.ndarray]
 ) -> set[str]:
-    """Return the positions of `find_strangers`, by rocks' points (n, 3) and left cameras; log a warning for each."""
+    """Return the positions of `find_mislabelled_positions`, from rock points (n, 3) and left cameras; log warnings."""
     projected = {
         position: np.array([camera.box_around(points) for points in rocks]).reshape(-1, 4)
         for position, camera in cameras.items()
     }
-    strangers = find_strangers(annotated, projected)
+    strangers = find_mislabelled_positions(annotated, projected)
     for stranger in strangers:
         log.warning("%s", stranger)
     return {stranger.position for stranger in strangers}

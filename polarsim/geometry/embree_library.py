@@ -71,7 +71,7 @@ def embree() -> ctypes.CDLL:
     return library
 
 
-class Scene:
+class EmbreeScene:
     """Triangles `faces` (f, 3) of `vertices` (v, 3) with Embree's tree; `address` is the RTCScene."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:

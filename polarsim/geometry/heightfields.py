@@ -1,6 +1,6 @@
 """Generated height fields of ground.
 
-- Spectral noise on a regular grid (`summed_noise` of `gaussian_waves` and `rough_waves`): sand of scenes.
+- Spectral noise on a regular grid (`sum_noise` of `gaussian_waves` and `rough_waves`): sand of scenes.
 - Octaves at arbitrary nodes (`octave_relief`): the rover's ground, fine near the drive and coarse at the horizon.
 - Single craters (`crater`); fields of worn craters are in `rover.world.craters`.
 
@@ -37,12 +37,12 @@ def smooth_noise(
     shape: tuple[int, int], along: float, across: float, angle: float, random: np.random.Generator
 ) -> np.ndarray:
     """Return normal noise (h, w) of mean 0 and sd 1, correlated over `along` and `across` cells at `angle`."""
-    noise = summed_noise(shape, [(1.0, gaussian_waves(shape, along, across, angle))], random)
+    noise = sum_noise(shape, [(1.0, gaussian_waves(shape, along, across, angle))], random)
     noise -= noise.mean()
     return np.asarray(noise / noise.std())
 
 
-def summed_noise(
+def sum_noise(
     shape: tuple[int, int], layers: Sequence[tuple[float, np.ndarray]], random: np.random.Generator
 ) -> np.ndarray:
     """Return the sum (h, w) of independent normal noises of mean 0, given as standard deviation and wave amplitudes.

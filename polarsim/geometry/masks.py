@@ -11,7 +11,7 @@ Window = tuple[slice, slice]  # rows and columns of an image
 SMALL_PART = 0.15  # minimum area of a connected part, share of the largest part; people do not outline smaller parts
 
 
-def confusion(truth: np.ndarray, found: np.ndarray, classes: int) -> np.ndarray:
+def confusion_matrix(truth: np.ndarray, found: np.ndarray, classes: int) -> np.ndarray:
     """Return numbers of pixels (classes, classes) by true class (row) and predicted class (column).
 
     Parameters
@@ -31,8 +31,8 @@ def confusion(truth: np.ndarray, found: np.ndarray, classes: int) -> np.ndarray:
     return np.bincount(pairs, minlength=classes**2).reshape(classes, classes)
 
 
-def iou(counts: np.ndarray) -> np.ndarray:
-    """Return the IoU (..., classes) of each class, from `confusion` (..., classes, classes).
+def class_iou(counts: np.ndarray) -> np.ndarray:
+    """Return the IoU (..., classes) of each class, from a `confusion_matrix` (..., classes, classes).
 
     It is NaN for classes without pixels.
     """

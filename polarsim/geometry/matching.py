@@ -8,7 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 
-def match(overlap: np.ndarray, thresholds: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def match_predictions_of_photo(
+    overlap: np.ndarray, thresholds: np.ndarray, other: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return (g, t, n) which predictions match a wanted label, and which match an ignored label (`other`, (g, m)).
 
     `overlap` are IoU (n predictions in descending confidence, m labels). Wanted labels are preferred.

@@ -1,4 +1,4 @@
-"""Compiled version of `matching.match`."""
+"""Compiled version of `matching.match_predictions_of_photo`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ import numpy as np
 from polarsim.kernels import njit
 
 
-def match(overlap: np.ndarray, thresholds: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def match_predictions_of_photo(
+    overlap: np.ndarray, thresholds: np.ndarray, other: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Return (g, t, n) which predictions match a wanted label, and which match an ignored label (`other`, (g, m)).
 
     `overlap` are IoU (n predictions in descending confidence, m labels). Wanted labels are preferred.

@@ -29,7 +29,7 @@ class Mesh:
         return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
 
 
-def subdivided(mesh: Mesh) -> Mesh:
+def subdivide_smoothly(mesh: Mesh) -> Mesh:
     """Divide every triangle into four: vertices are kept, edge midpoints are moved towards the tangent planes.
 
     Boubekeur and Alexa, Phong Tessellation, ACM TOG 27 (2008) 141.

@@ -68,7 +68,7 @@ class Outlines:
         return boxes, np.stack(points, axis=1)
 
 
-def outline(mesh: Mesh, trim: float, trim_share: float) -> tuple[np.ndarray, np.ndarray]:
+def rock_outline(mesh: Mesh, trim: float, trim_share: float) -> tuple[np.ndarray, np.ndarray]:
     """Return points (n, 3) and (k, 3) that determine a rock's box: of the entire rock, and of the part above its skirt.
 
     Parameters
@@ -81,19 +81,19 @@ def outline(mesh: Mesh, trim: float, trim_share: float) -> tuple[np.ndarray, np.
     vertices = largest_island(mesh).vertices
     bottom, top = vertices[:, 2].min(), vertices[:, 2].max()
     limit = np.minimum(_rim_height(vertices) + trim, bottom + trim_share * (top - bottom))
-    return hull_points(vertices), hull_points(vertices[vertices[:, 2] > limit])
+    return hull_corners(vertices), hull_corners(vertices[vertices[:, 2] > limit])
 
 
 def outlines_of(meshes: dict[int, Mesh], trim: float = TRIM, trim_share: float = TRIM_SHARE) -> Outlines:
     """Return the outlines of meshes by rock id."""
     if not meshes:
         return Outlines(np.zeros(0, int), np.zeros((0, 1, 3)), np.zeros((0, 1, 3)))
-    parts = [outline(mesh, trim, trim_share) for mesh in meshes.values()]
+    parts = [rock_outline(mesh, trim, trim_share) for mesh in meshes.values()]
     whole, upper = _filled([full for full, _ in parts]), _filled([up for _, up in parts])
     return Outlines(np.array(list(meshes), int), whole, upper)
 
 
-def hull_points(points: np.ndarray) -> np.ndarray:
+def hull_corners(points: np.ndarray) -> np.ndarray:
     """Return the corners (k, 3) of the convex hull; all points if the hull has no volume."""
     try:
         return np.asarray(points[ConvexHull(points).vertices])

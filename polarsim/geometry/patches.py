@@ -24,7 +24,7 @@ NEARER = 0.998  # of the distance to a point: nearer surfaces occlude the point
 
 
 @dataclass(frozen=True)
-class Window:
+class MatchingOptions:
     """Sizes of windows, pixels of the shaded view."""
 
     half: int  # half size of a window
@@ -48,7 +48,7 @@ class MatchedWindows:
     tried: int  # number of searched windows
 
 
-def find(shaded: np.ndarray, photo: np.ndarray, usable: np.ndarray, window: Window) -> MatchedWindows:
+def match_windows(shaded: np.ndarray, photo: np.ndarray, usable: np.ndarray, window: MatchingOptions) -> MatchedWindows:
     """Match windows of the shaded view with a photo.
 
     Parameters
@@ -112,7 +112,7 @@ def _peaks_of(likeness: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarra
 
 
 @dataclass(frozen=True)
-class BothSeen:
+class StereoHits:
     """Points at the left camera's pixels, and their projection to the right camera."""
 
     points_left: np.ndarray  # (h, w, 3) left frame, metres; NaN without a hit
@@ -120,7 +120,7 @@ class BothSeen:
 
 
 @dataclass(frozen=True)
-class Ties:
+class StereoMatches:
     """Windows that were matched in both photos, in pixels of these photos."""
 
     points_left: np.ndarray  # (n, 3) points at their centres, left frame, metres
@@ -131,7 +131,7 @@ class Ties:
     tried: int  # windows with enough contrast that both photos should show
 
 
-def look_with_both(rays: Caster, sandbox_from_left: Pose, rig: StereoRig) -> BothSeen:
+def cast_stereo(rays: Caster, sandbox_from_left: Pose, rig: StereoRig) -> StereoHits:
     """Cast a ray through every pixel of the left photo, and project the hits to the right camera."""
     lens = rig.left
     directions = sandbox_from_left.rotate(lens.pixel_directions()).reshape(-1, 3).astype(np.float32)
@@ -147,10 +147,12 @@ def look_with_both(rays: Caster, sandbox_from_left: Pose, rig: StereoRig) -> Bot
     all_points = np.full((lens.height * lens.width, 3), np.nan)
     in_right = np.full((lens.height * lens.width, 2), np.nan, np.float32)
     all_points[hit], in_right[hit[shown]] = points_left, pixels[shown]
-    return BothSeen(all_points.reshape(*lens.shape, 3), in_right.reshape(*lens.shape, 2))
+    return StereoHits(all_points.reshape(*lens.shape, 3), in_right.reshape(*lens.shape, 2))
 
 
-def find_ties(seen: BothSeen, left: np.ndarray, right: np.ndarray, window: Window) -> Ties:
+def match_stereo_windows(
+    seen: StereoHits, left: np.ndarray, right: np.ndarray, window: MatchingOptions
+) -> StereoMatches:
     """Match windows of the left photo with the right photo, warped by the shape of the scene.
 
     Parameters
@@ -169,12 +171,12 @@ def find_ties(seen: BothSeen, left: np.ndarray, right: np.ndarray, window: Windo
     smooth = cv2.GaussianBlur(left.astype(np.float32), (0, 0), 1.0)
     usable = cv2.dilate(smooth, around) - cv2.erode(smooth, around) > CONTRAST_DN
     usable &= shown & (cv2.blur(shown.astype(np.float32), (size, size)) > SHOWN_SHARE)
-    windows = find(np.maximum(left - BLACK_LEVEL, 0).astype(np.float32), laid, usable, window)
+    windows = match_windows(np.maximum(left - BLACK_LEVEL, 0).astype(np.float32), laid, usable, window)
     column, row = windows.pixel.astype(int).T
     expected = seen.in_right[row, column].astype(float)
     peak = _between_pixels(seen.in_right, windows.seen)
     moved = np.where(np.isfinite(peak), peak, expected + windows.seen - windows.pixel)  # unchanged outside common parts
-    return Ties(
+    return StereoMatches(
         seen.points_left[row, column],
         windows.pixel,
         expected,

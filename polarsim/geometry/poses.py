@@ -53,7 +53,7 @@ class Pose:
         matrix = np.asarray(matrix, float)
         if matrix.shape not in ((4, 4), (3, 4)):
             raise FormatError(f"a pose has shape {matrix.shape}, expected 4 x 4")
-        return cls(checked_rotation(matrix[:3, :3]), matrix[:3, 3].copy())
+        return cls(orthogonal_rotation(matrix[:3, :3]), matrix[:3, 3].copy())
 
     @classmethod
     def from_rotvec(cls, rotvec: np.ndarray, translation: np.ndarray) -> Pose:
@@ -67,7 +67,7 @@ class Pose:
         return cls(np.eye(3), np.zeros(3))
 
 
-def checked_rotation(matrix: np.ndarray, tolerance: float = 1e-4) -> np.ndarray:
+def orthogonal_rotation(matrix: np.ndarray, tolerance: float = 1e-4) -> np.ndarray:
     """Return the matrix (3, 3) made exactly orthogonal.
 
     Raises
@@ -83,7 +83,7 @@ def checked_rotation(matrix: np.ndarray, tolerance: float = 1e-4) -> np.ndarray:
     return u @ vt
 
 
-def looking(centre: np.ndarray, yaw: float, pitch: float, roll: float = 0.0) -> Pose:
+def camera_pose(centre: np.ndarray, yaw: float, pitch: float, roll: float = 0.0) -> Pose:
     """Return `sandbox_from_camera` of a camera at `centre` (3,).
 
     Parameters
@@ -104,7 +104,7 @@ def looking(centre: np.ndarray, yaw: float, pitch: float, roll: float = 0.0) -> 
 
 
 def yaw_pitch_roll(sandbox_from_camera: Pose) -> tuple[float, float, float]:
-    """Return yaw, pitch and roll in radians; the inverse of `looking`."""
+    """Return yaw, pitch and roll in radians; the inverse of `camera_pose`."""
     right, _, forward = sandbox_from_camera.rotation.T
     yaw, pitch = np.arctan2(forward[1], forward[0]), -np.arcsin(np.clip(forward[2], -1, 1))
     level_right = np.array([np.sin(yaw), -np.cos(yaw), 0.0])
@@ -134,7 +134,7 @@ def surveyed_pose(position: str) -> Pose | None:
     """Return `sandbox_from_left` of a position's nominal station; None for positions without a survey."""
     if position not in survey.SURVEYED_LEFT:
         return None
-    return looking(
+    return camera_pose(
         survey.SURVEYED_LEFT[position],
         np.radians(survey.NOMINAL_YAW_DEG[position]),
         np.radians(survey.NOMINAL_PITCH_DEG),

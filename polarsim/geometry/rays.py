@@ -1,7 +1,7 @@
 """Intersection of rays and triangles: nearest hit of a ray, and occlusion between two points.
 
 The NumPy engine in this module defines the result (Moeller and Trumbore, J. Graphics Tools 2 (1997) 21); both sides of
-a triangle can be hit. `rays_embree` and `rays_taichi` must agree in float32. `casters.caster` selects the engine.
+a triangle can be hit. `rays_embree` and `rays_taichi` must agree in float32. `casters.make_caster` selects the engine.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Caster(Protocol):
         ...
 
 
-class Surveyor(Caster, Protocol):
+class Intersector(Caster, Protocol):
     """Caster that also computes the hit point on the triangle."""
 
     def intersect(self, origins: np.ndarray, directions: np.ndarray) -> RayHits:
@@ -66,7 +66,7 @@ class Surveyor(Caster, Protocol):
         ...
 
 
-class Joined:
+class CompositeScene:
     """Two sets of triangles cast as one scene, so that parts need not be built twice."""
 
     def __init__(self, first: Caster, second: Caster, first_faces: int) -> None:

@@ -22,7 +22,7 @@ import numpy as np
 
 from polarsim.geometry.embree_library import (
     ROBUST,
-    Scene,
+    EmbreeScene,
     attach,
     attach_scene,
     check,
@@ -52,7 +52,7 @@ class EmbreeCaster:
         self._threads = max(1, threads)
         self._first_face, self._mask = np.zeros(1, np.int64), ALL
         faces = np.asarray(faces).reshape(-1, 3)
-        self._scene: Castable | None = Scene(np.asarray(vertices).reshape(-1, 3), faces) if len(faces) else None
+        self._scene: Castable | None = EmbreeScene(np.asarray(vertices).reshape(-1, 3), faces) if len(faces) else None
 
     def nearest(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         hits = self.intersect(origins, directions)

@@ -9,7 +9,7 @@ import numpy as np
 
 from polarsim.geometry import bvh, taichi_device
 from polarsim.geometry.rays import NO_FACE, START_OFFSET, Device, RayHits
-from polarsim.geometry.taichi_device import on_its_thread, ti
+from polarsim.geometry.taichi_device import on_taichi_thread, ti
 from polarsim.geometry.taichi_walk import BOXES, FAR, NUMBERS, PAIRS, VALUES, VECTORS, WEIGHTS, walk
 from polarsim.geometry.vectors import length
 
@@ -42,7 +42,7 @@ class TaichiCaster:
         taichi_device.start(threads, device)
         faces = np.asarray(faces).reshape(-1, 3)
         self._corners = np.asarray(vertices, np.float32).reshape(-1, 3)[faces]
-        self._tree = bvh.built(vertices, faces) if len(faces) else None
+        self._tree = bvh.build_tree(vertices, faces) if len(faces) else None
         self._laid: OnDevice | None = None
 
     def nearest(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -78,21 +78,21 @@ class TaichiCaster:
             self._call(_occluded, *rays, hit[part])
         return hit > 0
 
-    @on_its_thread
+    @on_taichi_thread
     def _call(self, kernel, *arrays: np.ndarray) -> None:
         kernel(*self.on_device().tree, *arrays)
 
-    @on_its_thread
+    @on_taichi_thread
     def on_device(self) -> OnDevice:
         """Return tree and triangles, copied at the first call and after each restart of Taichi."""
         taichi_device.start(self._threads, self._device)
         if self._laid is None or self._laid.starts != taichi_device.starts():
             tree = self._tree
             self._laid = OnDevice(
-                laid_vectors(tree.boxes),
-                laid(tree.children),
-                laid_vectors(self._corners.take(tree.order, axis=0)),
-                laid(tree.order),
+                vectors_to_device(tree.boxes),
+                to_device(tree.children),
+                vectors_to_device(self._corners.take(tree.order, axis=0)),
+                to_device(tree.order),
                 taichi_device.starts(),
             )
             weakref.finalize(self, taichi_device.free_later, self._laid).atexit = False
@@ -123,7 +123,7 @@ class TaichiCaster:
         return [slice(start, min(start + _STRIP, rays)) for start in range(0, rays, _STRIP)]
 
 
-def laid(values: np.ndarray) -> ti.Ndarray:
+def to_device(values: np.ndarray) -> ti.Ndarray:
     """Copy numbers, float32 or int32, to an array on the device."""
     values = np.ascontiguousarray(values, np.float32 if values.dtype.kind == "f" else np.int32)
     there = ti.ndarray(ti.f32 if values.dtype == np.float32 else ti.i32, values.shape)
@@ -131,7 +131,7 @@ def laid(values: np.ndarray) -> ti.Ndarray:
     return there
 
 
-def laid_vectors(vectors: np.ndarray) -> ti.Ndarray:
+def vectors_to_device(vectors: np.ndarray) -> ti.Ndarray:
     """Copy vectors (..., k) to an array of float32 vectors on the device."""
     there = ti.Vector.ndarray(vectors.shape[-1], ti.f32, vectors.shape[:-1])
     there.from_numpy(_float32(vectors))

@@ -55,7 +55,7 @@ def rectified_left(rig: StereoRig) -> RectifiedGrid:
     )
 
 
-def stated_rig() -> StereoRig:
+def default_rig() -> StereoRig:
     """Return the rig as NASA calibrated it for terrain 11: the prior for sources without a calibration."""
     rotation = np.array(
         [

@@ -38,7 +38,7 @@ def _mark() -> None:
 _pool = ThreadPool(1, initializer=_mark)
 
 
-def on_its_thread(work: Callable) -> Callable:
+def on_taichi_thread(work: Callable) -> Callable:
     """Decorate a function to run on Taichi's thread: necessary to start Taichi, copy arrays and call kernels."""
 
     @wraps(work)
@@ -60,7 +60,7 @@ def _free_and_do(work: Callable, args: tuple, kwargs: dict) -> object:
     return work(*args, **kwargs)
 
 
-@on_its_thread
+@on_taichi_thread
 def start(threads: int | None, device: Device = "cpu") -> None:
     """Start Taichi on a device, on the CPU with a number of threads; None: the current number, or one.
 
@@ -78,7 +78,7 @@ def start(threads: int | None, device: Device = "cpu") -> None:
         return
     _running, _starts = None, _starts + 1
     arch = {"cpu": ti.cpu, "cuda": ti.cuda, "vulkan": ti.vulkan}[device]
-    if not is_there(device):
+    if not device_available(device):
         raise PolarsimError(f"taichi: no {device} device is available; choose another device")
     try:
         # Kernels compile in seconds: no cache in the home folder.
@@ -97,7 +97,7 @@ def starts() -> int:
     return _starts
 
 
-def is_there(device: Device) -> bool:
+def device_available(device: Device) -> bool:
     """Return whether Taichi detects such a device."""
     from taichi._lib import core
 
@@ -109,4 +109,4 @@ def is_there(device: Device) -> bool:
 def _stop() -> None:
     """Reset the device on Taichi's thread, before the interpreter drops its arrays."""
     if _running is not None:
-        on_its_thread(ti.reset)()
+        on_taichi_thread(ti.reset)()

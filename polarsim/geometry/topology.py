@@ -47,7 +47,7 @@ def part_of_face(faces: np.ndarray) -> np.ndarray:
     return np.unique(part[faces[:, 0]], return_inverse=True)[1]
 
 
-def compacted(vertices: np.ndarray, faces: np.ndarray) -> Mesh:
+def remove_unused_vertices(vertices: np.ndarray, faces: np.ndarray) -> Mesh:
     """Remove vertices that no face uses."""
     used, numbers = np.unique(faces, return_inverse=True)
     return Mesh(vertices[used], numbers.reshape(-1, 3))
@@ -58,7 +58,7 @@ def largest_island(mesh: Mesh) -> Mesh:
     part = part_of_face(mesh.faces)
     if not len(part):
         return mesh
-    return compacted(mesh.vertices, mesh.faces[part == np.argmax(np.bincount(part))])
+    return remove_unused_vertices(mesh.vertices, mesh.faces[part == np.argmax(np.bincount(part))])
 
 
 def is_watertight(faces: np.ndarray) -> bool:

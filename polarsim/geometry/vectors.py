@@ -18,13 +18,13 @@ def length(vectors: np.ndarray) -> np.ndarray:
     return np.asarray(np.sqrt(dot(vectors, vectors)))
 
 
-def unit(vectors: np.ndarray) -> np.ndarray:
+def normalise(vectors: np.ndarray) -> np.ndarray:
     """Normalise vectors (n, 3); vectors of length zero are not changed."""
     square = dot(vectors, vectors)
-    return scaled(vectors, 1 / np.sqrt(np.where(square > 0, square, square.dtype.type(1))))
+    return scale_vectors(vectors, 1 / np.sqrt(np.where(square > 0, square, square.dtype.type(1))))
 
 
-def scaled(vectors: np.ndarray, factor: np.ndarray) -> np.ndarray:
+def scale_vectors(vectors: np.ndarray, factor: np.ndarray) -> np.ndarray:
     """Multiply vectors (n, 3) by factors (n,)."""
     out = np.empty((len(vectors), 3), np.result_type(vectors, factor))
     for axis in range(3):
@@ -38,7 +38,7 @@ def cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
 
 
-def moved(origins: np.ndarray, directions: np.ndarray, distance: np.ndarray | np.floating) -> np.ndarray:
+def points_along(origins: np.ndarray, directions: np.ndarray, distance: np.ndarray | np.floating) -> np.ndarray:
     """Return points (n, 3) at distances (n,) or scalar along directions (n, 3) from origins (3,) or (n, 3)."""
     out = np.empty(directions.shape, np.result_type(origins, directions, distance))
     for axis in range(3):

@@ -16,9 +16,9 @@ How an annotated box becomes a box in another camera, light or azimuth, step by 
 `undo` lists the labels derived from an annotation. `fit_annotator` fits the coefficients of `annotator`.
 """
 
-from polarsim.public import offered
+from polarsim.public import lazy_exports
 
-__all__, __getattr__, __dir__ = offered(
+__all__, __getattr__, __dir__ = lazy_exports(
     __name__,
     LabelsOptions="options",
     propagate_labels="propagate",

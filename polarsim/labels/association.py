@@ -1,9 +1,9 @@
 """Association of annotated boxes with rocks: boxes of the same rock form a track, and each track gets a rock id.
 
 1. `find_tracks` groups the boxes of a position. The rig does not move, so overlapping boxes show the same rock.
-2. `match_nearest` matches tracks with projected meshes.
+2. `match_by_distance` matches tracks with projected meshes.
 3. `fit_dome` and `number_domes` add numbered domes (half ellipsoids) for tracks without a mesh.
-4. `gather` runs these steps for a terrain.
+4. `associate_rocks` runs these steps for a terrain.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from polarsim.geometry.boxes import MATCH_GATE_PX, iou, match, match_nearest, pairs
+from polarsim.geometry.boxes import MATCH_GATE_PX, iou, match_by_distance, match_by_iou, match_pairs
 from polarsim.geometry.camera import Camera
-from polarsim.labels.bodies import Dome, World, build_worlds, with_domes
+from polarsim.labels.bodies import Dome, TerrainCasters, build_worlds, with_domes
 from polarsim.labels.projection import ground_depth, move_rocks, project_rock
-from polarsim.labels.seeds import Annotated, DrawingKey, Seeds, sort_by_camera
-from polarsim.photo import FIRST_UNMESHED_ROCK, NO_ROCK, Azimuth, CameraSide
+from polarsim.labels.seeds import AnnotatedBoxes, AnnotationKey, Seeds, sort_by_camera
+from polarsim.photo import FIRST_ID_WITHOUT_MESH, NO_ROCK, Azimuth, CameraSide
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
 
@@ -30,8 +30,8 @@ SAME_DOME_M = 0.06  # metres: two domes closer than this, or than the larger rad
 class Track:
     """Boxes of one rock in the annotations of a position: box index per annotation, and boxes (4,) in a common view."""
 
-    rows: dict[DrawingKey, int]
-    boxes: dict[DrawingKey, np.ndarray]
+    rows: dict[AnnotationKey, int]
+    boxes: dict[AnnotationKey, np.ndarray]
 
     @property
     def mean(self) -> np.ndarray:
@@ -43,7 +43,7 @@ class Track:
         return {azimuth for _, azimuth in self.rows}
 
 
-def find_tracks(annotated: Mapping[DrawingKey, np.ndarray], same_rock_iou: float = SAME_ROCK_IOU) -> list[Track]:
+def find_tracks(annotated: Mapping[AnnotationKey, np.ndarray], same_rock_iou: float = SAME_ROCK_IOU) -> list[Track]:
     """Group rock boxes (n, 4) of several annotations in a common view; a track has at most one box per annotation.
 
     Annotations are processed in descending order of their number of boxes.
@@ -52,7 +52,7 @@ def find_tracks(annotated: Mapping[DrawingKey, np.ndarray], same_rock_iou: float
     for drawing in sorted(annotated, key=lambda name: (-len(annotated[name]), name)):
         boxes = annotated[drawing]
         means = np.array([track.mean for track in tracks]).reshape(-1, 4)
-        rows, columns = match(iou(means, boxes), same_rock_iou)
+        rows, columns = match_by_iou(iou(means, boxes), same_rock_iou)
         for row, column in zip(rows, columns, strict=True):
             tracks[row].rows[drawing] = int(column)
             tracks[row].boxes[drawing] = boxes[column]
@@ -64,14 +64,14 @@ def find_tracks(annotated: Mapping[DrawingKey, np.ndarray], same_rock_iou: float
 def match_ids(
     boxes: np.ndarray, expected: np.ndarray, ids: Sequence[int], gate_px: float, smallest_iou: float = 0.2
 ) -> np.ndarray:
-    """Return the id (n,) of the expected box (m, 4) that `match_nearest` pairs with each box (n, 4); else NO_ROCK."""
+    """Return the id (n,) of the expected box (m, 4) that `match_by_distance` pairs with each box (n, 4), or NO_ROCK."""
     matched = np.full(len(boxes), NO_ROCK)
-    rows, columns = match_nearest(boxes, expected, gate_px, smallest_iou)
+    rows, columns = match_by_distance(boxes, expected, gate_px, smallest_iou)
     matched[rows] = np.array(ids, int)[columns]
     return matched
 
 
-def fit_dome(world: World, view: Camera, box: np.ndarray) -> Dome | None:
+def fit_dome(world: TerrainCasters, view: Camera, box: np.ndarray) -> Dome | None:
     """Return the dome whose outline fills a box (4,); None if the bottom of the box is above the horizon.
 
     For a camera pitched down by p, the outline of a dome of radius a and height h has the angular height of
@@ -94,7 +94,7 @@ def fit_dome(world: World, view: Camera, box: np.ndarray) -> Dome | None:
 
 
 def number_domes(
-    domes_of_views: list[list[Dome | None]], first: int = FIRST_UNMESHED_ROCK
+    domes_of_views: list[list[Dome | None]], first: int = FIRST_ID_WITHOUT_MESH
 ) -> tuple[list[list[int]], dict[int, Dome]]:
     """Number rocks without a mesh: domes of different views at the same position are the same rock.
 
@@ -112,7 +112,7 @@ def number_domes(
         candidates = sorted(number for number, same_rock in members.items() if same_rock)
         distance = np.array([[_distance(dome, members[number]) for number in candidates] for dome in domes])
         distance = distance.reshape(len(domes), len(candidates))
-        rows, columns = pairs(-distance, np.isfinite(distance))
+        rows, columns = match_pairs(-distance, np.isfinite(distance))
         matched = {int(row): candidates[column] for row, column in zip(rows, columns, strict=True)}
         view_numbers = []
         for row, dome in enumerate(domes):
@@ -144,30 +144,30 @@ def _mean_dome(domes: list[Dome]) -> Dome:
 
 
 @dataclass(frozen=True)
-class Known:
+class TerrainRocks:
     """Rocks of a terrain as bodies, and for each position the annotated tracks with rock ids."""
 
     terrain: TerrainMesh
     domes: dict[int, Dome]  # for rocks without a mesh
-    world: World  # of meshes and domes
+    world: TerrainCasters  # of meshes and domes
     localised: dict[str, LocalisedRig]
     seeds: Seeds
     tracks: dict[str, list[Track]]
     rocks: dict[str, np.ndarray]  # by position: (tracks,) rock ids
-    unverified: Mapping[str, Known] = field(default_factory=dict)  # positions with unverified poses, separated
+    unverified: Mapping[str, TerrainRocks] = field(default_factory=dict)  # positions with unverified poses, separated
 
-    def of(self, position: str) -> Known:
+    def of(self, position: str) -> TerrainRocks:
         """Return the rocks for a position; only from the annotations of the position if its pose is unverified."""
         return self.unverified.get(position, self)
 
 
-def gather(
+def associate_rocks(
     terrain: TerrainMesh,
     localised: dict[str, LocalisedRig],
     suns: Mapping[str, np.ndarray],
     seeds: Seeds,
     wall_height: float,
-) -> Known:
+) -> TerrainRocks:
     """Assign an id to every annotated rock: the id of the projected mesh, or the number of a dome.
 
     With an unverified pose, meshes project onto wrong rocks. The rocks of such a position are domes on the bare
@@ -175,12 +175,12 @@ def gather(
     """
     world, bare = build_worlds(terrain, localised, suns, wall_height)
     located = {position: rig for position, rig in localised.items() if not rig.unproven}
-    terrain_rocks = _gathered(terrain, world, located, seeds, FIRST_UNMESHED_ROCK)
-    separate: dict[str, Known] = {}
+    terrain_rocks = _gathered(terrain, world, located, seeds, FIRST_ID_WITHOUT_MESH)
+    separate: dict[str, TerrainRocks] = {}
     if len(located) < len(localised):
         ground = terrain.ground()
         next_number = (
-            max([FIRST_UNMESHED_ROCK - 1, *(int(rock) for ids in terrain_rocks.rocks.values() for rock in ids)]) + 1
+            max([FIRST_ID_WITHOUT_MESH - 1, *(int(rock) for ids in terrain_rocks.rocks.values() for rock in ids)]) + 1
         )
         for position in sorted(set(localised) - set(located)):
             separate[position] = _gathered(ground, bare, {position: localised[position]}, seeds, next_number)
@@ -189,8 +189,8 @@ def gather(
 
 
 def _gathered(
-    terrain: TerrainMesh, world: World, localised: dict[str, LocalisedRig], seeds: Seeds, first: int
-) -> Known:
+    terrain: TerrainMesh, world: TerrainCasters, localised: dict[str, LocalisedRig], seeds: Seeds, first: int
+) -> TerrainRocks:
     """Associate the boxes of positions with consistent poses; domes are numbered from `first`."""
     tracks: dict[str, list[Track]] = {}
     matched: dict[str, np.ndarray] = {}
@@ -208,12 +208,12 @@ def _gathered(
     numbers, stand_ins = number_domes(domes, first)
     for position, stand_in_ids in zip(tracks, numbers, strict=True):
         matched[position][matched[position] == NO_ROCK] = stand_in_ids
-    return Known(terrain, stand_ins, with_domes(world, stand_ins), localised, seeds, tracks, matched)
+    return TerrainRocks(terrain, stand_ins, with_domes(world, stand_ins), localised, seeds, tracks, matched)
 
 
 def _in_one_camera(
-    world: World, localised: LocalisedRig, side: CameraSide, drawings: Mapping[DrawingKey, Annotated]
-) -> dict[DrawingKey, np.ndarray]:
+    world: TerrainCasters, localised: LocalisedRig, side: CameraSide, drawings: Mapping[AnnotationKey, AnnotatedBoxes]
+) -> dict[AnnotationKey, np.ndarray]:
     """Return rock boxes (n, 4) of both cameras in the image of one camera, shifted like the ground below the boxes."""
     moved = {}
     for (camera, azimuth), annotated in drawings.items():

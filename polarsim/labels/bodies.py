@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from polarsim.geometry.casters import caster
+from polarsim.geometry.casters import make_caster
 from polarsim.geometry.outlines import TRIM, TRIM_SHARE
-from polarsim.geometry.rays import Caster, Joined
+from polarsim.geometry.rays import Caster, CompositeScene
 from polarsim.photo import NO_ROCK
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
@@ -48,7 +48,7 @@ class Dome:
 
 
 @dataclass(frozen=True)
-class Body:
+class RockBody:
     """Vertices (n, 3) of a rock; masks (n,) of those above the ground (`above`) and above the skirt (`trimmed`)."""
 
     vertices: np.ndarray
@@ -68,10 +68,10 @@ class Body:
 
 
 @dataclass(frozen=True)
-class World:
+class TerrainCasters:
     """Ray casters of a terrain. Faces of a rock below the trim height count as ground."""
 
-    bodies: dict[int, Body]
+    bodies: dict[int, RockBody]
     rock_of_face: np.ndarray  # (f,) rock of each face of `everything`
     ground: Caster
     standing: Caster  # all faces except `ground`
@@ -85,9 +85,9 @@ class World:
     suns: Mapping[str, np.ndarray]  # azimuth -> (3,) position of the Sun lamp
 
     @property
-    def everything(self) -> Joined:
+    def everything(self) -> CompositeScene:
         """Caster of ground and rocks."""
-        return Joined(self.ground, self.standing, self.ground_faces)
+        return CompositeScene(self.ground, self.standing, self.ground_faces)
 
     def ground_distance(self, origin: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """Return the distance (n,) to the ground along directions (n, 3), in units of their length.
@@ -148,13 +148,13 @@ def _half_angle(towards: np.ndarray, radius: float) -> float:
 
 def build_worlds(
     terrain: TerrainMesh, localised: Mapping[str, LocalisedRig], suns: Mapping[str, np.ndarray], wall_height: float
-) -> tuple[World, World]:
+) -> tuple[TerrainCasters, TerrainCasters]:
     """Return the world of the terrain, and a world without rocks for positions with unverified poses.
 
     If all poses are verified, both results are the same world.
     """
 
-    def built(terrain: TerrainMesh) -> World:
+    def built(terrain: TerrainMesh) -> TerrainCasters:
         return build_world(terrain, TRIM, suns, wall_height)
 
     world = built(terrain)
@@ -163,7 +163,7 @@ def build_worlds(
 
 def build_world(
     terrain: TerrainMesh, trim: float, suns: Mapping[str, np.ndarray] = SUN_LAMPS, wall_height: float = 0.0
-) -> World:
+) -> TerrainCasters:
     """Build the casters of the meshes of a terrain.
 
     Parameters
@@ -178,30 +178,30 @@ def build_world(
     ground_count = int((terrain.rock_of_face == NO_ROCK).sum())
     ground_faces, standing_faces = np.split(terrain.faces, [ground_count])
     assert (terrain.rock_of_face[:ground_count] == NO_ROCK).all()
-    ground = caster(terrain.vertices, ground_faces)
+    ground = make_caster(terrain.vertices, ground_faces)
     is_of_ground = np.zeros(len(terrain.vertices), bool)
     is_of_ground[ground_faces] = True
     points = terrain.vertices[is_of_ground]
     level = float(np.median(points[:, 2]))
     bounds = np.stack([points[:, :2].min(axis=0), points[:, :2].max(axis=0)])
     rock_of_face = terrain.rock_of_face.copy()
-    bodies: dict[int, Body] = {}
+    bodies: dict[int, RockBody] = {}
     for rock in terrain.rocks:
         rock_faces = np.flatnonzero(rock_of_face == rock)
         used, corner = np.unique(terrain.faces[rock_faces], return_inverse=True)
         vertices = terrain.vertices[used]
         height = _height_above(ground, level, vertices)
         low = min(trim, TRIM_SHARE * float(height.max()))
-        bodies[rock] = Body(vertices, height > -CONTACT, height > low, meshed=True)
+        bodies[rock] = RockBody(vertices, height > -CONTACT, height > low, meshed=True)
         rock_of_face[rock_faces[(height <= low)[corner.reshape(-1, 3)].all(axis=1)]] = NO_ROCK
     of_rock = rock_of_face != NO_ROCK
-    return World(
+    return TerrainCasters(
         bodies,
         rock_of_face,
         ground,
-        caster(terrain.vertices, standing_faces),
+        make_caster(terrain.vertices, standing_faces),
         ground_count,
-        caster(terrain.vertices, terrain.faces[of_rock]),
+        make_caster(terrain.vertices, terrain.faces[of_rock]),
         np.append(rock_of_face[of_rock], NO_ROCK),
         level,
         bounds,
@@ -211,7 +211,7 @@ def build_world(
     )
 
 
-def with_domes(world: World, domes: dict[int, Dome]) -> World:
+def with_domes(world: TerrainCasters, domes: dict[int, Dome]) -> TerrainCasters:
     """Return the world with added domes for rocks without a mesh."""
     if not domes:
         return world
@@ -221,18 +221,18 @@ def with_domes(world: World, domes: dict[int, Dome]) -> World:
     for rock, dome in sorted(domes.items()):
         dome_vertices, corners = dome.mesh()
         standing = np.ones(len(dome_vertices), bool)
-        bodies[rock] = Body(dome_vertices, standing, standing, meshed=False)
+        bodies[rock] = RockBody(dome_vertices, standing, standing, meshed=False)
         vertices.append(dome_vertices)
         faces.append(corners + count)
         rock_of_face.append(np.full(len(corners), rock))
         count += len(dome_vertices)
-    added, rocks = caster(np.concatenate(vertices), np.concatenate(faces)), np.concatenate(rock_of_face)
+    added, rocks = make_caster(np.concatenate(vertices), np.concatenate(faces)), np.concatenate(rock_of_face)
     return replace(
         world,
         bodies=bodies,
         rock_of_face=np.append(world.rock_of_face, rocks),
-        standing=Joined(world.standing, added, len(world.rock_of_face) - world.ground_faces),
-        rocks=Joined(world.rocks, added, len(world.rock_of_rocks_face) - 1),
+        standing=CompositeScene(world.standing, added, len(world.rock_of_face) - world.ground_faces),
+        rocks=CompositeScene(world.rocks, added, len(world.rock_of_rocks_face) - 1),
         rock_of_rocks_face=np.concatenate([world.rock_of_rocks_face[:-1], rocks, [NO_ROCK]]),
     )
 
@@ -258,4 +258,4 @@ def wall_caster(bounds: np.ndarray, level: float, height: float) -> Caster | Non
             np.column_stack([np.arange(4), following + 4, np.arange(4) + 4]),
         ]
     )
-    return caster(np.concatenate([bottom, top]), faces)
+    return make_caster(np.concatenate([bottom, top]), faces)

@@ -15,11 +15,11 @@ import numpy as np
 
 from polarsim.errors import PolarsimError
 from polarsim.formats import png
-from polarsim.labels.association import Known
+from polarsim.labels.association import TerrainRocks
 from polarsim.labels.projection import sightlines
 from polarsim.photo import (
     BLACK_LEVEL,
-    CENTRE_GREY_PER_MS,
+    CENTRE_DN_PER_MS,
     ELECTRONS_PER_DN,
     READ_NOISE_ELECTRONS,
     WHITE_LEVEL,
@@ -59,7 +59,7 @@ def noise_dn(signal_dn: np.ndarray | float) -> np.ndarray:
     return np.sqrt(np.maximum(signal_dn, 0.0) / ELECTRONS_PER_DN + READ_NOISE_DN**2)
 
 
-class Photos:
+class PhotoBrightness:
     """Photos of one terrain, read on demand. A source without photos has none."""
 
     def __init__(self, index: Path, terrain: int) -> None:
@@ -96,9 +96,9 @@ class VisibleSurface:
 
 
 class OlatBrightness:
-    """Brightness like `Photos`, computed from meshes, domes and lamps."""
+    """Brightness like `PhotoBrightness`, computed from meshes, domes and lamps."""
 
-    def __init__(self, terrain_rocks: Known) -> None:
+    def __init__(self, terrain_rocks: TerrainRocks) -> None:
         self.terrain_rocks = terrain_rocks
         self._surface = lru_cache(maxsize=CACHED_VIEWS)(self._visible_surface)
         self._olat_image = lru_cache(maxsize=CACHED_VIEWS * (len(SUN_LAMPS) + 1))(self._lit)
@@ -138,7 +138,7 @@ class OlatBrightness:
         light = SKY_SHARE / 2 * (1 + surface.normals[:, 2])
         light[lit] += cosine[lit]
         olat_image = np.zeros(surface.hit.shape, np.float32)
-        olat_image[surface.hit] = CENTRE_GREY_PER_MS / LEVEL_COSINE * light
+        olat_image[surface.hit] = CENTRE_DN_PER_MS / LEVEL_COSINE * light
         return olat_image
 
     @cached_property

@@ -10,11 +10,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from polarsim.geometry.boxes import of_mask, window
+from polarsim.geometry.boxes import box_of_mask, pixel_window
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.masks import SMALL_PART, Window, without_small_components
 from polarsim.geometry.polygons import thick_parts, without_thin_parts
-from polarsim.labels.bodies import World
+from polarsim.labels.bodies import TerrainCasters
 from polarsim.labels.brightness import Brightness, noise_dn
 from polarsim.labels.projection import sightlines
 from polarsim.photo import NO_ROCK, Azimuth, Light
@@ -42,7 +42,7 @@ MIN_WALL_RATIO = 1.6  # minimum ratio of the brightness above and below the edge
 WALL_FAINT = 0.03  # offset added to both, relative to lit ground, to suppress differences in deep shadow
 
 
-def lamp(world: World, localised: LocalisedRig, light: Light, azimuth: Azimuth) -> np.ndarray | None:
+def active_lamp(world: TerrainCasters, localised: LocalisedRig, light: Light, azimuth: Azimuth) -> np.ndarray | None:
     """Return the position (3,) of the brightest lamp, sandbox frame; None without any lamp."""
     if azimuth != "no":
         return world.suns[azimuth]
@@ -54,7 +54,7 @@ def lamp(world: World, localised: LocalisedRig, light: Light, azimuth: Azimuth) 
 class VisibleIds:
     """Visible rock, and ground at or behind it, for a grid of pixels (rows, columns). The near wall occludes both."""
 
-    def __init__(self, world: World, view: Camera, rows: np.ndarray, columns: np.ndarray) -> None:
+    def __init__(self, world: TerrainCasters, view: Camera, rows: np.ndarray, columns: np.ndarray) -> None:
         rays = sightlines(world, view, rows, columns)
         self.shape = (len(rows), len(columns))
         self.hit = rays.hit.reshape(self.shape)
@@ -64,7 +64,7 @@ class VisibleIds:
         # (n, 3), row by row
         self.points = view.centre + rays.ground[on_ground, None] * rays.directions[on_ground]
 
-    def shadow_of(self, world: World, lamp_position: np.ndarray) -> np.ndarray:
+    def shadow_of(self, world: TerrainCasters, lamp_position: np.ndarray) -> np.ndarray:
         """Return the rock (rows, columns) that occludes the lamp from the ground at each pixel, else `NO_ROCK`.
 
         A shadow is hidden by other rocks, but not by the mesh of the rock that casts it. Meshes can be wider than their
@@ -79,7 +79,7 @@ class VisibleIds:
         shadow[(self.rock != NO_ROCK) & (self.rock != shadow)] = NO_ROCK
         return shadow
 
-    def over_walls(self, world: World, lamp_position: np.ndarray) -> np.ndarray:
+    def over_walls(self, world: TerrainCasters, lamp_position: np.ndarray) -> np.ndarray:
         """Return the height (rows, columns) above the sand at which light from a lamp to the ground crosses a wall.
 
         Metres; infinite without a crossing or without visible ground.
@@ -122,7 +122,7 @@ def shadow_box(
         centre = (rock_box[2:] + rock_box[:2]) / 2
         mask = mask & ((((y - centre[1]) / half[1]) ** 2)[:, None] + ((x - centre[0]) / half[0]) ** 2 > 1)
     core = (without_thin_parts if slivers else thick_parts)(mask, round(THIN_PX / step))
-    box = of_mask(without_small_components(core, connectivity=8))
+    box = box_of_mask(without_small_components(core, connectivity=8))
     return None if box is None else (box + np.tile([left, top], 2)) * step
 
 
@@ -148,7 +148,7 @@ def fit_to_dark_region(
 
     longest = max(brightness.exposures_ms)
     height, width = brightness.rate.shape
-    part = window(box, np.maximum((box[2:] - box[:2]) * MARGIN, MARGIN_PX), width, height)
+    part = pixel_window(box, np.maximum((box[2:] - box[:2]) * MARGIN, MARGIN_PX), width, height)
     y, x = (np.arange(side.start, side.stop) for side in part)
     if min(len(x), len(y)) < 4:
         return None
@@ -174,7 +174,7 @@ def fit_to_dark_region(
     if not selected or not 1 / MAX_AREA_RATIO < sum(areas[part] for part in selected) / cast_area < MAX_AREA_RATIO:
         return None
     largest = max(areas[part] for part in selected)
-    dark_box = of_mask(np.isin(parts, [part for part in selected if areas[part] >= SMALL_PART * largest]))
+    dark_box = box_of_mask(np.isin(parts, [part for part in selected if areas[part] >= SMALL_PART * largest]))
     assert dark_box is not None
     return dark_box + np.tile([x[0], y[0]], 2)
 

@@ -22,7 +22,7 @@ from polarsim.errors import FormatError
 from polarsim.formats import release, yolo
 from polarsim.formats.files import write_json
 from polarsim.formats.yaml_files import read_yaml
-from polarsim.geometry.boxes import iou, match
+from polarsim.geometry.boxes import iou, match_by_iou
 from polarsim.labels.annotator import (
     EDGE_TERMS,
     NO_HABITS,
@@ -31,12 +31,12 @@ from polarsim.labels.annotator import (
     Annotator,
     edge_terms,
 )
-from polarsim.labels.association import Known, gather
+from polarsim.labels.association import TerrainRocks, associate_rocks
 from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import PositionLabels
-from polarsim.labels.seeds import Annotated, choose_seeds, read_drawings, shadow_starts
-from polarsim.labels.visibility import NO_SUN_START_MS
+from polarsim.labels.seeds import AnnotatedBoxes, choose_seeds, read_seeds, shadow_min_exposures
+from polarsim.labels.visibility import MIN_ROVER_LIGHT_EXPOSURE_MS
 from polarsim.photo import ROCK, SHADOW, SUNS, CameraSide, PhotoKey
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.scene import read_terrain
@@ -61,40 +61,42 @@ class TerrainFiles:
         name = f"Terrain{terrain:02d}"
         return cls(terrain, run / "acquire" / name / "seeds", run / "cameras" / name, run / "meshes" / name)
 
-    def known(self, options: LabelsOptions) -> Known:
+    def known(self, options: LabelsOptions) -> TerrainRocks:
         """Return the bodies, poses and annotated rocks of the terrain."""
         localised = rigs.read_all_localised(self.cameras)
-        drawings = read_drawings(self.seeds, self.terrain)
-        seeds = choose_seeds(drawings, {}, shadow_starts(drawings, options.shadow_start(self.terrain)))
+        drawings = read_seeds(self.seeds, self.terrain)
+        seeds = choose_seeds(drawings, {}, shadow_min_exposures(drawings, options.shadow_start(self.terrain)))
         suns = lamps.read_suns(self.cameras, localised)
-        return gather(read_terrain(self.meshes, self.terrain), localised, suns, seeds, wall_height(self.terrain))
+        return associate_rocks(
+            read_terrain(self.meshes, self.terrain), localised, suns, seeds, wall_height(self.terrain)
+        )
 
 
-def read_published(root: Path, terrain: int) -> dict[PhotoKey, Annotated]:
+def read_published(root: Path, terrain: int) -> dict[PhotoKey, AnnotatedBoxes]:
     """Read the published label files of a terrain. Invalid files are skipped with a warning."""
     annotated = {}
     for key, path in release.label_files(root, terrain).items():
         try:
-            annotated[key] = Annotated.of(*yolo.read_boxes(path))
+            annotated[key] = AnnotatedBoxes.of(*yolo.read_boxes(path))
         except FormatError as error:
             log.warning("skipped: %s", error)
     return annotated
 
 
 @dataclass(frozen=True)
-class Samples:
+class AnnotatorSamples:
     """Terms (n, t) of a model and observed values (n,)."""
 
     terms: np.ndarray
     observed: np.ndarray
 
     @classmethod
-    def joined(cls, parts: Iterable[Samples]) -> Samples:
+    def joined(cls, parts: Iterable[AnnotatorSamples]) -> AnnotatorSamples:
         parts = list(parts)
         return cls(np.concatenate([part.terms for part in parts]), np.concatenate([part.observed for part in parts]))
 
 
-def shadow_edge_samples(files: TerrainFiles, options: LabelsOptions) -> Samples:
+def shadow_edge_samples(files: TerrainFiles, options: LabelsOptions) -> AnnotatorSamples:
     """Return the shifts of edges, px, from the box of a cast shadow to the annotated box."""
     terrain_rocks = files.known(options)
     terms, moves = [np.zeros((0, len(EDGE_TERMS)))], [np.zeros(0)]
@@ -111,12 +113,12 @@ def shadow_edge_samples(files: TerrainFiles, options: LabelsOptions) -> Samples:
                     scale = position_labels.rocks.px_per_m("L", label.rock)
                     terms.append(edge_terms(box, rock, projected.box if projected else rock, scale))
                     moves.append((label.box - box) * OUTWARD.sum(axis=1))
-    return Samples(np.concatenate(terms), np.concatenate(moves))
+    return AnnotatorSamples(np.concatenate(terms), np.concatenate(moves))
 
 
 def rover_light_samples(
-    files: TerrainFiles, annotated: Mapping[PhotoKey, Annotated], options: LabelsOptions
-) -> Samples:
+    files: TerrainFiles, annotated: Mapping[PhotoKey, AnnotatedBoxes], options: LabelsOptions
+) -> AnnotatorSamples:
     """Return the share of the label files of each exposure bracket under the rover light that contain a rock.
 
     `annotated` are the label files of all photos. The rocks are annotated under Sun lamps.
@@ -124,19 +126,19 @@ def rover_light_samples(
     terrain_rocks = files.known(options)
     brackets: dict[tuple[str, CameraSide], list[np.ndarray]] = {}
     for key, boxes in annotated.items():
-        if (key.azimuth, key.light) == ("no", "on") and key.exposure_ms >= NO_SUN_START_MS:
+        if (key.azimuth, key.light) == ("no", "on") and key.exposure_ms >= MIN_ROVER_LIGHT_EXPOSURE_MS:
             brackets.setdefault((key.position, key.camera), []).append(boxes.rocks)
     terms, hit = [np.zeros((0, len(ROVER_LIGHT_TERMS)))], [np.zeros(0)]
     for (position, camera), drawings in brackets.items():
         rocks = PositionRocks(terrain_rocks, position, options)
         fused = rocks.fused(camera)
-        matched = [np.isin(np.arange(len(fused)), match(iou(drawing, fused))[1]) for drawing in drawings]
+        matched = [np.isin(np.arange(len(fused)), match_by_iou(iou(drawing, fused))[1]) for drawing in drawings]
         terms += [rocks.rover_light_terms(camera, row)[None] for row in range(len(fused))]
         hit.append(np.mean(matched, axis=0))
-    return Samples(np.concatenate(terms), np.concatenate(hit))
+    return AnnotatorSamples(np.concatenate(terms), np.concatenate(hit))
 
 
-def fit_edges(samples: Samples) -> tuple[float, ...]:
+def fit_edges(samples: AnnotatorSamples) -> tuple[float, ...]:
     """Return coefficients of edge shifts by iteratively reweighted least squares with Cauchy weights."""
     coefficients = np.zeros(samples.terms.shape[1])
     for _ in range(ROUNDS):
@@ -146,7 +148,7 @@ def fit_edges(samples: Samples) -> tuple[float, ...]:
     return tuple(coefficients.round(4).tolist())
 
 
-def fit_logistic(samples: Samples) -> tuple[float, ...]:
+def fit_logistic(samples: AnnotatorSamples) -> tuple[float, ...]:
     """Return coefficients of a logistic regression with a unit Gaussian prior."""
     terms, hit = samples.terms, samples.observed
 
@@ -157,9 +159,9 @@ def fit_logistic(samples: Samples) -> tuple[float, ...]:
     return tuple(minimize(loss, np.zeros(terms.shape[1])).x.round(2).tolist())
 
 
-def fit_annotator(edges: Iterable[Samples], rover_light: Iterable[Samples]) -> Annotator:
+def fit_annotator(edges: Iterable[AnnotatorSamples], rover_light: Iterable[AnnotatorSamples]) -> Annotator:
     """Fit both models to the samples of several terrains."""
-    return Annotator(fit_edges(Samples.joined(edges)), fit_logistic(Samples.joined(rover_light)))
+    return Annotator(fit_edges(AnnotatorSamples.joined(edges)), fit_logistic(AnnotatorSamples.joined(rover_light)))
 
 
 def write_annotator(path: Path, annotator: Annotator, fitted_to: str) -> None:

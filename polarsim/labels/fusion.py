@@ -12,12 +12,12 @@ import numpy as np
 from polarsim.geometry.boxes import area, clip, iou
 from polarsim.geometry.camera import Camera
 from polarsim.labels.annotator import MIN_PROBABILITY, Annotator, read_annotator, rover_light_terms
-from polarsim.labels.association import SAME_ROCK_IOU, Known
+from polarsim.labels.association import SAME_ROCK_IOU, TerrainRocks
 from polarsim.labels.label import Label, make_label
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import ProjectedRock, at_border, move_rocks, project_rock
 from polarsim.labels.seeds import sort_by_camera
-from polarsim.labels.visibility import lit_share
+from polarsim.labels.visibility import lit_rock_share
 from polarsim.photo import ROCK, SUNS, Azimuth, CameraSide
 
 # Fitted to the published labels; `benchmarks/transfers.py` measures the transfer to terrains left out of the fit.
@@ -41,7 +41,7 @@ class PositionRocks:
     """Rock labels of a position. Results shared by several photos are computed once."""
 
     def __init__(
-        self, terrain_rocks: Known, position: str, options: LabelsOptions, annotator: Annotator | None = None
+        self, terrain_rocks: TerrainRocks, position: str, options: LabelsOptions, annotator: Annotator | None = None
     ) -> None:
         self.in_image = position in terrain_rocks.unverified  # unverified camera pose
         self._terrain_rocks, self._position = terrain_rocks.of(position), position
@@ -115,7 +115,7 @@ class PositionRocks:
         if azimuth not in SUNS or self.in_image:  # occluders of the lamp are unknown for an unverified pose
             return azimuth in SUNS
         if (rock, azimuth) not in self._lit:
-            self._lit[rock, azimuth] = lit_share(self.world, rock, azimuth) > MIN_LIT_SHARE
+            self._lit[rock, azimuth] = lit_rock_share(self.world, rock, azimuth) > MIN_LIT_SHARE
         return self._lit[rock, azimuth]
 
     def _is_doubtful(self, row: int) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 
 from polarsim.geometry.boxes import area, clip
 
-USUAL_PX = 50.0  # sqrt(area) of a common label
+REFERENCE_PX = 50.0  # sqrt(area) of a common label
 # Coefficients of the log odds that a label has IoU >= 0.5 with the box of an annotator. Fitted by
 # `benchmarks/transfers.py --fit` to terrains 01, 03, 04, 08, 11 of the published labels as ground truth. `fused` rocks
 # under Sun lamps also use terrain 12; without a Sun lamp, `rover_light` of `annotator.json` applies. `translated` was
@@ -51,7 +51,7 @@ def confidence(
         start, missed, size = ROVER_CAST
     if source == "translated" and not pitch_known:
         start, missed, size = PITCH_UNKNOWN[kind]
-    score = start + missed * (share - 1) + size * math.log(max(size_px, 1.0) / USUAL_PX)
+    score = start + missed * (share - 1) + size * math.log(max(size_px, 1.0) / REFERENCE_PX)
     return 1 / (1 + math.exp(-score))
 
 

@@ -24,9 +24,9 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.polygons import paint
 from polarsim.labels.association import fit_dome
-from polarsim.labels.bodies import Dome, World, build_worlds, with_domes
-from polarsim.labels.casting import VisibleIds, lamp
-from polarsim.labels.shapes import Shape, backdrop, convex_shape, fit_shape, shapes_of, visible_parts
+from polarsim.labels.bodies import Dome, TerrainCasters, build_worlds, with_domes
+from polarsim.labels.casting import VisibleIds, active_lamp
+from polarsim.labels.shapes import MaskShape, backdrop, convex_shape, fit_shape, mask_shapes, visible_parts
 from polarsim.photo import HEIGHT, NO_ROCK, POLYGON_CLASSES, ROCK, WIDTH, Azimuth, Light, PhotoKey
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.pictures import pictures_at
@@ -43,7 +43,7 @@ OUTLINE_MESH_SHARE, OUTLINE_CAST_SHARE = 0.5, 0.35
 PHOTO_FRAME = np.array([[0, 0], [WIDTH, 0], [WIDTH, HEIGHT], [0, HEIGHT]], float)
 BOX_COLUMNS = ["x0", "y0", "x1", "y1"]
 
-Thing = tuple[str, int, bytes]  # kind, rock and box, which determine the shape of a label under one lamp
+LabelShapeKey = tuple[str, int, bytes]  # kind, rock and box, which determine the shape of a label under one lamp
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Backdrop:
 class BracketOutlines:
     """Visible parts of the labels of an exposure bracket, in painting order."""
 
-    parts: dict[Thing, Shape | None]
+    parts: dict[LabelShapeKey, MaskShape | None]
     backdrop: Backdrop
 
     @cached_property
@@ -85,7 +85,7 @@ class BracketOutlines:
 class ViewOutlines:
     """Outlines in one view under any lamp. Rays are cast once. Labels are rows of the label table."""
 
-    def __init__(self, world: World, localised: LocalisedRig, side: str, labels: pd.DataFrame) -> None:
+    def __init__(self, world: TerrainCasters, localised: LocalisedRig, side: str, labels: pd.DataFrame) -> None:
         self._localised = localised
         view = localised.camera(side)
         self._size = view.size
@@ -95,16 +95,16 @@ class ViewOutlines:
         rings = backdrop(self.ids)
         self._backdrop = Backdrop([(POLYGON_CLASSES.index(name), ring) for name, ring in rings])
         self._rocks = _convex_shapes(self.ids.rock)
-        self._shadows: dict[bytes, dict[int, Shape]] = {}  # by lamp
-        self._annotated: dict[tuple[bytes, frozenset[Thing]], BracketOutlines] = {}
+        self._shadows: dict[bytes, dict[int, MaskShape]] = {}  # by lamp
+        self._annotated: dict[tuple[bytes, frozenset[LabelShapeKey]], BracketOutlines] = {}
 
     def drawing(self, light: Light, azimuth: Azimuth, labels: pd.DataFrame) -> BracketOutlines:
         """Return the visible parts of the labels, painted in order: shadows before rocks, then from top to bottom."""
-        lamp_position = lamp(self.world, self._localised, light, azimuth)
+        lamp_position = active_lamp(self.world, self._localised, light, azimuth)
         if lamp_position is None and labels.empty:
             return BracketOutlines({}, Backdrop([(POLYGON_CLASSES.index("background"), PHOTO_FRAME)]))
         boxes = _boxes(labels)
-        things = dict(zip(things_of(labels, boxes), boxes, strict=True))
+        things = dict(zip(shape_keys(labels, boxes), boxes, strict=True))
         content = (b"" if lamp_position is None else lamp_position.tobytes(), frozenset(things))
         if content not in self._annotated:
             order = sorted(things, key=lambda thing: (thing[0] == ROCK, things[thing][3], thing))
@@ -112,13 +112,13 @@ class ViewOutlines:
             self._annotated[content] = BracketOutlines(dict(zip(order, parts, strict=True)), self._backdrop)
         return self._annotated[content]
 
-    def _shape(self, thing: Thing, box: np.ndarray, lamp_position: np.ndarray | None) -> Shape:
+    def _shape(self, thing: LabelShapeKey, box: np.ndarray, lamp_position: np.ndarray | None) -> MaskShape:
         """Return the shape of a label before occlusion by other labels."""
         kind, rock, _ = thing
         own_share = OUTLINE_MESH_SHARE if kind == ROCK else OUTLINE_CAST_SHARE
         return fit_shape(self._own_shapes(kind, lamp_position).get(rock), box, own_share)
 
-    def _own_shapes(self, kind: str, lamp_position: np.ndarray | None) -> dict[int, Shape]:
+    def _own_shapes(self, kind: str, lamp_position: np.ndarray | None) -> dict[int, MaskShape]:
         """Return the projected shapes of rocks or of cast shadows."""
         if kind == ROCK:
             return self._rocks
@@ -129,11 +129,11 @@ class ViewOutlines:
         return self._shadows[lamp_position.tobytes()]
 
 
-def _convex_shapes(ids: np.ndarray) -> dict[int, Shape]:
-    return {rock: convex_shape(shape) for rock, shape in shapes_of(ids).items()}
+def _convex_shapes(ids: np.ndarray) -> dict[int, MaskShape]:
+    return {rock: convex_shape(shape) for rock, shape in mask_shapes(ids).items()}
 
 
-def things_of(labels: pd.DataFrame, boxes: np.ndarray) -> list[Thing]:
+def shape_keys(labels: pd.DataFrame, boxes: np.ndarray) -> list[LabelShapeKey]:
     """Return the key of each row of the label table with boxes (n, 4)."""
     return [
         (kind, rock, box.tobytes())
@@ -145,7 +145,7 @@ def _boxes(labels: pd.DataFrame) -> np.ndarray:
     return np.ascontiguousarray(labels[BOX_COLUMNS].to_numpy(float).reshape(-1, 4))
 
 
-def _domes(world: World, view: Camera, labels: pd.DataFrame) -> dict[int, Dome]:
+def _domes(world: TerrainCasters, view: Camera, labels: pd.DataFrame) -> dict[int, Dome]:
     """Return domes for the labelled rocks of a view without a mesh, from mean boxes."""
     stones = labels[(labels["kind"] == ROCK) & ~labels["rock"].isin([NO_ROCK, *world.bodies])]
     boxes = stones.groupby("rock", as_index=False)[BOX_COLUMNS].mean().to_numpy(float)
@@ -202,7 +202,7 @@ def _draw_bracket(
     annotations = {}
     for key, rows in rows_of.items():
         photo_drawing, boxes = drawing, _boxes(rows)
-        things = things_of(rows, boxes)
+        things = shape_keys(rows, boxes)
         if not drawing.parts.keys() >= set(things):  # the photo has different boxes: corrections of one exposure
             photo_drawing = outlines.drawing(light, azimuth, pd.concat([rows, _unseen(fullest, rows)]))
         annotations[key] = _annotations(rows, things, boxes, photo_drawing)
@@ -216,7 +216,7 @@ def _unseen(fullest: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _annotations(
-    rows: pd.DataFrame, things: Sequence[Thing], boxes: np.ndarray, drawing: BracketOutlines
+    rows: pd.DataFrame, things: Sequence[LabelShapeKey], boxes: np.ndarray, drawing: BracketOutlines
 ) -> list[coco.Annotation]:
     """Return the annotations of a photo, without labels that are fully hidden."""
     annotations = []
@@ -232,7 +232,7 @@ def _annotations(
 def _write(polygon_folder: Path, mask_folder: Path, keys: Sequence[PhotoKey], drawing: BracketOutlines) -> None:
     first, *copies = (str(key) for key in keys)
     yolo.write_polygons(polygon_folder / f"{first}.txt", drawing.polygons)
-    png.write(mask_folder / f"{first}.png", drawing.grey)
+    png.write_png(mask_folder / f"{first}.png", drawing.grey)
     for name in copies:
         shutil.copyfile(polygon_folder / f"{first}.txt", polygon_folder / f"{name}.txt")
         shutil.copyfile(mask_folder / f"{first}.png", mask_folder / f"{name}.png")

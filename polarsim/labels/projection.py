@@ -7,10 +7,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from polarsim.geometry.boxes import centres, clip
+from polarsim.geometry.boxes import box_centres, clip
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.labels.bodies import World
+from polarsim.labels.bodies import TerrainCasters
 
 BORDER_PX = 2.0  # maximum distance to the image border of an edge that is cut by the border
 MIN_VERTICES = 3  # minimum number of visible vertices of a rock
@@ -25,7 +25,7 @@ class ProjectedRock:
     visible_share: float
 
 
-def project_rock(world: World, view: Camera, rock: int) -> ProjectedRock | None:
+def project_rock(world: TerrainCasters, view: Camera, rock: int) -> ProjectedRock | None:
     """Return the bounding box of the visible part of a rock; None if the view does not show the rock.
 
     Left and right edges are computed from the trimmed surface, top and bottom from the surface above the ground,
@@ -50,7 +50,9 @@ def at_border(boxes: np.ndarray, size: np.ndarray) -> np.ndarray:
     return np.concatenate([boxes[:, :2] <= BORDER_PX, boxes[:, 2:] >= size - BORDER_PX], axis=1)
 
 
-def move_rocks(world: World, source: Camera, target: Camera, boxes: np.ndarray, rocks: np.ndarray) -> np.ndarray:
+def move_rocks(
+    world: TerrainCasters, source: Camera, target: Camera, boxes: np.ndarray, rocks: np.ndarray
+) -> np.ndarray:
     """Return boxes (n, 4) of rocks (n,) shifted to the image of the other camera; sizes are kept (they differ by 1 %).
 
     The shift is the mean shift of the mesh vertices. For a rock without a mesh, it is the shift of the point on the ray
@@ -60,7 +62,7 @@ def move_rocks(world: World, source: Camera, target: Camera, boxes: np.ndarray, 
     foot = np.stack([(boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 3]], axis=-1)
     width = (boxes[:, 2] - boxes[:, 0]) / source.lens.fx  # relative to the depth
     depth = ground_depth(world, source, foot) * (1 + CENTRE_DEPTH * width)
-    offset = _offset_at_depth(source, target, centres(boxes), depth)
+    offset = _offset_at_depth(source, target, box_centres(boxes), depth)
     for row, rock in enumerate(rocks):
         body = world.bodies.get(int(rock))
         if body is not None and body.meshed:
@@ -71,15 +73,15 @@ def move_rocks(world: World, source: Camera, target: Camera, boxes: np.ndarray, 
     return boxes + np.tile(offset, 2)
 
 
-def ground_depth(world: World, view: Camera, pixels: np.ndarray) -> np.ndarray:
+def ground_depth(world: TerrainCasters, view: Camera, pixels: np.ndarray) -> np.ndarray:
     """Return the depth (n,) of the ground at pixels (n, 2), metres; inf above the horizon."""
     return world.ground_distance(view.centre, view.directions(pixels))
 
 
-def move_flat(world: World, source: Camera, target: Camera, boxes: np.ndarray) -> np.ndarray:
+def move_flat(world: TerrainCasters, source: Camera, target: Camera, boxes: np.ndarray) -> np.ndarray:
     """Return boxes (n, 4) of flat objects shifted to the image of the other camera like the ground at their centres."""
     boxes = np.asarray(boxes, float).reshape(-1, 4)
-    centre = centres(boxes)
+    centre = box_centres(boxes)
     return boxes + np.tile(_offset_at_depth(source, target, centre, ground_depth(world, source, centre)), 2)
 
 
@@ -95,7 +97,7 @@ class Sightlines:
 
     directions: np.ndarray  # (n, 3)
     distance: np.ndarray  # to ground or rocks; inf without a hit
-    face: np.ndarray  # hit face of `World.everything`
+    face: np.ndarray  # hit face of `TerrainCasters.everything`
     ground: np.ndarray  # distance to the ground, ignoring rocks; inf without a hit
     wall: np.ndarray  # distance to a wall of the sandbox that occludes the hit; inf without an occluding wall
 
@@ -105,7 +107,7 @@ class Sightlines:
         return np.asarray(np.isfinite(self.distance) & (self.distance < self.wall))
 
 
-def sightlines(world: World, view: Camera, rows: np.ndarray, columns: np.ndarray) -> Sightlines:
+def sightlines(world: TerrainCasters, view: Camera, rows: np.ndarray, columns: np.ndarray) -> Sightlines:
     """Cast a ray through every pixel (row, column)."""
     grid = (np.ascontiguousarray(side, float).tobytes() for side in (rows, columns))
     directions = view.world_from_camera.rotate(_grid_directions(view.lens, *grid)).reshape(-1, 3)

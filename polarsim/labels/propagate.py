@@ -17,22 +17,22 @@ from polarsim.formats import tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.boxes import area
 from polarsim.labels.annotator import Annotator
-from polarsim.labels.association import Known, gather
-from polarsim.labels.brightness import Brightness, OlatBrightness, Photos
-from polarsim.labels.casting import lamp
+from polarsim.labels.association import TerrainRocks, associate_rocks
+from polarsim.labels.brightness import Brightness, OlatBrightness, PhotoBrightness
+from polarsim.labels.casting import active_lamp
 from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.label import Label
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.seeds import (
-    Drawings,
+    PhotoAnnotations,
     UnlitMinExposures,
     choose_seeds,
     drop_mislabelled,
     is_unlit,
     read_corrections,
-    read_drawings,
+    read_seeds,
     seed_labels,
-    shadow_starts,
+    shadow_min_exposures,
 )
 from polarsim.labels.shadows import PositionShadows
 from polarsim.labels.visibility import MinExposures, omitted_in_dark, visible_labels
@@ -103,40 +103,40 @@ def labels_of_terrain(inputs: PropagationInputs, options: LabelsOptions) -> dict
     localised = rigs.read_all_localised(inputs.cameras)
     suns = lamps.read_suns(inputs.cameras, localised)
     scene = read_terrain(inputs.meshes, terrain)
-    seeded, corrected = read_drawings(inputs.seeds, terrain), read_corrections(options.corrections, terrain)
+    seeded, corrected = read_seeds(inputs.seeds, terrain), read_corrections(options.corrections, terrain)
     if unknown := [key for key in options.excluded(terrain) if key not in {*seeded, *corrected}]:
         raise LabelError(f"labels.taken_back: {unknown[0]} is neither a seed nor a correction", path=inputs.seeds)
     corrections = _left(corrected, options)
     drawings = _left(drop_mislabelled(seeded, scene, localised), options)
     by_people = {**drawings, **corrections}
     min_exposures = MinExposures(
-        shadow_starts(by_people, options.shadow_start(terrain)), UnlitMinExposures.of(by_people)
+        shadow_min_exposures(by_people, options.shadow_start(terrain)), UnlitMinExposures.of(by_people)
     )
-    terrain_rocks = gather(
+    terrain_rocks = associate_rocks(
         scene, localised, suns, choose_seeds(drawings, corrections, min_exposures.shadows), wall_height(terrain)
     )
     return grid_labels(terrain_rocks, inputs, options, min_exposures, drawings, corrections)
 
 
-def _left(drawings: Drawings, options: LabelsOptions) -> Drawings:
+def _left(drawings: PhotoAnnotations, options: LabelsOptions) -> PhotoAnnotations:
     """Return the annotations without the excluded photos."""
     return {key: annotated for key, annotated in drawings.items() if str(key) not in options.taken_back}
 
 
 def grid_labels(
-    terrain_rocks: Known,
+    terrain_rocks: TerrainRocks,
     inputs: PropagationInputs,
     options: LabelsOptions,
     min_exposures: MinExposures,
-    drawings: Drawings,
-    corrections: Drawings,
+    drawings: PhotoAnnotations,
+    corrections: PhotoAnnotations,
 ) -> dict[PhotoKey, list[Label]]:
     """Return the labels of every key. Results shared by several photos are computed once.
 
     With `visibility: annotator`, only photos without any lamp are read. An annotated photo keeps its boxes unchanged.
     Propagated boxes are added to seeds, but not to corrections.
     """
-    keys, photos = inputs.keys, Photos(inputs.photos, inputs.terrain)
+    keys, photos = inputs.keys, PhotoBrightness(inputs.photos, inputs.terrain)
     by_people = options.visibility == "annotator"
     readable, olat_images = (None, None) if by_people else (photos, OlatBrightness(terrain_rocks))
     positions = {
@@ -164,7 +164,7 @@ def grid_labels(
     return labels
 
 
-def _first_known(bracket: Bracket, *sources: Photos | OlatBrightness | None) -> Brightness | None:
+def _first_known(bracket: Bracket, *sources: PhotoBrightness | OlatBrightness | None) -> Brightness | None:
     candidates = (source.brightness(bracket) for source in sources if source is not None)
     return next((brightness for brightness in candidates if brightness is not None), None)
 
@@ -188,10 +188,10 @@ class PositionLabels:
 
     def __init__(
         self,
-        terrain_rocks: Known,
+        terrain_rocks: TerrainRocks,
         position: str,
         options: LabelsOptions,
-        photos: Photos | None = None,
+        photos: PhotoBrightness | None = None,
         annotator: Annotator | None = None,
     ) -> None:
         self.position, self.photos, self.options = position, photos, options
@@ -219,7 +219,7 @@ class PositionLabels:
             ]
         if brightness is not None:
             labels += self.rocks.unannotated(camera, labels)
-        if lamp(self.rocks.world, self.rocks.localised, light, azimuth) is not None:
+        if active_lamp(self.rocks.world, self.rocks.localised, light, azimuth) is not None:
             labels += self.shadows.labels(camera, light, azimuth, labels, brightness)
         return [label for label in labels if area(label.box) > 0]
 

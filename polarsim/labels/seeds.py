@@ -16,9 +16,9 @@ import numpy as np
 from polarsim.errors import FormatError
 from polarsim.formats import yolo
 from polarsim.formats.coco import read_coco
-from polarsim.formats.release import read_annotated
-from polarsim.geometry.boxes import iou, match
-from polarsim.geometry.consensus import consensus_boxes, positions_of_strangers
+from polarsim.formats.release import read_annotated_boxes
+from polarsim.geometry.boxes import iou, match_by_iou
+from polarsim.geometry.consensus import consensus_boxes, warn_mislabelled_positions
 from polarsim.labels.label import Label, make_label
 from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, SHADOW, SUNS, Azimuth, Bracket, CameraSide, Light, PhotoKey
 from polarsim.run_files.rigs import LocalisedRig
@@ -26,8 +26,10 @@ from polarsim.run_files.scene import TerrainMesh
 
 log = logging.getLogger(__name__)
 
-DrawingKey = tuple[CameraSide, Azimuth]  # annotation of a position, by camera and lamp
-Ranked = tuple[tuple[bool, bool, int], "Annotated"]  # (is a correction, rover light off, number of boxes), annotation
+AnnotationKey = tuple[CameraSide, Azimuth]  # annotation of a position, by camera and lamp
+Ranked = tuple[
+    tuple[bool, bool, int], "AnnotatedBoxes"
+]  # (is a correction, rover light off, number of boxes), annotation
 MIN_VOTES = 3  # minimum number of annotated brackets for a median, to limit the effect of outliers
 SAME_LABEL_IOU = 0.1  # minimum IoU of an annotated and a propagated box to copy the rock id
 
@@ -58,23 +60,23 @@ class ShadowMinExposures:
 
 
 @dataclass(frozen=True)
-class Annotated:
+class AnnotatedBoxes:
     """Annotated boxes (n, 4) of one photo, px. `shadows` is None if the photo is too dark to show shadows."""
 
     rocks: np.ndarray
     shadows: np.ndarray | None
 
     @classmethod
-    def of(cls, classes: np.ndarray, boxes: np.ndarray) -> Annotated:
+    def of(cls, classes: np.ndarray, boxes: np.ndarray) -> AnnotatedBoxes:
         """Split boxes (n, 4) by class number (n,)."""
         return cls(boxes[classes == BOX_CLASSES.index(ROCK)], boxes[classes == BOX_CLASSES.index(SHADOW)])
 
 
-Drawings = Mapping[PhotoKey, Annotated]
-Seeds = dict[str, dict[DrawingKey, Annotated]]  # by position
+PhotoAnnotations = Mapping[PhotoKey, AnnotatedBoxes]
+Seeds = dict[str, dict[AnnotationKey, AnnotatedBoxes]]  # by position
 
 
-def read_drawings(folder: Path, terrain: int) -> Drawings:
+def read_seeds(folder: Path, terrain: int) -> PhotoAnnotations:
     """Read every `KEY.txt` of a terrain.
 
     Raises
@@ -90,11 +92,11 @@ def read_drawings(folder: Path, terrain: int) -> Drawings:
         if key.terrain != terrain:
             log.warning("%s: skipped, terrain %02d expected", path, terrain)
             continue
-        drawings[key] = Annotated.of(*yolo.read_boxes(path))
+        drawings[key] = AnnotatedBoxes.of(*yolo.read_boxes(path))
     return drawings
 
 
-def shadow_starts(drawings: Drawings, usual_ms: int) -> ShadowMinExposures:
+def shadow_min_exposures(drawings: PhotoAnnotations, usual_ms: int) -> ShadowMinExposures:
     """Return the minimum exposures of shadows under Sun lamps: `usual_ms`, or the shortest annotated exposure."""
     annotated_ms: dict[Bracket, int] = {}
     for key, annotated in drawings.items():
@@ -103,7 +105,7 @@ def shadow_starts(drawings: Drawings, usual_ms: int) -> ShadowMinExposures:
     return ShadowMinExposures(usual_ms, annotated_ms)
 
 
-def choose_seeds(drawings: Drawings, corrections: Drawings, min_exposures: ShadowMinExposures) -> Seeds:
+def choose_seeds(drawings: PhotoAnnotations, corrections: PhotoAnnotations, min_exposures: ShadowMinExposures) -> Seeds:
     """Choose an annotation per position, camera and azimuth.
 
     Parameters
@@ -114,7 +116,7 @@ def choose_seeds(drawings: Drawings, corrections: Drawings, min_exposures: Shado
         Minimum exposures of shadow annotations. If an annotation of a shorter exposure has no shadows, the shadows are
         taken from another annotation of the same camera and lamp.
     """
-    candidates: dict[tuple[str, DrawingKey], list[Ranked]] = {}
+    candidates: dict[tuple[str, AnnotationKey], list[Ranked]] = {}
     entries = [
         *((key, False, annotated) for key, annotated in drawings.items()),
         *((k, True, d) for k, d in corrections.items()),
@@ -131,13 +133,13 @@ def choose_seeds(drawings: Drawings, corrections: Drawings, min_exposures: Shado
     return seeds
 
 
-def sort_by_camera(drawings: Sequence[DrawingKey]) -> list[DrawingKey]:
+def sort_by_camera(drawings: Sequence[AnnotationKey]) -> list[AnnotationKey]:
     """Sort annotations: the camera with more annotations first, the left camera first in a tie."""
     count = {camera: sum(side == camera for side, _ in drawings) for camera, _ in drawings}
     return sorted(drawings, key=lambda drawing: (-count[drawing[0]], drawing))
 
 
-def _best(ranked: list[Ranked]) -> Annotated:
+def _best(ranked: list[Ranked]) -> AnnotatedBoxes:
     """Return the annotation of the highest rank. Missing shadows are taken from the next annotation that has them."""
     in_order = [annotated for _, annotated in sorted(ranked, key=lambda item: item[0], reverse=True)]
     shadows = next((annotated.shadows for annotated in in_order if annotated.shadows is not None), None)
@@ -156,7 +158,7 @@ class UnlitMinExposures:
     annotated_ms: Mapping[str, int]
 
     @classmethod
-    def of(cls, drawings: Drawings) -> UnlitMinExposures:
+    def of(cls, drawings: PhotoAnnotations) -> UnlitMinExposures:
         """Estimate from annotations, for each position separately, because stray light differs between positions."""
         annotated_ms: dict[str, int] = {}
         for key, annotated in drawings.items():
@@ -170,7 +172,9 @@ class UnlitMinExposures:
         return min_exposure is not None and key.exposure_ms >= min_exposure
 
 
-def drop_mislabelled(drawings: Drawings, terrain: TerrainMesh, localised: Mapping[str, LocalisedRig]) -> Drawings:
+def drop_mislabelled(
+    drawings: PhotoAnnotations, terrain: TerrainMesh, localised: Mapping[str, LocalisedRig]
+) -> PhotoAnnotations:
     """Return the annotations without mislabelled positions, which are logged as warnings.
 
     A position is mislabelled if the meshes do not project onto the rocks of its left photos. Positions with unverified
@@ -182,17 +186,17 @@ def drop_mislabelled(drawings: Drawings, terrain: TerrainMesh, localised: Mappin
             boxes.setdefault(key.position, []).append(annotated.rocks)
     agreed = {position: consensus_boxes(position_boxes) for position, position_boxes in boxes.items()}
     cameras = {position: rig.camera("L") for position, rig in localised.items() if not rig.unproven}
-    names = positions_of_strangers(agreed, cameras, [terrain.rock_vertices(rock) for rock in terrain.rocks])
+    names = warn_mislabelled_positions(agreed, cameras, [terrain.rock_vertices(rock) for rock in terrain.rocks])
     return {key: annotated for key, annotated in drawings.items() if key.position not in names}
 
 
-def read_corrections(folder: Path | None, terrain: int) -> dict[PhotoKey, Annotated]:
+def read_corrections(folder: Path | None, terrain: int) -> dict[PhotoKey, AnnotatedBoxes]:
     """Return the corrected photos of a terrain, see `read_all_corrections`; empty without a folder."""
     corrections = {} if folder is None else read_all_corrections(folder)
     return {key: annotated for key, annotated in corrections.items() if key.terrain == terrain}
 
 
-def read_all_corrections(folder: Path) -> dict[PhotoKey, Annotated]:
+def read_all_corrections(folder: Path) -> dict[PhotoKey, AnnotatedBoxes]:
     """Read the corrected boxes of each photo from `KEY.txt` and COCO files (`*.json`).
 
     Raises
@@ -200,17 +204,17 @@ def read_all_corrections(folder: Path) -> dict[PhotoKey, Annotated]:
     FormatError
         Missing folder, invalid file, or two corrections of the same photo.
     """
-    corrections = read_annotated(folder)
+    corrections = read_annotated_boxes(folder)
     for path in sorted(Path(folder).rglob("*.json")):
         for key, annotated in read_coco(path).items():
             if key in corrections:
                 raise FormatError(f"{key} is corrected in two files of {folder}; delete a file", path=path)
             classes = np.array([BOX_CLASSES.index(annotation.kind) for annotation in annotated], int)
             corrections[key] = classes, np.array([annotation.box for annotation in annotated]).reshape(-1, 4)
-    return {key: Annotated.of(*corrections[key]) for key in sorted(corrections)}
+    return {key: AnnotatedBoxes.of(*corrections[key]) for key in sorted(corrections)}
 
 
-def seed_labels(annotated: Annotated, labels: Sequence[Label]) -> list[Label]:
+def seed_labels(annotated: AnnotatedBoxes, labels: Sequence[Label]) -> list[Label]:
     """Return annotated boxes as seed labels, with rock ids of the overlapping propagated labels of the bracket."""
     seeds = []
     for kind, boxes in ((ROCK, annotated.rocks), (SHADOW, annotated.shadows)):
@@ -228,7 +232,7 @@ def matched_rocks(boxes: np.ndarray, labels: np.ndarray, rocks: np.ndarray) -> n
 
     `rocks` (m,) are the rock ids of the labels.
     """
-    rows, columns = match(iou(boxes, labels), SAME_LABEL_IOU)
+    rows, columns = match_by_iou(iou(boxes, labels), SAME_LABEL_IOU)
     matched = np.full(len(boxes), NO_ROCK)
     matched[rows] = rocks[columns]
     return matched

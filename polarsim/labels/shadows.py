@@ -11,7 +11,7 @@ from polarsim.geometry.boxes import MATCH_GATE_PX, area, iou
 from polarsim.geometry.masks import Window, windows_of
 from polarsim.labels.association import match_ids
 from polarsim.labels.brightness import Brightness
-from polarsim.labels.casting import VisibleIds, fit_to_dark_region, fit_wall_height, lamp, shadow_box
+from polarsim.labels.casting import VisibleIds, active_lamp, fit_to_dark_region, fit_wall_height, shadow_box
 from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.label import Label, make_label
 from polarsim.labels.options import LabelsOptions
@@ -140,7 +140,7 @@ class PositionShadows:
         `rock_boxes` are the labels of the rocks. With `brightness`, the shadow of a wall, whose edge is fitted to the
         photo, hides shadows of rocks. Without a photo, the shadows of walls are too uncertain.
         """
-        step, lamp_position = self.options.ray_step_px, lamp(self.world, self.rocks.localised, light, azimuth)
+        step, lamp_position = self.options.ray_step_px, active_lamp(self.world, self.rocks.localised, light, azimuth)
         assert lamp_position is not None
         ids, shadow, windows = self._visible_shadows(camera, lamp_position)
         if brightness is not None:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from polarsim.formats import rle
-from polarsim.geometry.boxes import iou, of_mask
+from polarsim.geometry.boxes import box_of_mask, iou
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.masks import windows_of, without_small_components
 from polarsim.geometry.polygons import outlines
@@ -22,7 +22,7 @@ THIN_PX = 2  # minimum width of such a polygon
 
 
 @dataclass(frozen=True)
-class Shape:
+class MaskShape:
     """Mask (h, w) with the position (left, top) of the first pixel in an image."""
 
     mask: np.ndarray
@@ -32,7 +32,7 @@ class Shape:
     @property
     def box(self) -> np.ndarray:
         """Bounding box (4,) of the mask in the image."""
-        box = of_mask(self.mask)
+        box = box_of_mask(self.mask)
         assert box is not None
         return box + np.tile([self.left, self.top], 2)
 
@@ -45,29 +45,31 @@ class Shape:
     @cached_property
     def runs(self) -> rle.Rle:
         """Run-length encoding in a photo that contains the mask; encoded once for all exposures."""
-        return rle.encode(self.mask, self.left, self.top)
+        return rle.encode_rle(self.mask, self.left, self.top)
 
     def rings(self) -> list[np.ndarray]:
         """Return the outlines (n, 2) in image coordinates, largest first."""
         offset = np.array([self.left, self.top], float)
         return [ring + offset for ring in outlines(self.mask, SIMPLIFY_PX)]
 
-    def cut(self, width: int, height: int) -> Shape:
+    def cut(self, width: int, height: int) -> MaskShape:
         """Return the part inside an image."""
         left, top = max(0, -self.left), max(0, -self.top)
         mask = self.mask[top : max(0, height - self.top), left : max(0, width - self.left)]
-        return Shape(mask, self.left + left, self.top + top)
+        return MaskShape(mask, self.left + left, self.top + top)
 
 
-def shapes_of(ids: np.ndarray) -> dict[int, Shape]:
+def mask_shapes(ids: np.ndarray) -> dict[int, MaskShape]:
     """Return the shape of each rock in an image of ids (h, w), without holes and small components."""
     return {
-        rock: _trimmed(Shape(_filled(without_small_components(ids[rows, columns] == rock)), columns.start, rows.start))
+        rock: _trimmed(
+            MaskShape(_filled(without_small_components(ids[rows, columns] == rock)), columns.start, rows.start)
+        )
         for rock, (rows, columns) in windows_of(ids).items()
     }
 
 
-def fit_shape(shape: Shape | None, box: np.ndarray, own_share: float = 0.0) -> Shape:
+def fit_shape(shape: MaskShape | None, box: np.ndarray, own_share: float = 0.0) -> MaskShape:
     """Stretch a shape to the box of a label; return a rounded box if the shape is missing or does not overlap.
 
     `own_share` interpolates the target box between the box of the label (0) and the box of the shape (1).
@@ -77,17 +79,17 @@ def fit_shape(shape: Shape | None, box: np.ndarray, own_share: float = 0.0) -> S
     return stretch_shape(shape, own_share * shape.box + (1 - own_share) * box)
 
 
-def convex_shape(shape: Shape) -> Shape:
+def convex_shape(shape: MaskShape) -> MaskShape:
     """Return the convex hull."""
     import cv2
 
     rows, columns = np.nonzero(shape.mask)
     corners = cv2.convexHull(np.stack([columns, rows], axis=1).astype(np.int32))
     hull = cv2.fillConvexPoly(np.zeros(shape.mask.shape, np.uint8), corners, 1) > 0
-    return Shape(hull, shape.left, shape.top)
+    return MaskShape(hull, shape.left, shape.top)
 
 
-def stretch_shape(shape: Shape, box: np.ndarray) -> Shape:
+def stretch_shape(shape: MaskShape, box: np.ndarray) -> MaskShape:
     """Return the shape with the bounding box mapped to `box` (4,)."""
     source, x, y = shape.box, *_pixel_centres(box)
     column = source[0] + (x - box[0]) / (box[2] - box[0]) * (source[2] - source[0]) - shape.left
@@ -95,18 +97,18 @@ def stretch_shape(shape: Shape, box: np.ndarray) -> Shape:
     column = np.clip(np.floor(column).astype(int), 0, shape.mask.shape[1] - 1)
     row = np.clip(np.floor(row).astype(int), 0, shape.mask.shape[0] - 1)
     inside = ((y > box[1]) & (y < box[3]))[:, None] & ((x > box[0]) & (x < box[2]))
-    return Shape(shape.mask[np.ix_(row, column)] & inside, int(x[0] - HALF_PIXEL), int(y[0] - HALF_PIXEL))
+    return MaskShape(shape.mask[np.ix_(row, column)] & inside, int(x[0] - HALF_PIXEL), int(y[0] - HALF_PIXEL))
 
 
-def superellipse(box: np.ndarray, power: float = 2.5) -> Shape:
+def superellipse(box: np.ndarray, power: float = 2.5) -> MaskShape:
     """Return the superellipse that fills a box (4,), for objects of unknown shape."""
     x, y = _pixel_centres(box)
     across = np.abs((2 * x - box[0] - box[2]) / (box[2] - box[0])) ** power
     down = np.abs((2 * y - box[1] - box[3]) / (box[3] - box[1])) ** power
-    return Shape(down[:, None] + across <= 1, int(x[0] - HALF_PIXEL), int(y[0] - HALF_PIXEL))
+    return MaskShape(down[:, None] + across <= 1, int(x[0] - HALF_PIXEL), int(y[0] - HALF_PIXEL))
 
 
-def visible_parts(shapes: Sequence[Shape], width: int, height: int) -> list[Shape | None]:
+def visible_parts(shapes: Sequence[MaskShape], width: int, height: int) -> list[MaskShape | None]:
     """Return the visible parts, without small components, of shapes painted in order; None if fully hidden."""
     painted = np.full((height, width), -1, np.int16)
     inside = [shape.cut(width, height) for shape in shapes]
@@ -114,7 +116,7 @@ def visible_parts(shapes: Sequence[Shape], width: int, height: int) -> list[Shap
         painted[shape.window][shape.mask] = number
     visible_masks = [(shape, painted[shape.window] == number) for number, shape in enumerate(inside)]
     return [
-        Shape(without_small_components(mask), shape.left, shape.top) if mask.any() else None
+        MaskShape(without_small_components(mask), shape.left, shape.top) if mask.any() else None
         for shape, mask in visible_masks
     ]
 
@@ -126,9 +128,9 @@ def _filled(mask: np.ndarray) -> np.ndarray:
     return cv2.drawContours(np.zeros(mask.shape, np.uint8), lines, -1, 1, cv2.FILLED) > 0
 
 
-def _trimmed(shape: Shape) -> Shape:
+def _trimmed(shape: MaskShape) -> MaskShape:
     left, top, right, bottom = (shape.box - np.tile([shape.left, shape.top], 2)).astype(int)
-    return Shape(shape.mask[top:bottom, left:right], shape.left + left, shape.top + top)
+    return MaskShape(shape.mask[top:bottom, left:right], shape.left + left, shape.top + top)
 
 
 def _pixel_centres(box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -148,6 +150,6 @@ def backdrop(ids: VisibleIds) -> list[tuple[str, np.ndarray]]:
     rings = [
         (name, ring)
         for name, mask in (("background", ground == 0), ("ground", ground == 1))
-        for ring in Shape(mask, 0, 0).rings()
+        for ring in MaskShape(mask, 0, 0).rings()
     ]
     return [(name, ring) for name, ring in rings if np.ptp(ring, axis=0).min() >= THIN_PX]

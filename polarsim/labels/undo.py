@@ -19,17 +19,17 @@ from polarsim.schemas.photos import UNDONE
 COLUMNS = UNDONE.columns
 MIN_SHIFT_PX = 0.5  # minimum shift of an edge that counts as a change
 
-Labels = Mapping[PhotoKey, Sequence[Label]]
+LabelsByPhoto = Mapping[PhotoKey, Sequence[Label]]
 
 
-def what_followed(
+def derived_labels(
     *,
     drawing: PhotoKey,
     inputs: PropagationInputs,
     options: LabelsOptions,
     out: Path,
 ) -> pd.DataFrame:
-    """Propagate the labels of a terrain with and without an annotation, and write the changes as rows of `followed`.
+    """Propagate the labels of a terrain with and without an annotation, and write the rows of `label_changes`.
 
     Parameters
     ----------
@@ -46,15 +46,15 @@ def what_followed(
     if str(drawing) in options.taken_back:
         raise LabelError(f"the annotation of {drawing} is already excluded (labels.taken_back)")
 
-    def labels(without: tuple[str, ...]) -> Labels:
+    def labels(without: tuple[str, ...]) -> LabelsByPhoto:
         return labels_of_terrain(inputs, options.model_copy(update={"taken_back": without}))
 
-    changes = followed(labels(options.taken_back), labels((*options.taken_back, str(drawing))))
+    changes = label_changes(labels(options.taken_back), labels((*options.taken_back, str(drawing))))
     write_parquet(out, changes)
     return changes
 
 
-def followed(with_it: Labels, without: Labels) -> pd.DataFrame:
+def label_changes(with_it: LabelsByPhoto, without: LabelsByPhoto) -> pd.DataFrame:
     """Return a row with `COLUMNS` for each label that changes without the annotation.
 
     `change` is `gone` (the label disappears), `moved` (an edge shifts by up to `moved_px`) or `new` (a label appears).

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.geometry.boxes import window
+from polarsim.geometry.boxes import pixel_window
 from polarsim.geometry.lens import HALF_PIXEL
-from polarsim.labels.bodies import World
+from polarsim.labels.bodies import TerrainCasters
 from polarsim.labels.brightness import Brightness, noise_dn
 from polarsim.labels.label import Label
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.seeds import ShadowMinExposures, UnlitMinExposures, is_unlit
 from polarsim.photo import SHADOW, Azimuth, PhotoKey
 
-NO_SUN_START_MS = 2048  # minimum exposure labelled in the release if only the rover light is on
+MIN_ROVER_LIGHT_EXPOSURE_MS = 2048  # minimum exposure labelled in the release if only the rover light is on
 POINTS = 150  # approximate number of rays cast to the surface of a rock
 LIFT = 0.003  # metres from the surface to the start of a shadow ray, to avoid self-intersection
 LAMP_ERROR = np.diag([0.6, 0.6, 0.3])  # metres, x y z: two standard deviations of the surveyed lamp positions
@@ -25,7 +25,7 @@ SURROUND = 0.35  # width of the frame around a box that contrast refers to, rela
 INNER = 0.8  # diameter of the ellipse that contains the object, relative to the sides of the box
 
 
-def lit_share(world: World, rock: int, azimuth: Azimuth) -> float:
+def lit_rock_share(world: TerrainCasters, rock: int, azimuth: Azimuth) -> float:
     """Return the share of the surface of a rock lit by a Sun lamp; 1 without a body or lamp."""
     body = world.bodies.get(rock)
     if body is None or azimuth not in world.suns:
@@ -34,14 +34,14 @@ def lit_share(world: World, rock: int, azimuth: Azimuth) -> float:
     return float((~shaded(world, points, world.suns[azimuth])).mean()) if len(points) else 0.0
 
 
-def body_points(world: World, rock: int) -> np.ndarray:
+def body_points(world: TerrainCasters, rock: int) -> np.ndarray:
     """Return about `POINTS` surface points (n, 3) of a rock above the ground."""
     body = world.bodies[rock]
     points = body.vertices[body.above]
     return points[:: max(1, len(points) // POINTS)]
 
 
-def shaded(world: World, points: np.ndarray, lamp: np.ndarray) -> np.ndarray:
+def shaded(world: TerrainCasters, points: np.ndarray, lamp: np.ndarray) -> np.ndarray:
     """Return whether ground, a rock or a wall occludes a lamp (3,) from points (n, 3)."""
     to_lamp = lamp - points
     starts = points + LIFT * to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True)
@@ -51,7 +51,7 @@ def shaded(world: World, points: np.ndarray, lamp: np.ndarray) -> np.ndarray:
     return np.asarray(dark)
 
 
-def omitted_in_dark(world: World, rock: int, azimuth: Azimuth, annotated: Iterable[Azimuth]) -> bool:
+def omitted_in_dark(world: TerrainCasters, rock: int, azimuth: Azimuth, annotated: Iterable[Azimuth]) -> bool:
     """Return whether annotators omit a rock under a Sun lamp because it is dark.
 
     Lamp positions have errors of decimetres, and walls and slopes cast long shadows. A rock is dark if it is dark for
@@ -61,7 +61,7 @@ def omitted_in_dark(world: World, rock: int, azimuth: Azimuth, annotated: Iterab
     return is_dark(world, rock, azimuth) and not any(is_dark(world, rock, other) for other in annotated)
 
 
-def is_dark(world: World, rock: int, azimuth: Azimuth) -> bool:
+def is_dark(world: TerrainCasters, rock: int, azimuth: Azimuth) -> bool:
     """Return whether no surface point of a rock is lit for any lamp position within the error of the survey."""
     if rock not in world.bodies or azimuth not in world.suns:
         return False
@@ -86,7 +86,7 @@ def label_contrast(brightness: Brightness, box: np.ndarray, exposure_ms: float) 
     The mean difference is unsuitable: a rock with a lit and a dark side can have the mean brightness of the sand.
     """
     height, width = brightness.rate.shape
-    part = window(box, np.maximum((box[2:] - box[:2]) * SURROUND, 3.0), width, height)
+    part = pixel_window(box, np.maximum((box[2:] - box[:2]) * SURROUND, 3.0), width, height)
     y, x = (np.arange(side.start, side.stop) + HALF_PIXEL for side in part)
     if min(len(x), len(y)) < 2:
         return NO_CONTRAST
@@ -136,12 +136,12 @@ def has_contrast(label: Label, brightness: Brightness, exposure_ms: int, options
 def labels_by_exposure(labels: list[Label], key: PhotoKey, min_exposures: MinExposures) -> list[Label]:
     """Return the labels that annotators draw at the exposure of a photo.
 
-    Sun lamp: rocks always, shadows from the minimum exposure upwards. Rover light: all labels from `NO_SUN_START_MS`
+    Sun lamp: rocks always, shadows from the minimum exposure. Rover light: all from `MIN_ROVER_LIGHT_EXPOSURE_MS`
     upwards. No lamp: all labels from the minimum exposure of the position upwards, if the position has one.
     """
     if is_unlit(key.light, key.azimuth):
         return labels if min_exposures.unlit_rocks.has_labels(key) else []
     if key.azimuth == "no":
-        return labels if key.exposure_ms >= NO_SUN_START_MS else []
+        return labels if key.exposure_ms >= MIN_ROVER_LIGHT_EXPOSURE_MS else []
     dark = key.exposure_ms < min_exposures.shadows.of(key)
     return [label for label in labels if not (dark and label.kind == SHADOW)]

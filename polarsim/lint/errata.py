@@ -14,7 +14,7 @@ from polarsim.formats import release, tables, thumbnails, yolo
 from polarsim.formats.files import write_text
 from polarsim.lint.findings import Finding, Report
 from polarsim.lint.folders import lint_release
-from polarsim.lint.rules import RULES, chosen
+from polarsim.lint.rules import RULES, select_rules
 from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH
 
 FIGURE_WIDTH_PX = 484  # of a figure on the page
@@ -52,7 +52,7 @@ def lint_and_draw(*, root: Path, twins: Sequence[Path], page: Path, table: Path,
     ]
     tables.write_csv(table, pd.DataFrame(rows, columns=columns))
     pictures = {path.stem: path for folder in twins for path in folder.glob("*.png")}
-    write_errata(report.chosen(chosen(("error", "warning"), ())), root, pictures, page)
+    write_errata(report.chosen(select_rules(("error", "warning"), ())), root, pictures, page)
 
 
 def write_errata(report: Report, root: Path, twins: Mapping[str, Path], page: Path) -> None:

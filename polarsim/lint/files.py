@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from polarsim.geometry.boxes import area, around, iou, largest_iou, match
+from polarsim.geometry.boxes import area, box_around_points, iou, largest_iou, match_by_iou
 from polarsim.geometry.polygons import signed_area
 from polarsim.lint.rules import Defect
 from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, ROCK, SHADOW, WIDTH, PhotoKey
@@ -121,15 +121,15 @@ def file_defects(polygons: Polygons) -> Iterator[Defect]:
     if len(late):
         kind = POLYGON_CLASSES[kinds[late[0]]]
         yield Defect("paint_order", f"polygon {late[0] + 1}: {kind}", tuple(late.tolist()))
-    overlap = iou(boxes_of(polygons, ROCK_POLYGON), boxes_of(polygons, SHADOW_POLYGON))
+    overlap = iou(polygon_boxes(polygons, ROCK_POLYGON), polygon_boxes(polygons, SHADOW_POLYGON))
     if (overlap > NEAR_DUPLICATE_IOU).any():
         yield Defect("polygons_coincide", f"{(overlap > NEAR_DUPLICATE_IOU).sum()} pairs")
 
 
-def against_boxes(polygons: Polygons, labels: Boxes) -> Iterator[Defect]:
+def polygon_box_mismatches(polygons: Polygons, labels: Boxes) -> Iterator[Defect]:
     """Yield defects of objects that only one of the two files of a photo contains."""
     classes, boxes = labels
-    rocks, shadows = boxes_of(polygons, ROCK_POLYGON), boxes_of(polygons, SHADOW_POLYGON)
+    rocks, shadows = polygon_boxes(polygons, ROCK_POLYGON), polygon_boxes(polygons, SHADOW_POLYGON)
     rock_boxes, shadow_boxes = boxes[classes == ROCK_CLASS], boxes[classes == SHADOW_CLASS]
     for name, one, other in (
         ("rock_box_alone", rock_boxes, rocks),
@@ -148,7 +148,7 @@ def against_boxes(polygons: Polygons, labels: Boxes) -> Iterator[Defect]:
 
 def other_camera(polygons: Polygons, key: PhotoKey, labels: Mapping[PhotoKey, Boxes]) -> Iterator[Defect]:
     """Yield a defect if the rocks of a file fit the boxes of the other camera better."""
-    rocks = boxes_of(polygons, ROCK_POLYGON)
+    rocks = polygon_boxes(polygons, ROCK_POLYGON)
     own, twin = labels.get(key), labels.get(key.other_camera)
     if own is None or twin is None or len(rocks) < MIN_ROCKS:
         return
@@ -158,13 +158,13 @@ def other_camera(polygons: Polygons, key: PhotoKey, labels: Mapping[PhotoKey, Bo
 
 
 def _f1(first: np.ndarray, second: np.ndarray) -> float:
-    pairs = len(match(iou(first, second), MIN_MATCHED_IOU)[0])
+    pairs = len(match_by_iou(iou(first, second), MIN_MATCHED_IOU)[0])
     return 2 * pairs / max(1, len(first) + len(second))
 
 
-def boxes_of(polygons: Polygons, kind: int) -> np.ndarray:
+def polygon_boxes(polygons: Polygons, kind: int) -> np.ndarray:
     """Return the boxes (n, 4) around the polygons of a class."""
-    return np.array([around(vertices) for number, vertices in polygons if number == kind]).reshape(-1, 4)
+    return np.array([box_around_points(vertices) for number, vertices in polygons if number == kind]).reshape(-1, 4)
 
 
 def covers_photo(polygons: Polygons) -> bool:

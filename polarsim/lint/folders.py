@@ -15,16 +15,16 @@ from pathlib import Path
 
 from polarsim.errors import FormatError
 from polarsim.formats import obj, png, release, yolo
-from polarsim.formats.files import census, existing_folder
+from polarsim.formats.files import existing_folder, suffix_counts
 from polarsim.formats.release import Layout
 from polarsim.lint.files import (
     Boxes,
     Polygons,
-    against_boxes,
     box_defects,
     count_defects,
     file_defects,
     other_camera,
+    polygon_box_mismatches,
     ring_defects,
 )
 from polarsim.lint.findings import Finding, Findings, Report
@@ -40,7 +40,7 @@ _KEY_AT_START = re.compile(r"\d\d_[A-G]_(?:on|off)_(?:no|30|180|270|350)_[LR]_(\
 IMAGES, LABELS = ("images", "pictures"), ("labels",)  # folders of pictures and labels; `detect` writes pictures/
 
 
-def lint_release(root: Path, workers: int = 1, layout: Layout = release.PUBLISHED) -> Report:
+def lint_release(root: Path, workers: int = 1, layout: Layout = release.PUBLISHED_LAYOUT) -> Report:
     """Validate every terrain of a folder of label files.
 
     Parameters
@@ -54,7 +54,7 @@ def lint_release(root: Path, workers: int = 1, layout: Layout = release.PUBLISHE
         The folder is missing or has no terrain.
     """
     root = Path(root)
-    terrains = release.terrains(root) if layout == release.PUBLISHED else layout.terrains(root)
+    terrains = release.terrains(root) if layout == release.PUBLISHED_LAYOUT else layout.terrains(root)
     if not terrains:
         raise FormatError(
             f"no terrain: expected {release.BOXES}/TerrainNN, {release.POLYGONS}/terrainNN or "
@@ -77,13 +77,13 @@ def _each(lint_one: Callable[[int], Terrain], terrains: list[int], workers: int)
             yield result
 
 
-def lint_terrain(root: Path, terrain: int, layout: Layout = release.PUBLISHED) -> Terrain:
+def lint_terrain(root: Path, terrain: int, layout: Layout = release.PUBLISHED_LAYOUT) -> Terrain:
     """Return the findings of a terrain in the order of files, and counts of its content.
 
     Published labels are boxes; label files in other layouts may be detections, with a confidence.
     """
     findings = Findings(root)
-    published = layout == release.PUBLISHED
+    published = layout == release.PUBLISHED_LAYOUT
     boxes_of, polygons_of = layout.box_files(root, terrain), layout.polygon_files(root, terrain)
     if not layout.polygons:
         boxes_of, polygons_of = _by_content(boxes_of)
@@ -143,16 +143,16 @@ def _lint_polygons(
     for key, annotated in polygons.items():
         if id(annotated) not in own_defects:
             own_defects[id(annotated)] = [*ring_defects(annotated), *file_defects(annotated)]
-        mismatches = against_boxes(annotated, boxes[key]) if key in boxes else ()
+        mismatches = polygon_box_mismatches(annotated, boxes[key]) if key in boxes else ()
         for defect in (*own_defects[id(annotated)], *mismatches, *other_camera(annotated, key, boxes)):
             findings.add(files[key], defect)
     return {"polygon_files": len(files)}
 
 
 def _lint_scene(root: Path, terrain: int, findings: Findings) -> dict[str, int]:
-    meshes, ground = release.mesh_files(root, terrain), release.ground_file(root, terrain)
+    meshes, ground = release.released_meshes(root, terrain), release.ground_file(root, terrain)
     for path in [*meshes.values(), *([ground] if ground else [])]:
-        findings.read(path, obj.read, "unreadable_mesh")
+        findings.read(path, obj.read_obj, "unreadable_mesh")
     covers = release.cover_photos(root, terrain)
     for path in covers.values():
         findings.read(path, lambda picture: png.parse_header(picture.read_bytes()), "unreadable_picture")
@@ -188,7 +188,7 @@ def lint_pictures(root: Path) -> Report:
     root = Path(root)
     pictures, labels = _pictures(root), _labels(root)
     if not labels:
-        raise FormatError(f"no label file (*.txt): found {census(root)}", path=root)
+        raise FormatError(f"no label file (*.txt): found {suffix_counts(root)}", path=root)
     findings = Findings(root)
     names = cache(yolo.class_names)
     boxes = 0
@@ -231,13 +231,13 @@ def _by_stem(root: Path, files: Iterable[Path], folders: tuple[str, ...]) -> dic
             for path, parts_of_path in inside.items()}  # fmt: skip
 
 
-def lint(root: Path, names: Collection[str], *, workers: int = 1, fix: Path | None = None) -> Report:
+def lint_folder(root: Path, names: Collection[str], *, workers: int = 1, fix: Path | None = None) -> Report:
     """Return the findings of some rules in a folder of label files, see `layout_of`.
 
     Parameters
     ----------
     names
-        Selected rules, see `rules.chosen`.
+        Selected rules, see `rules.select_rules`.
     fix
         Output folder of repaired label files; only for the published layout.
 
@@ -247,10 +247,10 @@ def lint(root: Path, names: Collection[str], *, workers: int = 1, fix: Path | No
         The folder is missing, has no known layout, or the copy cannot be written.
     """
     root = existing_folder(root)
-    if release.OF_RUN.terrains(root / "labels"):  # the folder of a run
+    if release.RUN_LAYOUT.terrains(root / "labels"):  # the folder of a run
         root /= "labels"
     layout = layout_of(root)
-    if fix is not None and layout != release.PUBLISHED:
+    if fix is not None and layout != release.PUBLISHED_LAYOUT:
         raise FormatError(f"only the published layout can be repaired, with a folder {release.BOXES}", path=root)
     report = lint_pictures(root) if layout is None else lint_release(root, workers, layout)
     report = report.chosen(names)
@@ -266,16 +266,17 @@ def layout_of(root: Path) -> Layout | None:
         The layout is unknown; the message states the content and the expected layouts.
     """
     if release.terrains(root):
-        return release.PUBLISHED
-    for layout in (release.OF_RUN, release.BY_TERRAIN):
+        return release.PUBLISHED_LAYOUT
+    for layout in (release.RUN_LAYOUT, release.TERRAIN_LAYOUT):
         if layout.terrains(root):
             return layout
     if _pictures(root):
         return None
-    if release.FLAT.terrains(root):
-        return release.FLAT
+    if release.FLAT_LAYOUT.terrains(root):
+        return release.FLAT_LAYOUT
     raise FormatError(
-        f"no terrain and no picture with labels: found {census(root)}; expected {release.BOXES}/TerrainNN/KEY.txt"
+        f"no terrain and no picture with labels: found {suffix_counts(root)}; "
+        f"expected {release.BOXES}/TerrainNN/KEY.txt"
         ", TerrainNN/KEY.txt, KEY.txt, or pictures and label files of equal names in images/ and labels/ or together",
         path=root,
     )

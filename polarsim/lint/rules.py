@@ -103,7 +103,7 @@ RULES: dict[str, Rule] = {
 }  # fmt: skip
 
 
-def chosen(select: Sequence[str], ignore: Sequence[str]) -> set[str]:
+def select_rules(select: Sequence[str], ignore: Sequence[str]) -> set[str]:
     """Return the names of the rules in `select` (all if empty) that are not in `ignore`.
 
     Entries are names, codes or prefixes of codes, severities, or ALL.

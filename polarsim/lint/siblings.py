@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.geometry.boxes import iou, largest_iou, match_sum
-from polarsim.geometry.consensus import MIN_SAME_ROCK_IOU, rocks_called_shadows
+from polarsim.geometry.boxes import iou, largest_iou, match_by_summed_iou
+from polarsim.geometry.consensus import MIN_SAME_ROCK_IOU, find_rocks_labelled_shadow
 from polarsim.lint.files import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
 from polarsim.photo import BOX_CLASSES, SUNS, Bracket, PhotoKey, by_bracket, exposures
@@ -79,7 +79,7 @@ def _against_modal(files: Mapping[PhotoKey, Boxes], number: int, common: np.ndar
     """Yield defects of boxes of a class that are missing, additional or moved relative to the common ones (n, 4)."""
     of_kind, kind = of_class(files, number), BOX_CLASSES[number]
     for key, here in of_kind.items():
-        change = changed(common, here)
+        change = changed_boxes(common, here)
         rows = np.flatnonzero(files[key][0] == number)
         for name, wrong, wanted in (
             ("missing", (), change.missing),
@@ -102,10 +102,10 @@ class Change:
     moved_from: np.ndarray
 
 
-def changed(before: np.ndarray, after: np.ndarray) -> Change:
+def changed_boxes(before: np.ndarray, after: np.ndarray) -> Change:
     """Compare boxes `before` (n, 4) and `after` (m, 4)."""
     overlap = iou(before, after)
-    rows, columns = match_sum(overlap)
+    rows, columns = match_by_summed_iou(overlap)
     same = overlap[rows, columns] > MIN_SAME_IOU
     rows, columns = rows[same], columns[same]
     off = overlap[rows, columns] < MIN_UNMOVED_IOU
@@ -176,7 +176,7 @@ def swapped_classes(files: Mapping[PhotoKey, Boxes]) -> Defects:
     for key, (classes, boxes) in sorted(files.items()):
         shadows = np.flatnonzero(classes == SHADOW_CLASS)
         elsewhere = [rocks[azimuth] for azimuth in rocks if azimuth != key.azimuth]
-        swapped = shadows[rocks_called_shadows(boxes[shadows], boxes[classes == ROCK_CLASS], elsewhere)]
+        swapped = shadows[find_rocks_labelled_shadow(boxes[shadows], boxes[classes == ROCK_CLASS], elsewhere)]
         if len(swapped):
             detail = f"{len(swapped)} boxes, first box {swapped[0] + 1}"
             yield key, Defect("swapped_class", detail, tuple(swapped.tolist()))
@@ -197,7 +197,7 @@ def _across_lights(files: Mapping[PhotoKey, Boxes]) -> Defects:
                 continue
             if len(before) != len(after):
                 yield best[name], Defect(f"light_{kind}s_differ", f"{len(after)}, off: {len(before)}")
-            moved = len(changed(before, after).moved)
+            moved = len(changed_boxes(before, after).moved)
             if moved:
                 yield best[name], Defect(f"light_{kind}_moved", f"{moved} of {len(before)}")
 

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from polarsim import survey
-from polarsim.geometry.boxes import centres, iou, match_sum
+from polarsim.geometry.boxes import box_centres, iou, match_by_summed_iou
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.poses import surveyed_pose
-from polarsim.geometry.stereo import StereoRig, stated_rig
+from polarsim.geometry.stereo import StereoRig, default_rig
 from polarsim.lint.files import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
 from polarsim.lint.siblings import Defects, modals, of_class
@@ -95,7 +95,7 @@ def _view(bracket: Bracket) -> tuple[int, str, str]:
 def _fit(boxes: np.ndarray, known: np.ndarray) -> float:
     """Return the mean IoU of boxes (n, 4) with known boxes."""
     overlap = iou(boxes, known)
-    return float(overlap[match_sum(overlap)].sum() / max(1, len(boxes)))
+    return float(overlap[match_by_summed_iou(overlap)].sum() / max(1, len(boxes)))
 
 
 def _off_epipolar(files: Mapping[PhotoKey, Boxes]) -> Defects:
@@ -126,17 +126,19 @@ def _right_from_left(left: np.ndarray, right: np.ndarray) -> np.ndarray | None:
     for _ in range(PLANE_FITS):
         moved = _moved(left, plane)
         overlap = iou(moved, right)
-        rows, columns = match_sum(overlap)
-        near = np.linalg.norm(centres(moved[rows]) - centres(right[columns]), axis=1) < NEAR_PX
+        rows, columns = match_by_summed_iou(overlap)
+        near = np.linalg.norm(box_centres(moved[rows]) - box_centres(right[columns]), axis=1) < NEAR_PX
         rows, columns = rows[near], columns[near]
         if len(rows) < MIN_PAIRS:
             return None
-        plane = np.linalg.lstsq(_terms(left[rows]), centres(right[columns]) - centres(left[rows]), rcond=None)[0]
+        plane = np.linalg.lstsq(_terms(left[rows]), box_centres(right[columns]) - box_centres(left[rows]), rcond=None)[
+            0
+        ]
     return plane
 
 
 def _terms(boxes: np.ndarray) -> np.ndarray:
-    return np.column_stack([np.ones(len(boxes)), centres(boxes)])
+    return np.column_stack([np.ones(len(boxes)), box_centres(boxes)])
 
 
 def _moved(boxes: np.ndarray, plane: np.ndarray) -> np.ndarray:
@@ -149,7 +151,7 @@ def _off_line(expected: np.ndarray, right: np.ndarray) -> list[int]:
     free = overlap.max(axis=1, initial=0.0) == 0
     rows = []
     for row in np.flatnonzero(overlap.max(axis=0, initial=0.0) == 0).tolist():
-        across, down = (centres(right[row][None]) - centres(expected)).T
+        across, down = (box_centres(right[row][None]) - box_centres(expected)).T
         sides = np.log(
             np.maximum(right[row, 2:] - right[row, :2], 1) / np.maximum(expected[:, 2:] - expected[:, :2], 1)
         )
@@ -164,7 +166,7 @@ def _off_line(expected: np.ndarray, right: np.ndarray) -> list[int]:
 
 def _sunward_shadows(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Yield shadows next to a rock on the side of the Sun lamp without a rock on the opposite side."""
-    rig = stated_rig()
+    rig = default_rig()
     for key, (classes, boxes) in sorted(files.items()):
         if key.azimuth not in SUNS or key.position not in survey.SURVEYED_LEFT:
             continue

@@ -133,7 +133,7 @@ class Bundle:
 
     def png(self, name: str, pixels: Callable[[], np.ndarray], sources: Iterable[Path] = ()) -> Path:
         """Write an image; `pixels` is called only if the file is not up to date."""
-        return self.make(name, lambda path: path.write_bytes(png.encode(pixels())), sources)
+        return self.make(name, lambda path: path.write_bytes(png.encode_png(pixels())), sources)
 
     def text(self, name: str, content: str) -> Path:
         return self.make(name, lambda path: path.write_text(content, encoding="utf-8"))

@@ -57,7 +57,7 @@ LABEL_ORIGINS: dict[str, Origin] = {
 
 
 @dataclass(frozen=True, order=True)
-class Picture:
+class CatalogueImage:
     """Photo or twin: domain (`real`, `analog`, or a reflectance model), key, file and size."""
 
     domain: str
@@ -79,7 +79,7 @@ class Picture:
 
 
 @dataclass(frozen=True)
-class Terrain:
+class CatalogueTerrain:
     """Cameras, lamps, meshes and rocks of a terrain."""
 
     number: int
@@ -110,11 +110,11 @@ class Catalogue:
 
     run: Path
     kind: str  # of the source: analog, polar or release
-    terrains: Mapping[int, Terrain]
-    pictures: tuple[Picture, ...]  # in the order of domains and keys
+    terrains: Mapping[int, CatalogueTerrain]
+    pictures: tuple[CatalogueImage, ...]  # in the order of domains and keys
     drives: tuple[Path, ...] = ()  # folders
     tables: tuple[Path, ...] = ()
-    split: str = ""  # name of the split that `Picture.part` refers to; empty if the run has no split
+    split: str = ""  # name of the split that `CatalogueImage.part` refers to; empty if the run has no split
     config: str = ""  # hash of the run's configuration
     made_on: str = ""  # date (UTC, YYYY-MM-DD) of the run's newest image, label, pose or mesh
     left_out: tuple[str, ...] = field(default_factory=tuple)  # sentences on excluded data
@@ -131,10 +131,10 @@ class Catalogue:
     def domains(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys(picture.domain for picture in self.pictures))
 
-    def of_domain(self, domain: str) -> list[Picture]:
+    def of_domain(self, domain: str) -> list[CatalogueImage]:
         return [picture for picture in self.pictures if picture.domain == domain]
 
-    def picture_origin(self, picture: Picture) -> Origin:
+    def picture_origin(self, picture: CatalogueImage) -> Origin:
         """Return the origin of an image: real photos are measured, photos of the analog and twins are synthetic."""
         return "measured" if picture.domain == "real" else "synthetic"
 
@@ -143,10 +143,10 @@ class Catalogue:
         origin = LABEL_ORIGINS.get(label.source, "fitted")
         return MEASURED[self.kind] if origin == "measured" else origin
 
-    def is_photo(self, picture: Picture) -> bool:
+    def is_photo(self, picture: CatalogueImage) -> bool:
         return picture.domain == self.photo_domain
 
-    def camera(self, picture: Picture) -> Camera | None:
+    def camera(self, picture: CatalogueImage) -> Camera | None:
         """Return the camera of an image; None if the position is not localised."""
         localised = self.terrains[picture.key.terrain].rigs.get(picture.key.position)
         if localised is None:
@@ -154,23 +154,23 @@ class Catalogue:
         camera = localised.camera(picture.key.camera)
         return camera if picture.width == camera.lens.width else camera.scaled(picture.width / camera.lens.width)
 
-    def labels(self, picture: Picture) -> list[Annotation]:
+    def labels(self, picture: CatalogueImage) -> list[Annotation]:
         """Return the labels of an image with masks: propagated labels of photos, exact labels of twins."""
         path = self.label_file(picture)
         return _coco(path, picture.size).get(picture.key, []) if path else []
 
-    def label_file(self, picture: Picture) -> Path | None:
+    def label_file(self, picture: CatalogueImage) -> Path | None:
         """Return the COCO file with the labels of an image; None if the run has no labels yet."""
         stage = "labels" if self.is_photo(picture) else "renders"
         path = self.run / stage / "coco" / f"Terrain{picture.key.terrain:02d}.json"
         return path if path.is_file() else None
 
-    def sources(self, picture: Picture) -> list[Path]:
+    def sources(self, picture: CatalogueImage) -> list[Path]:
         """Return the files of an image, its labels and its pose."""
         files = (picture.path, self.label_file(picture), self.camera_file(picture))
         return [path for path in files if path and path.is_file()]
 
-    def camera_file(self, picture: Picture) -> Path:
+    def camera_file(self, picture: CatalogueImage) -> Path:
         """Return the file with the pose of the stereo rig."""
         return self.run / "cameras" / f"Terrain{picture.key.terrain:02d}" / f"Pos{picture.key.position}.json"
 
@@ -187,12 +187,12 @@ class Catalogue:
             if name in MAPS and path.suffix == ".png" and path.stem in wanted
         ]
 
-    def instances(self, picture: Picture) -> Path | None:
+    def instances(self, picture: CatalogueImage) -> Path | None:
         """Return the instance map of a twin; None for photos."""
         path = Run(self.run).instances(picture.key)
         return path if not self.is_photo(picture) and path.is_file() else None
 
-    def with_pictures(self, pictures: Iterator[Picture] | list[Picture], *notes: str) -> Catalogue:
+    def with_pictures(self, pictures: Iterator[CatalogueImage] | list[CatalogueImage], *notes: str) -> Catalogue:
         """Return the catalogue with these images only; `notes` are the reasons."""
         kept = tuple(pictures)
         terrains = {picture.key.terrain for picture in kept}
@@ -250,28 +250,28 @@ def _has(run: Path, number: int) -> bool:
     return (run / "acquire" / f"Terrain{number:02d}" / "inventory.json").is_file()
 
 
-def _terrain(run: Path, number: int) -> Terrain:
+def _terrain(run: Path, number: int) -> CatalogueTerrain:
     folder = f"Terrain{number:02d}"
     cameras, meshes, rocks = run / "cameras" / folder, run / "meshes" / folder, run / "rocks" / folder
     localised = rigs.read_all_localised(cameras)
     suns = lamps.read_suns(cameras, localised) if localised else {}
     maps = sorted(path for path in (run / "renders" / "maps" / folder).glob("*") if path.is_dir())
-    return Terrain(
+    return CatalogueTerrain(
         number=number,
         kind=read_inventory(run / "acquire" / folder / "inventory.json").kind,
         rigs=localised,
         suns={azimuth: suns[azimuth] for azimuth in SUNS if azimuth in suns},
-        fitted_suns=frozenset(lamps.read_found_suns(cameras)),
+        fitted_suns=frozenset(lamps.read_localised_suns(cameras)),
         meshes=scene.mesh_files(meshes, number) if meshes.is_dir() else {},
-        made_from=scene.made_from(meshes) if meshes.is_dir() else {},
+        made_from=scene.mesh_origins(meshes) if meshes.is_dir() else {},
         rocks=tables.read_parquet(rocks / "rocks.parquet", ["rock"]) if (rocks / "rocks.parquet").is_file() else None,
         maps={path.name: tuple(sorted(path.iterdir())) for path in maps},
     )
 
 
 def _pictures(
-    run: Run, terrains: Mapping[int, Terrain], photo_domain: str, parts: Mapping[PhotoKey, str]
-) -> Iterator[Picture]:
+    run: Run, terrains: Mapping[int, CatalogueTerrain], photo_domain: str, parts: Mapping[PhotoKey, str]
+) -> Iterator[CatalogueImage]:
     for terrain in terrains.values():
         listed = run.folder / "acquire" / terrain.name / "photos.parquet"
         if listed.is_file():
@@ -282,10 +282,10 @@ def _pictures(
                 if not path.is_file():
                     raise FormatError(f"lists {path}, which is missing", listed)
                 size = int(row["width"]), int(row["height"])
-                yield Picture(photo_domain, key, path, *size, row["sha256"], parts.get(key, ""))
+                yield CatalogueImage(photo_domain, key, path, *size, row["sha256"], parts.get(key, ""))
         for model in run.models:
             for key, path in run.pictures_of(model, terrain.number).items():
-                yield Picture(model, key, path, *_size(path), "", parts.get(key, ""))
+                yield CatalogueImage(model, key, path, *_size(path), "", parts.get(key, ""))
 
 
 def _size(path: Path) -> tuple[int, int]:
@@ -335,7 +335,7 @@ def _config(run: Path) -> str:
     return ""
 
 
-def _made_on(run: Path, pictures: tuple[Picture, ...]) -> str:
+def _made_on(run: Path, pictures: tuple[CatalogueImage, ...]) -> str:
     """Return the date of the run's newest file, so that repeated exports give the same bytes.
 
     The environment variable SOURCE_DATE_EPOCH overrides the date, for copies of a run without time stamps

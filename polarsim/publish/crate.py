@@ -12,7 +12,7 @@ from polarsim.photo import NO_ROCK
 from polarsim.publish import records, terms
 from polarsim.publish.bundle import SUMS, Bundle
 from polarsim.publish.card import CARD, DATASHEET
-from polarsim.publish.catalogue import MAPS, Catalogue, Picture
+from polarsim.publish.catalogue import MAPS, Catalogue, CatalogueImage
 
 NEEDS = ("rocrate",)
 FILE = "ro-crate-metadata.json"
@@ -21,7 +21,7 @@ _FORMATS = {".parquet": "application/vnd.apache.parquet", ".csv": "text/csv", ".
             ".obj": "model/obj", ".md": "text/markdown", ".png": "image/png"}  # fmt: skip
 
 
-def crate_bytes(picture: Picture) -> int:
+def crate_bytes(picture: CatalogueImage) -> int:
     return picture.path.stat().st_size + 8000  # and the file with the render settings
 
 

@@ -17,7 +17,7 @@ from polarsim.formats.tables import write_parquet
 from polarsim.publish import records, terms
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.card import rai_answers
-from polarsim.publish.catalogue import MAPS, Catalogue, Picture
+from polarsim.publish.catalogue import MAPS, Catalogue, CatalogueImage
 
 NEEDS = ("mlcroissant",)
 FILE, GEO_FILE = "croissant.json", "geocroissant.json"
@@ -30,7 +30,7 @@ SANDBOX_WKT = (
 )
 
 
-def croissant_bytes(picture: Picture) -> int:
+def croissant_bytes(picture: CatalogueImage) -> int:
     return picture.path.stat().st_size + 4000  # and the table rows
 
 
@@ -40,12 +40,12 @@ def write_croissant(catalogue: Catalogue, bundle: Bundle) -> None:
     tables = records.all_tables(catalogue, bundle)
     for name, table in tables.items():
         bundle.make(f"{name}.parquet", partial(write_parquet, table=table))
-    content = metadata(catalogue, tables, bundle)
+    content = croissant_metadata(catalogue, tables, bundle)
     bundle.json(FILE, content)
     bundle.json(GEO_FILE, _geographic(content))
 
 
-def metadata(catalogue: Catalogue, tables: dict[str, pd.DataFrame], bundle: Bundle) -> dict[str, Any]:
+def croissant_metadata(catalogue: Catalogue, tables: dict[str, pd.DataFrame], bundle: Bundle) -> dict[str, Any]:
     """Return the JSON-LD, validated by mlcroissant."""
     import mlcroissant as mlc
 

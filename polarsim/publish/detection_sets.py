@@ -14,21 +14,21 @@ from polarsim.geometry.boxes import clip
 from polarsim.photo import BOX_CLASSES
 from polarsim.publish import terms
 from polarsim.publish.bundle import Bundle
-from polarsim.publish.catalogue import Catalogue, Picture
+from polarsim.publish.catalogue import Catalogue, CatalogueImage
 
 UNASSIGNED = "unassigned"  # part of all images of a run without a split
 PARTS = {"train": "train", "val": "val", "test": "test", "": UNASSIGNED}
 
 
-def coco_bytes(picture: Picture) -> int:
+def coco_bytes(picture: CatalogueImage) -> int:
     return picture.path.stat().st_size + 20_000
 
 
-def yolo_bytes(picture: Picture) -> int:
+def yolo_bytes(picture: CatalogueImage) -> int:
     return picture.width * picture.height + 2000  # 8 bits; noise is hardly compressible
 
 
-def write_coco(catalogue: Catalogue, bundle: Bundle) -> None:
+def write_coco_set(catalogue: Catalogue, bundle: Bundle) -> None:
     """Write `images/<domain>/KEY.png`, 16 bits, and `annotations/<domain>_<part>.json`."""
     for picture in catalogue.pictures:
         bundle.copy(f"images/{picture.name}.png", picture.path)
@@ -40,14 +40,14 @@ def write_coco(catalogue: Catalogue, bundle: Bundle) -> None:
                 bundle.make(
                     f"annotations/{domain}_{part}.json",
                     partial(
-                        coco.write_pictures,
+                        coco.write_coco_images,
                         pictures=rows,
                         description=f"{terms.summary(catalogue)} {terms.split_of(catalogue)}",
                     ),
                 )
 
 
-def _image(catalogue: Catalogue, picture: Picture) -> dict[str, object]:
+def _image(catalogue: Catalogue, picture: CatalogueImage) -> dict[str, object]:
     file = {"file_name": f"{picture.name}.png", "width": picture.width, "height": picture.height}
     source = {"domain": picture.domain, "origin": catalogue.picture_origin(picture), "part": picture.part}
     return {"id": coco.image_id(picture.key), **file, **key_columns(picture.key), **source}
@@ -59,7 +59,7 @@ def write_yolo(catalogue: Catalogue, bundle: Bundle) -> None:
         pictures = catalogue.of_domain(domain)
         for picture in pictures:
             name = f"{PARTS[picture.part]}/{picture.key}"
-            bundle.png(f"{domain}/images/{name}.png", partial(shown, picture), [picture.path])
+            bundle.png(f"{domain}/images/{name}.png", partial(tone_mapped, picture), [picture.path])
             bundle.make(f"{domain}/labels/{name}.txt", partial(_write_boxes, catalogue, picture))
         present = [part for part in PARTS.values() if any(PARTS[picture.part] == part for picture in pictures)]
         part_of = {part: part if part in present else present[0] for part in ("train", "val")}  # both are required
@@ -70,12 +70,12 @@ def write_yolo(catalogue: Catalogue, bundle: Bundle) -> None:
         bundle.text(f"{domain}.yaml", "\n".join([*lines, "names:", *names, ""]))
 
 
-def shown(picture: Picture) -> np.ndarray:
+def tone_mapped(picture: CatalogueImage) -> np.ndarray:
     """Return an image (h, w) uint8 with the tone curve of the run's detectors; YOLO trainers expect 8 bits."""
-    return to_8_bits(png.read(picture.path))
+    return to_8_bits(png.read_png(picture.path))
 
 
-def _write_boxes(catalogue: Catalogue, picture: Picture, path: Path) -> None:
+def _write_boxes(catalogue: Catalogue, picture: CatalogueImage, path: Path) -> None:
     labels = catalogue.labels(picture)
     boxes = clip(np.array([label.box for label in labels], float).reshape(-1, 4), picture.width, picture.height)
     yolo.write_boxes(path, np.array([BOX_CLASSES.index(label.kind) for label in labels]), boxes, picture.size)

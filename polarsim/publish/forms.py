@@ -20,12 +20,12 @@ from polarsim.publish import (
     weights,
 )
 from polarsim.publish.bundle import Bundle
-from polarsim.publish.catalogue import Catalogue, Picture
+from polarsim.publish.catalogue import Catalogue, CatalogueImage
 
 Write = Callable[[Catalogue, Bundle], None]
 
 
-def no_picture(_: Picture) -> int:
+def no_picture(_: CatalogueImage) -> int:
     """Return 0 bytes per image, for formats without images."""
     return 0
 
@@ -36,7 +36,7 @@ class Form:
 
     description: str  # of the folder, for the data card
     write: Write
-    bytes_of: Callable[[Picture], int]  # approximate size of an image
+    bytes_of: Callable[[CatalogueImage], int]  # approximate size of an image
     needs: tuple[str, ...] = ()  # optional packages
     front: Callable[[Catalogue], str] = lambda _: ""  # front matter of the data card
     fixed: Callable[[Catalogue], int] = lambda _: 0  # approximate size of all other files, bytes
@@ -73,14 +73,14 @@ FORMS: dict[str, Form] = {
     ),
     "parquet": Form(
         "Content of `hf` in Parquet files that include the images. Read it with `load_dataset(FOLDER, DOMAIN)`.",
-        huggingface.write_parquet, huggingface.huggingface_bytes,
+        huggingface.write_parquet_folder, huggingface.huggingface_bytes,
         front=partial(huggingface.front, parquet=True), by_part=True,
     ),
     "coco": Form(
         "`images/<domain>/KEY.png` with 16 bits and `annotations/<domain>_<part>.json`: boxes, visible masks (RLE) "
         "and, for twins, amodal masks (`amodal_segmentation`, `amodal_bbox`, `visible_share`); `shadow_of` is the id "
         "of the rock annotation that casts a shadow. Readable by `pycocotools`.",
-        detection_sets.write_coco, detection_sets.coco_bytes, by_part=True,
+        detection_sets.write_coco_set, detection_sets.coco_bytes, by_part=True,
     ),
     "yolo": Form(
         "A data set per domain for YOLO trainers: `<domain>.yaml`, `<domain>/images/<part>/KEY.png` with 8 bits (tone "

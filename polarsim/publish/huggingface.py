@@ -16,7 +16,7 @@ from polarsim.formats.tables import key_columns
 from polarsim.photo import BOX_CLASSES
 from polarsim.publish import records, terms
 from polarsim.publish.bundle import Bundle
-from polarsim.publish.catalogue import Catalogue, Picture
+from polarsim.publish.catalogue import Catalogue, CatalogueImage
 from polarsim.publish.detection_sets import UNASSIGNED
 
 SPLITS = {"train": "train", "val": "validation", "test": "test", "": UNASSIGNED}
@@ -34,7 +34,7 @@ _PICTURE = {
 }  # fmt: skip
 
 
-def huggingface_bytes(picture: Picture) -> int:
+def huggingface_bytes(picture: CatalogueImage) -> int:
     return picture.path.stat().st_size + 40_000  # and the instance map and metadata
 
 
@@ -54,7 +54,7 @@ def write_folder(catalogue: Catalogue, bundle: Bundle) -> None:
         bundle.make(f"{domain}/{split}/metadata.parquet", partial(_write_metadata, lines))
 
 
-def write_parquet(catalogue: Catalogue, bundle: Bundle) -> None:
+def write_parquet_folder(catalogue: Catalogue, bundle: Bundle) -> None:
     """Write `<domain>/<split>-00000-of-00001.parquet` with the images included."""
     for (domain, split), pictures in _splits(catalogue).items():
         shards = _shards(pictures)
@@ -63,7 +63,7 @@ def write_parquet(catalogue: Catalogue, bundle: Bundle) -> None:
             bundle.make(name, partial(_write_shard, catalogue, shard), _sources(catalogue, shard))
 
 
-def row_of(catalogue: Catalogue, picture: Picture) -> dict[str, Any]:
+def row_of(catalogue: Catalogue, picture: CatalogueImage) -> dict[str, Any]:
     """Return the metadata of an image: key, origin, camera and labels."""
     camera = catalogue.camera(picture)
     pose = camera.world_from_camera.matrix.tolist() if camera else []
@@ -77,7 +77,7 @@ def row_of(catalogue: Catalogue, picture: Picture) -> dict[str, Any]:
             "category": BOX_CLASSES.index(row["kind"]),
             **{name: row[name] for name in _LABEL if name not in ("bbox", "category")},
         }
-        for row in records.label_rows(catalogue, picture)
+        for row in records.image_label_rows(catalogue, picture)
     ]
     return {
         **key_columns(picture.key),
@@ -114,14 +114,14 @@ def front(catalogue: Catalogue, parquet: bool) -> str:
     return "\n".join([*lines, "---", "", ""])
 
 
-def _splits(catalogue: Catalogue) -> dict[tuple[str, str], list[Picture]]:
-    splits: dict[tuple[str, str], list[Picture]] = {}
+def _splits(catalogue: Catalogue) -> dict[tuple[str, str], list[CatalogueImage]]:
+    splits: dict[tuple[str, str], list[CatalogueImage]] = {}
     for picture in catalogue.pictures:
         splits.setdefault((picture.domain, SPLITS[picture.part]), []).append(picture)
     return dict(sorted(splits.items()))
 
 
-def _write_ids(catalogue: Catalogue, bundle: Bundle, picture: Picture, name: str) -> None:
+def _write_ids(catalogue: Catalogue, bundle: Bundle, picture: CatalogueImage, name: str) -> None:
     exact = catalogue.instances(picture)
     if exact:
         bundle.copy(name, exact)
@@ -129,12 +129,12 @@ def _write_ids(catalogue: Catalogue, bundle: Bundle, picture: Picture, name: str
         bundle.png(name, lambda: records.id_map(catalogue, picture), catalogue.sources(picture))
 
 
-def _sources(catalogue: Catalogue, pictures: list[Picture]) -> list[Path]:
+def _sources(catalogue: Catalogue, pictures: list[CatalogueImage]) -> list[Path]:
     return [path for picture in pictures for path in catalogue.sources(picture)]
 
 
-def _shards(pictures: list[Picture]) -> list[list[Picture]]:
-    shards: list[list[Picture]] = [[]]
+def _shards(pictures: list[CatalogueImage]) -> list[list[CatalogueImage]]:
+    shards: list[list[CatalogueImage]] = [[]]
     shard_size = 0
     for picture in pictures:
         size = picture.path.stat().st_size
@@ -146,7 +146,7 @@ def _shards(pictures: list[Picture]) -> list[list[Picture]]:
     return shards
 
 
-def _write_shard(catalogue: Catalogue, pictures: list[Picture], path: Path) -> None:
+def _write_shard(catalogue: Catalogue, pictures: list[CatalogueImage], path: Path) -> None:
     import pyarrow as pa
     from pyarrow import parquet
 
@@ -157,10 +157,10 @@ def _write_shard(catalogue: Catalogue, pictures: list[Picture], path: Path) -> N
             writer.write_table(pa.Table.from_pylist(rows, schema))
 
 
-def _full_rows(catalogue: Catalogue, pictures: list[Picture]) -> Iterator[dict[str, Any]]:
+def _full_rows(catalogue: Catalogue, pictures: list[CatalogueImage]) -> Iterator[dict[str, Any]]:
     for picture in pictures:
         exact = catalogue.instances(picture)
-        ids = exact.read_bytes() if exact else png.encode(records.id_map(catalogue, picture))
+        ids = exact.read_bytes() if exact else png.encode_png(records.id_map(catalogue, picture))
         yield {
             "image": {"bytes": picture.path.read_bytes(), "path": f"{picture.key}.png"},
             "ids": {"bytes": ids, "path": f"{picture.key}_ids.png"},

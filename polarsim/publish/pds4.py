@@ -16,8 +16,8 @@ from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 from polarsim.publish import records, terms
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.card import card
-from polarsim.publish.catalogue import MAPS, Catalogue, Origin, Picture
-from polarsim.publish.detection_sets import shown
+from polarsim.publish.catalogue import MAPS, Catalogue, CatalogueImage, Origin
+from polarsim.publish.detection_sets import tone_mapped
 
 NAMESPACE = "urn:local:polarsim"  # of all identifiers; urn:nasa:pds is reserved for NASA
 FRAMES = (
@@ -37,7 +37,7 @@ _NAMES = {  # columns of names, keys and counts
 }  # fmt: skip
 
 
-def pds4_bytes(picture: Picture) -> int:
+def pds4_bytes(picture: CatalogueImage) -> int:
     return 5 * picture.width * picture.height + 8000  # image and instance map of two bytes, browse image of one
 
 
@@ -89,10 +89,10 @@ class Archive:
         observation = pds4.observation(identity, self.observed("Derived"))
         self._label(collection, name, pds4.label("Product_Observational", identity, observation, area))
 
-    def browse(self, collection: Collection, picture: Picture) -> None:
+    def browse(self, collection: Collection, picture: CatalogueImage) -> None:
         name = str(picture.key)
         file = f"{collection.name}/{name}.png"
-        self.bundle.png(file, lambda: shown(picture), [picture.path])
+        self.bundle.png(file, lambda: tone_mapped(picture), [picture.path])
         identity = self._identity(collection, name, f"Browse image of {picture.name}", "Tone-mapped to 8 bits.")
         area = node(
             "File_Area_Browse",
@@ -212,7 +212,7 @@ def _write_domain(archive: Archive, domain: str) -> None:
         text = f"Grey values, black at {BLACK_LEVEL} DN, white at {WHITE_LEVEL} DN. {_ORIGINS[origin]} {FRAMES}"
         shape = (picture.height, picture.width)
         archive.array(
-            data, str(picture.key), partial(png.read, picture.path), [picture.path], title=f"Image {picture.name}",
+            data, str(picture.key), partial(png.read_png, picture.path), [picture.path], title=f"Image {picture.name}",
             description=text, unit="DN", level=_LEVELS[origin], shape=shape,
         )  # fmt: skip
         # The table of labels has the origin of each label; labels of photos are propagated, except for the seeds.
@@ -245,7 +245,7 @@ def _write_maps(archive: Archive) -> None:
 
 def _bands(path: Path) -> np.ndarray:
     """Read an array (h, w), or (3, h, w) for normals."""
-    values = png.read(path)
+    values = png.read_png(path)
     return np.moveaxis(values, 2, 0) if values.ndim == 3 else values
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.errors import within
+from polarsim.errors import with_part
 from polarsim.formats import colmap, gltf, obj
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.meshes import Mesh
@@ -17,15 +17,15 @@ from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import NO_ROCK
 from polarsim.publish.bundle import Bundle
-from polarsim.publish.catalogue import Catalogue, Picture, Terrain
-from polarsim.publish.detection_sets import shown
+from polarsim.publish.catalogue import Catalogue, CatalogueImage, CatalogueTerrain
+from polarsim.publish.detection_sets import tone_mapped
 from polarsim.randomness import generator
 
 POINTS = 60_000  # approximate number of points per terrain
 CV_FROM_GL = np.diag([1.0, -1.0, -1.0, 1.0])  # camera frames: OpenGL -z forward and y up, OpenCV z forward and y down
 
 
-def reconstruction_bytes(picture: Picture) -> int:
+def reconstruction_bytes(picture: CatalogueImage) -> int:
     return picture.width * picture.height + 2000
 
 
@@ -35,7 +35,7 @@ def write_colmap(catalogue: Catalogue, bundle: Bundle) -> None:
         folder = f"{domain}/{terrain.name}"
         _write_images(bundle, folder, pictures)
         points, colours = cloud(terrain)
-        by_moment: dict[str, dict[str, Picture]] = {}
+        by_moment: dict[str, dict[str, CatalogueImage]] = {}
         for picture in pictures:
             left = picture.key if picture.key.camera == "L" else picture.key.other_camera
             by_moment.setdefault(str(left), {})[picture.key.camera] = picture
@@ -68,7 +68,7 @@ def write_nerfstudio(catalogue: Catalogue, bundle: Bundle) -> None:
         for picture in pictures:
             camera = catalogue.camera(picture)
             assert camera is not None  # `_scenes` yields images of localised positions only
-            frames.append(frame(f"images/{picture.key}.png", camera))
+            frames.append(nerfstudio_frame(f"images/{picture.key}.png", camera))
         content = {
             "camera_model": "OPENCV",
             "applied_transform": np.eye(4)[:3].tolist(),
@@ -79,7 +79,7 @@ def write_nerfstudio(catalogue: Catalogue, bundle: Bundle) -> None:
         bundle.make(f"{folder}/points.ply", partial(_write_cloud, terrain))
 
 
-def frame(name: str, camera: Camera) -> dict[str, Any]:
+def nerfstudio_frame(name: str, camera: Camera) -> dict[str, Any]:
     """Return the entry of an image in `transforms.json`; nerfstudio also has pixel centres at integer + 0.5."""
     lens = camera.lens
     k1, k2, p1, p2, k3 = lens.distortion
@@ -100,15 +100,17 @@ def frame(name: str, camera: Camera) -> dict[str, Any]:
     }
 
 
-def cloud(terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
+def cloud(terrain: CatalogueTerrain) -> tuple[np.ndarray, np.ndarray]:
     """Sample points (n, 3) uniformly on ground and rocks, with colours (n, 3) uint8; n is 0 without meshes."""
-    parts = [(rock, obj.read(path)) for rock, path in terrain.meshes.items()]
+    parts = [(rock, obj.read_obj(path)) for rock, path in terrain.meshes.items()]
     areas = np.array([_areas(mesh).sum() for _, mesh in parts])
     points, colours = [np.zeros((0, 3))], [np.zeros((0, 3), np.uint8)]
     for (rock, mesh), area in zip(parts, areas, strict=True):
         count = max(100, round(POINTS * area / areas.sum()))
         points.append(_sample(mesh, count, generator(0, "publish", "cloud", terrain.number, rock)))
-        colours.append(np.tile((gltf.SAND if rock == NO_ROCK else gltf.ROCK).astype(np.uint8), (count, 1)))
+        colours.append(
+            np.tile((gltf.SAND_COLOUR if rock == NO_ROCK else gltf.ROCK_COLOUR).astype(np.uint8), (count, 1))
+        )
     return np.concatenate(points), np.concatenate(colours)
 
 
@@ -127,14 +129,14 @@ def _sample(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray:
     return np.asarray(np.round(a + u * (b - a) + v * (c - a), 5))
 
 
-def _write_cloud(terrain: Terrain, path: Path) -> None:
+def _write_cloud(terrain: CatalogueTerrain, path: Path) -> None:
     import trimesh
 
     points, colours = cloud(terrain)
     path.write_bytes(trimesh.PointCloud(points, colors=colours).export(file_type="ply"))
 
 
-def _scenes(catalogue: Catalogue) -> Iterator[tuple[str, Terrain, list[Picture]]]:
+def _scenes(catalogue: Catalogue) -> Iterator[tuple[str, CatalogueTerrain, list[CatalogueImage]]]:
     """Yield domain, terrain and images of localised positions."""
     for domain in catalogue.domains:
         for terrain in catalogue.terrains.values():
@@ -144,18 +146,18 @@ def _scenes(catalogue: Catalogue) -> Iterator[tuple[str, Terrain, list[Picture]]
                 yield domain, terrain, localised
 
 
-def _write_images(bundle: Bundle, folder: str, pictures: list[Picture]) -> None:
+def _write_images(bundle: Bundle, folder: str, pictures: list[CatalogueImage]) -> None:
     for picture in pictures:
-        bundle.png(f"{folder}/images/{picture.key}.png", partial(shown, picture), [picture.path])
+        bundle.png(f"{folder}/images/{picture.key}.png", partial(tone_mapped, picture), [picture.path])
 
 
-def _pose(terrain: Terrain, picture: Picture) -> Pose:
+def _pose(terrain: CatalogueTerrain, picture: CatalogueImage) -> Pose:
     return terrain.rigs[picture.key.position].sandbox_from_left
 
 
-def _rig(terrain: Terrain, picture: Picture) -> StereoRig:
+def _rig(terrain: CatalogueTerrain, picture: CatalogueImage) -> StereoRig:
     """Return the stereo rig of a terrain scaled to the size of an image."""
-    with within(terrain.name):
-        rig = colmap.one_rig(terrain.rigs)
+    with with_part(terrain.name):
+        rig = colmap.common_rig(terrain.rigs)
     factor = picture.width / rig.left.width
     return rig if factor == 1 else StereoRig(rig.left.scaled(factor), rig.right.scaled(factor), rig.left_from_right)

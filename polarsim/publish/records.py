@@ -13,7 +13,7 @@ from polarsim.formats.tables import key_columns
 from polarsim.geometry.poses import Pose
 from polarsim.photo import CAMERAS, NO_ROCK, ROCK
 from polarsim.publish.bundle import Bundle
-from polarsim.publish.catalogue import MAPS, Catalogue, Picture, shadow_casters
+from polarsim.publish.catalogue import MAPS, Catalogue, CatalogueImage, shadow_casters
 from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 
 PICTURE_FILE, MAP_FILE = "pictures/{name}.png", "maps/{name}/{stem}.png"
@@ -114,7 +114,7 @@ def pictures(catalogue: Catalogue, bundle: Bundle | None = None) -> pd.DataFrame
 
 def labels(catalogue: Catalogue) -> pd.DataFrame:
     """Return a row per label of every image."""
-    rows = [row for picture in catalogue.pictures for row in label_rows(catalogue, picture)]
+    rows = [row for picture in catalogue.pictures for row in image_label_rows(catalogue, picture)]
     columns = [
         "picture", "label", "kind", "rock", "shadow_of", "source", "confidence", "x0", "y0", "x1", "y1", "area_px",
         "mask_rle", "amodal_rle", "visible_share", "origin",
@@ -122,7 +122,7 @@ def labels(catalogue: Catalogue) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def label_rows(catalogue: Catalogue, picture: Picture) -> Iterator[dict[str, Any]]:
+def image_label_rows(catalogue: Catalogue, picture: CatalogueImage) -> Iterator[dict[str, Any]]:
     """Yield the rows of the labels of an image."""
     annotations = catalogue.labels(picture)
     for index, (label, caster) in enumerate(zip(annotations, shadow_casters(annotations), strict=True)):
@@ -244,10 +244,10 @@ def copy_pictures(catalogue: Catalogue, bundle: Bundle) -> None:
         bundle.copy(PICTURE_FILE.format(name=picture.name), picture.path)
 
 
-def ids(catalogue: Catalogue, picture: Picture) -> np.ndarray:
+def ids(catalogue: Catalogue, picture: CatalogueImage) -> np.ndarray:
     """Return the instance map (h, w) uint16: rendered for twins, otherwise `id_map`."""
     exact = catalogue.instances(picture)
-    return png.read(exact) if exact else id_map(catalogue, picture)
+    return png.read_png(exact) if exact else id_map(catalogue, picture)
 
 
 def copy_maps(catalogue: Catalogue, bundle: Bundle) -> None:
@@ -266,7 +266,7 @@ def maps(catalogue: Catalogue) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def id_map(catalogue: Catalogue, picture: Picture) -> np.ndarray:
+def id_map(catalogue: Catalogue, picture: CatalogueImage) -> np.ndarray:
     """Return an instance map (h, w) uint16 from masks: 1000 + k for rock k, 2000 + k for its shadow, or `UNKNOWN`.
 
     Rocks overwrite shadows. Visible masks of rocks do not overlap; masks of shadows may overlap.

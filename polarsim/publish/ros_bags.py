@@ -17,7 +17,7 @@ from polarsim.formats.ros import Stamped
 from polarsim.geometry.poses import Pose
 from polarsim.photo import CAMERAS
 from polarsim.publish.bundle import Bundle
-from polarsim.publish.catalogue import Catalogue, Picture
+from polarsim.publish.catalogue import Catalogue, CatalogueImage
 from polarsim.schemas.photos import BOX
 
 NEEDS = ("mcap", "mcap_ros2", "rosbags")
@@ -25,7 +25,7 @@ SIDES = {"L": "left", "R": "right"}
 SECOND = 1_000_000_000  # ns; also the first stamp, since 0 means `the latest` in tf2
 
 
-def bag_bytes(picture: Picture) -> int:
+def bag_bytes(picture: CatalogueImage) -> int:
     return picture.path.stat().st_size + 4000
 
 
@@ -38,33 +38,33 @@ def write_bags(catalogue: Catalogue, bundle: Bundle) -> None:
     for name, path in _drives(catalogue).items():
         folder = f"drives/{name}"
         copied = bundle.copy(f"{folder}/{name}.mcap", path)
-        bundle.text(f"{folder}/{bags.METADATA}", bags.metadata(copied, f"{name}.mcap"))
+        bundle.text(f"{folder}/{bags.METADATA}", bags.bag_metadata(copied, f"{name}.mcap"))
     for (domain, terrain, position), pictures in _stations(catalogue).items():
         name = f"Terrain{terrain:02d}_Pos{position}"
         folder = f"stations/{domain}/{name}"
         sources = [path for picture in pictures for path in catalogue.sources(picture)]
         bag = bundle.make(f"{folder}/{name}.mcap", partial(_write_station, catalogue, pictures), sources)
-        bundle.text(f"{folder}/{bags.METADATA}", bags.metadata(bag, f"{name}.mcap"))
+        bundle.text(f"{folder}/{bags.METADATA}", bags.bag_metadata(bag, f"{name}.mcap"))
 
 
 def _drives(catalogue: Catalogue) -> dict[str, Path]:
     return {folder.name: folder / "drive.mcap" for folder in catalogue.drives if (folder / "drive.mcap").is_file()}
 
 
-def _stations(catalogue: Catalogue) -> dict[tuple[str, int, str], list[Picture]]:
+def _stations(catalogue: Catalogue) -> dict[tuple[str, int, str], list[CatalogueImage]]:
     """Return the images of localised positions by domain, terrain and position."""
-    stations: dict[tuple[str, int, str], list[Picture]] = {}
+    stations: dict[tuple[str, int, str], list[CatalogueImage]] = {}
     for picture in catalogue.pictures:
         if catalogue.camera(picture):
             stations.setdefault((picture.domain, *picture.key.station), []).append(picture)
     return stations
 
 
-def _write_station(catalogue: Catalogue, pictures: list[Picture], path: Path) -> None:
-    bags.write(path, [stream(catalogue, pictures)])
+def _write_station(catalogue: Catalogue, pictures: list[CatalogueImage], path: Path) -> None:
+    bags.write_mcap_bag(path, [stream(catalogue, pictures)])
 
 
-def stream(catalogue: Catalogue, pictures: list[Picture]) -> Iterator[Stamped]:
+def stream(catalogue: Catalogue, pictures: list[CatalogueImage]) -> Iterator[Stamped]:
     """Yield the messages of a station in the order of stamps."""
     localised = catalogue.terrains[pictures[0].key.terrain].rigs[pictures[0].key.position]
     yield (
@@ -84,7 +84,7 @@ def stream(catalogue: Catalogue, pictures: list[Picture]) -> Iterator[Stamped]:
             ]
         },
     )
-    pairs: dict[str, list[Picture]] = {}
+    pairs: dict[str, list[CatalogueImage]] = {}
     for picture in pictures:
         pairs.setdefault(str(picture.key).replace("_R_", "_L_"), []).append(picture)
     for number, pair in enumerate(pairs.values(), 1):
@@ -92,7 +92,7 @@ def stream(catalogue: Catalogue, pictures: list[Picture]) -> Iterator[Stamped]:
             yield from _messages(catalogue, picture, number * SECOND)
 
 
-def _messages(catalogue: Catalogue, picture: Picture, time_ns: int) -> Iterator[Stamped]:
+def _messages(catalogue: Catalogue, picture: CatalogueImage, time_ns: int) -> Iterator[Stamped]:
     side, camera = SIDES[picture.key.camera], catalogue.camera(picture)
     assert camera is not None  # stations are localised
     frame = f"{side}_optical"

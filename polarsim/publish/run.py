@@ -12,7 +12,7 @@ from polarsim import __version__
 from polarsim.digest import code_digest
 from polarsim.errors import ConfigError
 from polarsim.formats.files import write_json
-from polarsim.progress import share_bar
+from polarsim.progress import progress_bar
 from polarsim.publish.bundle import Bundle, check_space
 from polarsim.publish.card import write_card
 from polarsim.publish.catalogue import Catalogue, read_catalogue
@@ -24,7 +24,7 @@ NO_PART = "in no part"  # phrase in the note on excluded images
 ALL = "all"  # all formats that are available for a run
 
 
-def publish(
+def publish_forms(
     run: Path,
     out: Path,
     forms: Sequence[str],
@@ -86,7 +86,7 @@ def publish(
 
 def publish_run(*, form: str, receipt: Path, options: PublishOptions, split: str = "") -> None:
     """Publish the run that contains `receipt` to `publish/<form>/`, and write a summary to `receipt`."""
-    part = publish(
+    part = publish_forms(
         receipt.parents[1],
         receipt.parent,
         [form],
@@ -138,7 +138,7 @@ def _without_nasa_photos(catalogue: Catalogue, photos: bool) -> Catalogue:
     return catalogue.with_pictures(kept, "NASA's photos are not included: download them from NASA by the photo keys.")
 
 
-def summary(form: str, part: Catalogue, folder: Path) -> str:
+def form_summary(form: str, part: Catalogue, folder: Path) -> str:
     """Return the lines that the command prints for a format."""
     content = form if FORMS[form].bytes_of is no_picture else f"{len(part.pictures)} images"
     return "\n".join([f"{content} in {folder}", *(note for note in part.left_out if NO_PART in note)])
@@ -188,7 +188,7 @@ def _write(name: str, catalogue: Catalogue, folder: Path, recipe: dict[str, Any]
 @contextmanager
 def _file_progress(text: str, pictures: int) -> Iterator[Callable[[], None]]:
     """Show a progress bar; the number of files is estimated by the number of images."""
-    with share_bar(text) as update:
+    with progress_bar(text) as update:
         files = 0
 
         def on_file() -> None:

@@ -15,7 +15,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.photo import CAMERAS, NO_ROCK, ROCK
 from polarsim.publish.bundle import Bundle
-from polarsim.publish.catalogue import Catalogue, Terrain
+from polarsim.publish.catalogue import Catalogue, CatalogueTerrain
 from polarsim.publish.reconstruction import CV_FROM_GL
 
 USD_NEEDS = ("pxr",)
@@ -27,12 +27,12 @@ LAMP_RADIUS = 0.02  # metres; lamps are rendered as points
 def write_gltf(catalogue: Catalogue, bundle: Bundle) -> None:
     """Write `terrainNN.glb`: ground and rocks as named nodes, cameras and lamps; +Y up as required by glTF."""
     for terrain in _meshed(catalogue):
-        parts = {_name(rock): obj.read(path) for rock, path in terrain.meshes.items()}
+        parts = {_name(rock): obj.read_obj(path) for rock, path in terrain.meshes.items()}
         extras = {_name(rock): _attributes(terrain, rock) for rock in terrain.meshes}
         bundle.make(
             gltf.name(terrain.number),
             partial(
-                gltf.write,
+                gltf.write_glb,
                 parts=parts,
                 support=_support(terrain),
                 extras=extras,
@@ -41,7 +41,7 @@ def write_gltf(catalogue: Catalogue, bundle: Bundle) -> None:
         )
 
 
-def _support(terrain: Terrain) -> dict[str, np.ndarray]:
+def _support(terrain: CatalogueTerrain) -> dict[str, np.ndarray]:
     """Return the support of each vertex by scans, by node; empty if the run has no table of support."""
     path = next(iter(terrain.meshes.values())).with_name("support.parquet")
     if not path.is_file():
@@ -51,27 +51,27 @@ def _support(terrain: Terrain) -> dict[str, np.ndarray]:
     return {_name(rock): by_file[file.name] for rock, file in terrain.meshes.items() if file.name in by_file}
 
 
-def _attributes(terrain: Terrain, rock: int) -> dict[str, Any]:
+def _attributes(terrain: CatalogueTerrain, rock: int) -> dict[str, Any]:
     identity = {"terrain": terrain.number, "class": "ground" if rock == NO_ROCK else ROCK, "rock_id": rock}
     return identity | {"made_from": terrain.made_from.get(terrain.meshes[rock].name, ""), "origin": "fitted"}
 
 
 def _name(rock: int) -> str:
-    return gltf.GROUND if rock == NO_ROCK else f"rock{rock}"
+    return gltf.GROUND_NODE if rock == NO_ROCK else f"rock{rock}"
 
 
-def _meshed(catalogue: Catalogue) -> Iterator[Terrain]:
+def _meshed(catalogue: Catalogue) -> Iterator[CatalogueTerrain]:
     return (terrain for terrain in catalogue.terrains.values() if terrain.meshes)
 
 
-def _cameras(terrain: Terrain) -> Iterator[tuple[str, str, Camera]]:
+def _cameras(terrain: CatalogueTerrain) -> Iterator[tuple[str, str, Camera]]:
     """Yield name, tripod position and camera."""
     for position, localised in sorted(terrain.rigs.items()):
         for side in CAMERAS:
             yield f"Pos{position}_Cam{side}", position, localised.camera(side)
 
 
-def _lamps(terrain: Terrain) -> Iterator[tuple[str, np.ndarray, str]]:
+def _lamps(terrain: CatalogueTerrain) -> Iterator[tuple[str, np.ndarray, str]]:
     """Yield name, position and origin of each lamp."""
     for azimuth, sun in terrain.suns.items():
         yield f"sun_{azimuth}", sun, terrain.sun_origin(azimuth)
@@ -93,7 +93,7 @@ def lens_extras(lens: Lens) -> dict[str, Any]:
     }
 
 
-def _cameras_and_lamps(terrain: Terrain) -> Any:
+def _cameras_and_lamps(terrain: CatalogueTerrain) -> Any:
     """Return a function that adds cameras and lamps to the JSON of a glTF file; camera frame as in OpenGL."""
 
     def add(tree: dict[str, Any]) -> None:
@@ -132,7 +132,7 @@ def write_usd(catalogue: Catalogue, bundle: Bundle) -> None:
         bundle.make(f"terrain{terrain.number:02d}.usdc", partial(_write_stage, terrain))
 
 
-def _write_stage(terrain: Terrain, path: Path) -> None:
+def _write_stage(terrain: CatalogueTerrain, path: Path) -> None:
     from pxr import Usd, UsdGeom
 
     stage = Usd.Stage.CreateNew(str(path))
@@ -149,10 +149,10 @@ def _write_stage(terrain: Terrain, path: Path) -> None:
     stage.GetRootLayer().Save()
 
 
-def _add_mesh(stage: Any, terrain: Terrain, rock: int, file: Path) -> None:
+def _add_mesh(stage: Any, terrain: CatalogueTerrain, rock: int, file: Path) -> None:
     from pxr import Gf, Sdf, UsdGeom, UsdSemantics, Vt
 
-    mesh = obj.read(file)
+    mesh = obj.read_obj(file)
     prim = UsdGeom.Mesh.Define(stage, f"/World/{_name(rock)}")
     points = mesh.vertices.astype(np.float32)
     prim.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
@@ -163,7 +163,7 @@ def _add_mesh(stage: Any, terrain: Terrain, rock: int, file: Path) -> None:
     prim.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     low, high = (Gf.Vec3f(*map(float, corner)) for corner in (points.min(axis=0), points.max(axis=0)))
     prim.CreateExtentAttr([low, high])
-    colour = (gltf.SAND if rock == NO_ROCK else gltf.ROCK) / 255
+    colour = (gltf.SAND_COLOUR if rock == NO_ROCK else gltf.ROCK_COLOUR) / 255
     prim.CreateDisplayColorAttr([Gf.Vec3f(*map(float, colour))])
     attributes = _attributes(terrain, rock)
     labels = {"class": attributes["class"]} | ({"rock_id": str(rock)} if rock != NO_ROCK else {})

@@ -14,13 +14,13 @@ from polarsim.detect.stereo.truth import DepthTruth, depth_truth
 from polarsim.detect.tone import to_8_bits
 from polarsim.formats import kitti, png
 from polarsim.formats.coco import Annotation
-from polarsim.geometry.boxes import around
+from polarsim.geometry.boxes import box_around_points
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.rays_embree import EmbreeCaster
 from polarsim.geometry.stereo import StereoRig
 from polarsim.publish.bundle import Bundle
-from polarsim.publish.catalogue import Catalogue, Picture
+from polarsim.publish.catalogue import Catalogue, CatalogueImage
 from polarsim.publish.detection_sets import PARTS
 from polarsim.run_files.scene import read_terrain
 
@@ -29,7 +29,7 @@ DISPARITIES = ("disp_noc_0", "disp_occ_0")  # pixels visible in both cameras, an
 _STEP_PX = 2.0  # spacing of points on the edges of a box for rectification
 
 
-def kitti_bytes(picture: Picture) -> int:
+def kitti_bytes(picture: CatalogueImage) -> int:
     return 2 * picture.width * picture.height + 2000  # 8-bit images, and two disparity maps per pair
 
 
@@ -76,7 +76,7 @@ class Disparities:
             truth = self._truth(station, rig)
             disparity = rig.disparity(truth.depth)
             maps = zip(DISPARITIES, (np.where(truth.shared, disparity, np.nan), disparity), strict=True)
-            self._pngs = {station: {name: png.encode(kitti.disparity_picture(values)) for name, values in maps}}
+            self._pngs = {station: {name: png.encode_png(kitti.disparity_picture(values)) for name, values in maps}}
         path.write_bytes(self._pngs[station][kind])
 
     def _truth(self, station: tuple[int, str], rig: Rectification) -> DepthTruth:
@@ -86,7 +86,7 @@ class Disparities:
         return depth_truth(mesh, caster, self._catalogue.terrains[terrain].rigs[position], rig)
 
 
-def _pairs(catalogue: Catalogue, domain: str) -> list[tuple[Picture, Picture]]:
+def _pairs(catalogue: Catalogue, domain: str) -> list[tuple[CatalogueImage, CatalogueImage]]:
     """Return the stereo pairs of localised positions."""
     by_key = {picture.key: picture for picture in catalogue.of_domain(domain)}
     return [
@@ -97,7 +97,11 @@ def _pairs(catalogue: Catalogue, domain: str) -> list[tuple[Picture, Picture]]:
 
 
 def _write_pair(
-    catalogue: Catalogue, bundle: Bundle, target: tuple[str, str], pair: tuple[Picture, Picture], rig: Rectification
+    catalogue: Catalogue,
+    bundle: Bundle,
+    target: tuple[str, str],
+    pair: tuple[CatalogueImage, CatalogueImage],
+    rig: Rectification,
 ) -> None:
     (folder, name), (left, right) = target, pair
     localised, sources = catalogue.terrains[left.key.terrain].rigs[left.key.position], catalogue.sources(left)
@@ -121,10 +125,10 @@ def calibration(rig: Rectification, sandbox_from_left: Pose) -> dict[str, np.nda
 
 
 def kitti_object(
-    label: Annotation, rig: StereoRig, rectification: Rectification, left: Picture
+    label: Annotation, rig: StereoRig, rectification: Rectification, left: CatalogueImage
 ) -> kitti.KittiObject | None:
     """Return the label in the rectified image, or None if the box is outside the image."""
-    full = around(rectified_edges(label.box, rig.left.scaled(left.width / rig.left.width), rectification))
+    full = box_around_points(rectified_edges(label.box, rig.left.scaled(left.width / rig.left.width), rectification))
     box = np.clip(full, 0, [left.width, left.height] * 2)
     if (box[2:] - box[:2] < 1e-2).any():
         return None
@@ -144,7 +148,7 @@ def rectified_edges(box: np.ndarray, lens: Lens, rectification: Rectification) -
     return rectification.lens.project(rectification.left_from_rectified.inverse().apply(lens.directions(points)))
 
 
-def _rectified(picture: Picture, maps: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+def _rectified(picture: CatalogueImage, maps: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
     import cv2
 
-    return to_8_bits(np.asarray(cv2.remap(png.read(picture.path), *maps, cv2.INTER_LINEAR)))
+    return to_8_bits(np.asarray(cv2.remap(png.read_png(picture.path), *maps, cv2.INTER_LINEAR)))

@@ -13,9 +13,9 @@ from polarsim.randomness import generator
 log = logging.getLogger(__name__)
 
 if TYPE_CHECKING:  # the configuration is read without pandas
-    from polarsim.publish.catalogue import Catalogue, Picture
+    from polarsim.publish.catalogue import Catalogue, CatalogueImage
 
-FIELDS: Mapping[str, Callable[[Picture], str]] = {
+FIELDS: Mapping[str, Callable[[CatalogueImage], str]] = {
     "terrain": lambda one: str(one.key.terrain),
     "position": lambda one: one.key.position,
     "light": lambda one: one.key.light,
@@ -93,7 +93,7 @@ def parse_size(text: str) -> int:
     return size
 
 
-def limit_size(catalogue: Catalogue, size_of: Callable[[Picture], int], fixed: int, limit: int) -> Catalogue:
+def limit_size(catalogue: Catalogue, size_of: Callable[[CatalogueImage], int], fixed: int, limit: int) -> Catalogue:
     """Return a random subset of scenes of at most `limit` bytes; a scene is a stereo pair of photos and the twins.
 
     The random order depends only on the photo keys, so that a larger limit selects a superset.
@@ -112,7 +112,7 @@ def limit_size(catalogue: Catalogue, size_of: Callable[[Picture], int], fixed: i
     ConfigError
         The limit is smaller than a single scene.
     """
-    scenes: dict[str, list[Picture]] = {}
+    scenes: dict[str, list[CatalogueImage]] = {}
     for picture in catalogue.pictures:
         scenes.setdefault(_scene(picture), []).append(picture)
     ranked = sorted(scenes, key=lambda name: (generator(0, "publish", name).random(), name))
@@ -133,6 +133,6 @@ def limit_size(catalogue: Catalogue, size_of: Callable[[Picture], int], fixed: i
     return catalogue.with_pictures(kept, note)
 
 
-def _scene(picture: Picture) -> str:
+def _scene(picture: CatalogueImage) -> str:
     """Return the key of the left photo, which identifies the stereo pair and the twins."""
     return str(picture.key if picture.key.camera == "L" else picture.key.other_camera)

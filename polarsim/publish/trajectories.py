@@ -36,14 +36,14 @@ def fixed_bytes(catalogue: Catalogue) -> int:
 
 
 @dataclass(frozen=True)
-class Drive:
+class DriveStates:
     """States of a drive: pose of `base_link` in the world frame."""
 
     folder: Path
     table: pd.DataFrame
 
     @classmethod
-    def read(cls, folder: Path) -> Drive:
+    def read(cls, folder: Path) -> DriveStates:
         return cls(folder, read_parquet(folder / TRACE, _BODY))
 
     @cached_property
@@ -59,7 +59,7 @@ class Drive:
 
 
 @dataclass(frozen=True)
-class View:
+class MountedCamera:
     """Camera mounted on the rover, with images in a single light."""
 
     name: str
@@ -68,10 +68,10 @@ class View:
     pictures: Path
 
 
-def sequences(catalogue: Catalogue) -> Iterator[tuple[str, Drive, list[View]]]:
+def sequences(catalogue: Catalogue) -> Iterator[tuple[str, DriveStates, list[MountedCamera]]]:
     """Yield name, drive and cameras: one sequence per drive and light."""
     for folder in catalogue.drives:
-        drive = Drive.read(folder)
+        drive = DriveStates.read(folder)
         views = list(_views(drive))
         for light in sorted({view.pictures.name for view in views}):
             yield f"{folder.name}_{light}", drive, [view for view in views if view.pictures.name == light]
@@ -79,7 +79,7 @@ def sequences(catalogue: Catalogue) -> Iterator[tuple[str, Drive, list[View]]]:
             yield folder.name, drive, []
 
 
-def _views(drive: Drive) -> Iterator[View]:
+def _views(drive: DriveStates) -> Iterator[MountedCamera]:
     for path in sorted(drive.folder.glob("*/poses.parquet")):
         frames = read_parquet(path, ("frame", *POSE))
         poses = [_pose(row) for row in frames.to_dict("records")]
@@ -89,7 +89,7 @@ def _views(drive: Drive) -> Iterator[View]:
             continue
         for pictures in sorted(path.parent.glob("*_*_*")):
             if pictures.is_dir() and any(pictures.glob("*.png")):
-                yield View(path.parent.name, mounts[0], frames, pictures)
+                yield MountedCamera(path.parent.name, mounts[0], frames, pictures)
 
 
 def write_euroc(catalogue: Catalogue, bundle: Bundle) -> None:
@@ -136,7 +136,7 @@ def stamp_ns(time_s: float) -> int:
     return START_NS + round(float(time_s) * 1e9)
 
 
-def _shots(view: View) -> Iterator[tuple[int, Path]]:
+def _shots(view: MountedCamera) -> Iterator[tuple[int, Path]]:
     for frame, time_s in zip(view.frames["frame"], view.frames["time_s"], strict=True):
         path = view.pictures / f"{int(frame):05d}.png"
         if path.is_file():
@@ -148,7 +148,7 @@ def _pose(row: Mapping[Any, Any]) -> Pose:
     return Pose(rotation, np.array([row["x_m"], row["y_m"], row["z_m"]]))
 
 
-def _tum(drive: Drive, base_from_camera: Pose, of: str) -> str:
+def _tum(drive: DriveStates, base_from_camera: Pose, of: str) -> str:
     lines = [f"# world from {of}\n", "# timestamp tx ty tz qx qy qz qw\n"]
     for row in drive.table.to_dict("records"):
         pose = _pose(row) @ base_from_camera

@@ -16,9 +16,9 @@ Steps, in the order in which a pixel is computed:
 `fitting` estimates materials from photos before rendering; `goniometer` tabulates the models.
 """
 
-from polarsim.public import offered
+from polarsim.public import lazy_exports
 
-__all__, __getattr__, __dir__ = offered(
+__all__, __getattr__, __dir__ = lazy_exports(
     __name__,
     Scene="scene",
     Shot="sidecar",

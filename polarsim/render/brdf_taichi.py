@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from polarsim.geometry.taichi_device import on_its_thread, ti
+from polarsim.geometry.taichi_device import on_taichi_thread, ti
 from polarsim.geometry.taichi_walk import VALUES, VECTORS
 from polarsim.render.brdf import GRAZING
 from polarsim.render.options import (
@@ -24,7 +24,7 @@ from polarsim.render.options import (
 _PI = math.pi
 
 
-@on_its_thread
+@on_taichi_thread
 def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray, to_viewer: np.ndarray) -> np.ndarray:
     """Return `brdf.reflectance` in float32; call `taichi_device.start` first."""
     vectors = [np.ascontiguousarray(v, np.float32) for v in (normal, to_lamp, to_viewer)]

@@ -12,8 +12,8 @@ import numpy as np
 
 from polarsim.geometry.lens import pixel_directions, separated
 from polarsim.geometry.rays import START_OFFSET
-from polarsim.geometry.rays_taichi import laid, laid_vectors
-from polarsim.geometry.taichi_device import on_its_thread, ti
+from polarsim.geometry.rays_taichi import to_device, vectors_to_device
+from polarsim.geometry.taichi_device import on_taichi_thread, ti
 from polarsim.geometry.taichi_walk import BOXES, FAR, NUMBERS, PAIRS, VALUES, VECTORS, WEIGHTS, walk
 from polarsim.render.brdf_taichi import evaluate
 from polarsim.render.hits import MIN_FACING, NO_NORMAL, Hits
@@ -55,11 +55,11 @@ class _Model:
         of_vertex = surfaces.albedo.get(model)
         albedo = np.ones((1, 3)) if of_vertex is None else of_vertex[surfaces.faces[face]]
         self.parameters = kinds.parameters
-        self.of_id, self.factor = laid(np.asarray(of_id, np.int32)), laid(np.asarray(factor, float))
-        self.albedo, self.painted = laid_vectors(albedo), int(of_vertex is not None)
+        self.of_id, self.factor = to_device(np.asarray(of_id, np.int32)), to_device(np.asarray(factor, float))
+        self.albedo, self.painted = vectors_to_device(albedo), int(of_vertex is not None)
 
 
-@on_its_thread
+@on_taichi_thread
 def add_olat_images(olat_images, samples_lit, surroundings, surfaces, camera, lamps, offsets, options) -> None:
     """Add light to the OLAT images, counts to `samples_lit`, and the hits to `surroundings`.
 
@@ -71,8 +71,8 @@ def add_olat_images(olat_images, samples_lit, surroundings, surfaces, camera, la
     lens, on_device = camera.lens, caster.on_device()
     count = lens.height * lens.width
     face = caster.order
-    id_of_slot = laid(surfaces.id_of_face[face].astype(np.int32))
-    corner_normals = laid_vectors(surfaces.corner_normals.take(face, axis=0))
+    id_of_slot = to_device(surfaces.id_of_face[face].astype(np.int32))
+    corner_normals = vectors_to_device(surfaces.corner_normals.take(face, axis=0))
     names = dict.fromkeys(name for _, name in olat_images)
     models = {
         model: _Model(model, surfaces, options, face) for model in dict.fromkeys(model for model, _ in olat_images)
@@ -161,7 +161,7 @@ def _intersect(
     slot: NUMBERS, weights: WEIGHTS, point: VECTORS, to_viewer: VECTORS, normal: VECTORS, plane: VECTORS,
     upward: VALUES, covered: VALUES,
 ):  # fmt: skip
-    """Apply `hits.intersect` to rays along camera-frame directions; add the shares of `olat.DiffuseLight`.
+    """Apply `hits.nearest_surface_hits` to rays along camera-frame directions; add the shares of `olat.DiffuseLight`.
 
     `upward` gets the share of light from above that each hit faces, `covered` the share of samples with a hit.
     """

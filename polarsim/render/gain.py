@@ -14,11 +14,11 @@ import numpy as np
 
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import png
-from polarsim.photo import BLACK_LEVEL, CENTRE_GREY_PER_MS, SUNS, PhotoKey
+from polarsim.photo import BLACK_LEVEL, CENTRE_DN_PER_MS, SUNS, PhotoKey
 from polarsim.render import brdf
 from polarsim.render.lamps import Lamp
 from polarsim.render.options import MODELS, Model, RenderOptions
-from polarsim.run_files.materials import Fitted, FittedMaterials
+from polarsim.run_files.materials import FittedMaterial, FittedMaterials
 from polarsim.run_files.pictures import pictures_at
 from polarsim.survey import SURVEYED_LEFT, lamp_position
 
@@ -32,13 +32,13 @@ _STEP = 3  # every third row and column is sufficient for a median
 
 
 def default_gain(model: Model, options: RenderOptions) -> float:
-    """Return the gain at which level ground at the centre has `CENTRE_GREY_PER_MS`: DN per ms per unit radiance."""
+    """Return the gain at which level ground at the centre has `CENTRE_DN_PER_MS`: DN per ms per unit radiance."""
     to_lamp, irradiance = Lamp(lamp_position("30")).light_at(np.zeros((1, 3)), falloff=options.falloff)
     to_lamp = to_lamp / np.linalg.norm(to_lamp)
     to_viewer = SURVEYED_LEFT["A"][None] / np.linalg.norm(SURVEYED_LEFT["A"])
     value = brdf.reflectance(options.parameters(model), np.array([[0.0, 0.0, 1.0]]), to_lamp, to_viewer)
     radiance = float(value[0] * irradiance[0] * to_lamp[0, 2])
-    return CENTRE_GREY_PER_MS / radiance if radiance > 0 else CENTRE_GREY_PER_MS
+    return CENTRE_DN_PER_MS / radiance if radiance > 0 else CENTRE_DN_PER_MS
 
 
 def gain_of(model: Model, options: RenderOptions) -> float:
@@ -138,7 +138,7 @@ def with_fit(options: RenderOptions, fitted: FittedMaterials) -> tuple[RenderOpt
     return options, {model: fitted.models[model].albedo for model in fitted_models}
 
 
-def main_gain(fit: Fitted) -> float:
+def main_gain(fit: FittedMaterial) -> float:
     """Return the median gain of the Sun lamps, or of all lamps if no Sun lamp was fitted."""
     suns = [gain for name, gain in fit.lamps.items() if name in SUNS]
     return float(np.median(suns or list(fit.lamps.values())))

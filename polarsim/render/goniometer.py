@@ -45,11 +45,11 @@ def reflectance_at(
     parameters: Parameters, incidence_deg: np.ndarray, emergence_deg: np.ndarray, azimuth_deg: np.ndarray
 ) -> np.ndarray:
     """Return f_r (n,), 1/sr, at angles (n,); 0 from 90 degrees on."""
-    normal, to_lamp, to_viewer = directions(incidence_deg, emergence_deg, azimuth_deg)
+    normal, to_lamp, to_viewer = goniometer_directions(incidence_deg, emergence_deg, azimuth_deg)
     return reflectance(parameters, normal, to_lamp, to_viewer)
 
 
-def directions(
+def goniometer_directions(
     incidence_deg: np.ndarray, emergence_deg: np.ndarray, azimuth_deg: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return unit vectors (n, 3) along the normal, to the lamp and to the viewer for angles (n,)."""
@@ -64,7 +64,7 @@ def directions(
 
 def phase_deg(incidence_deg: np.ndarray, emergence_deg: np.ndarray, azimuth_deg: np.ndarray) -> np.ndarray:
     """Return the angle (n,) between the directions to lamp and viewer, degrees."""
-    _, to_lamp, to_viewer = directions(incidence_deg, emergence_deg, azimuth_deg)
+    _, to_lamp, to_viewer = goniometer_directions(incidence_deg, emergence_deg, azimuth_deg)
     return between_deg(to_lamp, to_viewer)
 
 
@@ -79,7 +79,7 @@ def in_plane_of_incidence(parameters: Parameters, incidence_deg: float) -> tuple
     return sign * phase_deg(*angles), np.pi * reflectance_at(parameters, *angles)
 
 
-def panels_of(chosen: Mapping[str, Parameters], incidence_deg: float) -> dict[str, dict[str, Curve]]:
+def reflectance_panels(chosen: Mapping[str, Parameters], incidence_deg: float) -> dict[str, dict[str, Curve]]:
     """Return curves of named parameters by panel title: for a fixed lamp, and for a viewer opposite a moving lamp."""
     return {
         f"incidence {incidence_deg:g}°, viewer in its plane": {
@@ -93,7 +93,7 @@ def panels_of(chosen: Mapping[str, Parameters], incidence_deg: float) -> dict[st
 
 def write_reflectance(*, curves: Path, options: RenderOptions) -> None:
     """Write the curves of all models for the options as CSV with columns panel, model, phase_deg, pi_f_r."""
-    panels = panels_of({model: options.parameters(model) for model in MODELS}, SHOWN_INCIDENCE_DEG)
+    panels = reflectance_panels({model: options.parameters(model) for model in MODELS}, SHOWN_INCIDENCE_DEG)
     rows = [
         pd.DataFrame({"panel": title, "model": model, "phase_deg": phase, "pi_f_r": factor})
         for title, of_models in panels.items()

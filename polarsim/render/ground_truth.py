@@ -13,25 +13,25 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.formats import coco, png, rle, tables, yolo
-from polarsim.geometry.boxes import around, of_mask, window
+from polarsim.geometry.boxes import box_around_points, box_of_mask, pixel_window
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.polygons import without_thin_parts
 from polarsim.geometry.rays import NO_FACE, START_OFFSET
-from polarsim.geometry.vectors import length, moved
+from polarsim.geometry.vectors import length, points_along
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey, by_bracket
-from polarsim.render.lamps import lit_by
+from polarsim.render.lamps import lamps_on
 from polarsim.render.olat import NO_LAMP
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import Surfaces
 from polarsim.run_files.instances import BACKGROUND, ROCK_IDS, SHADOW_IDS
 
-SOURCE = "rendered"  # source of labels computed by rays
+SOURCE_RENDERED = "rendered"  # source of labels computed by rays
 _TOUCHING = np.ones((3, 3), bool)  # 8-connectivity
 _MARGIN_PX = 2  # maximum distance by which distortion moves the edges of a box out of the box around the corners
 
 
-def boxes_of(ids: np.ndarray, options: RenderOptions) -> list[tuple[str, int, np.ndarray]]:
+def boxes_of_ids(ids: np.ndarray, options: RenderOptions) -> list[tuple[str, int, np.ndarray]]:
     """Return (kind, rock, box) of every sufficiently large rock and shadow in an id map (h, w), rocks first.
 
     Parts of a shadow thinner than `min_shadow_width_px` are excluded from area and box.
@@ -58,26 +58,26 @@ def box_of_parts(mask: np.ndarray, min_px: int, min_part_px: int) -> np.ndarray 
     sizes = np.bincount(parts.ravel())
     sizes[0] = 0
     large = sizes >= min_part_px
-    return of_mask(large[parts]) if sizes[large].sum() >= min_px else None
+    return box_of_mask(large[parts]) if sizes[large].sum() >= min_px else None
 
 
-def annotations_of(
+def annotate_ids(
     ids: np.ndarray, options: RenderOptions, occluded: Mapping[int, coco.Amodal] | None = None
 ) -> list[coco.Annotation]:
-    """Return the labels of `boxes_of` with masks: the visible pixels of the object inside the box.
+    """Return the labels of `boxes_of_ids` with masks: the visible pixels of the object inside the box.
 
     `occluded`: amodal masks of partly occluded rocks (`amodal_masks`); if given, all other rocks are fully visible.
     Rocks with a visible share below `min_visible_share` are omitted, but not their shadows.
     """
     annotations = []
-    for kind, rock, box in boxes_of(ids, options):
+    for kind, rock, box in boxes_of_ids(ids, options):
         left, top, right, bottom = box.astype(int).tolist()
         number = rock + (ROCK_IDS if kind == ROCK else SHADOW_IDS)
-        mask = rle.encode(ids[top:bottom, left:right] == number, left, top, ids.shape[::-1])
+        mask = rle.encode_rle(ids[top:bottom, left:right] == number, left, top, ids.shape[::-1])
         amodal = None
         if occluded is not None and kind == ROCK:
             amodal = occluded.get(rock, coco.Amodal(mask, box))
-        label = coco.Annotation(kind, rock, box, mask, SOURCE, amodal=amodal)
+        label = coco.Annotation(kind, rock, box, mask, SOURCE_RENDERED, amodal=amodal)
         if label.visible_share >= options.min_visible_share:
             annotations.append(label)
     return annotations
@@ -99,7 +99,7 @@ def amodal_masks(ids: np.ndarray, hidden: Mapping[int, np.ndarray], options: Ren
         box = box_of_parts(mask, options.min_rock_area_px, options.min_part_area_px)
         if box is not None:
             x0, y0, x1, y1 = box.astype(int).tolist()
-            runs = rle.encode(mask[y0:y1, x0:x1], left + x0, top + y0, ids.shape[::-1])
+            runs = rle.encode_rle(mask[y0:y1, x0:x1], left + x0, top + y0, ids.shape[::-1])
             amodal[rock] = coco.Amodal(runs, box + np.tile([left, top], 2))
     return amodal
 
@@ -128,16 +128,16 @@ def label_view(
         Folder for `TT_P_light_az_C.png`, the id map of an exposure bracket.
     """
     occluded = amodal_masks(ids[NO_LAMP], hidden, options)
-    rocks = annotations_of(ids[NO_LAMP], options, occluded)
+    rocks = annotate_ids(ids[NO_LAMP], options, occluded)
     by_lamp = {NO_LAMP: rocks}
     for name, id_map in ids.items():
         shadows = id_map * (id_map >= SHADOW_IDS)  # the rocks of a view are equal under every lamp
-        by_lamp[name] = rocks + annotations_of(shadows, options)
+        by_lamp[name] = rocks + annotate_ids(shadows, options)
     labels: dict[PhotoKey, list[coco.Annotation]] = {}
     for bracket in by_bracket(keys).values():
-        lamps = lit_by(bracket[0])
+        lamps = lamps_on(bracket[0])
         of_bracket = by_lamp[lamps[0]] if lamps else []
-        png.write(instances / f"{str(bracket[0]).rpartition('_')[0]}.png", ids[lamps[0] if lamps else NO_LAMP])
+        png.write_png(instances / f"{str(bracket[0]).rpartition('_')[0]}.png", ids[lamps[0] if lamps else NO_LAMP])
         classes = np.array([BOX_CLASSES.index(label.kind) for label in of_bracket], int)
         rectangles = np.array([label.box for label in of_bracket], float)
         for key in bracket:
@@ -194,7 +194,7 @@ def _window(corners: np.ndarray, camera: Camera) -> tuple[slice, slice]:
     pixels = np.concatenate([camera.project(corners), straight.project(corners)])
     if np.isnan(pixels).any():  # a corner behind the camera
         return slice(0, camera.lens.height), slice(0, camera.lens.width)
-    return window(around(pixels), np.full(2, _MARGIN_PX), *camera.size)
+    return pixel_window(box_around_points(pixels), np.full(2, _MARGIN_PX), *camera.size)
 
 
 def _rocks_along(
@@ -206,7 +206,7 @@ def _rocks_along(
     travelled, on = np.zeros(len(directions)), np.arange(len(directions))
     while len(on):
         along = directions[on]
-        distance, face = surfaces.rocks.nearest(moved(origin, along, travelled[on]), along)
+        distance, face = surfaces.rocks.nearest(points_along(origin, along, travelled[on]), along)
         travelled[on] += distance
         before = travelled[on] < ground[on]
         on, face = on[before], face[before]
@@ -220,7 +220,7 @@ def _distance_to_ground(surfaces: Surfaces, origin: np.ndarray, directions: np.n
     travelled, on = np.zeros(len(directions)), np.arange(len(directions))
     while len(on):
         along = directions[on]
-        distance, face = surfaces.rest.nearest(moved(origin, along, travelled[on]), along)
+        distance, face = surfaces.rest.nearest(points_along(origin, along, travelled[on]), along)
         travelled[on] += distance
         on = on[(face != NO_FACE) & (surfaces.id_of_face[surfaces.rest_faces[face]] == BACKGROUND)]
         travelled[on] += step[on]

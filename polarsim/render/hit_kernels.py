@@ -46,7 +46,7 @@ def rotated(rotation, vectors, out):  # type: ignore[no-untyped-def]
 
 
 @_loop
-def points(ray, distance, origins, directions, point, to_viewer):  # type: ignore[no-untyped-def]
+def hit_points(ray, distance, origins, directions, point, to_viewer):  # type: ignore[no-untyped-def]
     """Write the end points of rays `ray` (m,), float32, and unit vectors to the origins.
 
     `origins` has an origin for each ray or a common origin.

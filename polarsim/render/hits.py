@@ -24,7 +24,7 @@ from polarsim.render.sensor_options import SensorOptions
 from polarsim.render.surfaces import Surfaces
 
 _FILTER_SD_PX = 0.5  # standard deviation of the Gaussian pixel filter, half the width of a pixel
-STRIP = 64  # rows cast together: limits the memory, and is the unit of work of a thread
+STRIP_ROWS = 64  # rows cast together: limits the memory, and is the unit of work of a thread
 NO_NORMAL = 1e-12  # squared length below which interpolated normals cancel out
 MIN_FACING = 1e-3  # minimum cosine between smooth normal and viewer; below it the flat normal is used
 
@@ -60,10 +60,10 @@ def cast_strip(
     through = pixel_directions(camera.lens, rows, offset).reshape(-1, 3)
     directions = np.empty_like(through)
     hit_kernels.rotated(camera.world_from_camera.rotation.reshape(-1), through.reshape(-1), directions.reshape(-1))
-    return intersect(surfaces, rows, camera.centre, directions, smooth=smooth)
+    return nearest_surface_hits(surfaces, rows, camera.centre, directions, smooth=smooth)
 
 
-def intersect(
+def nearest_surface_hits(
     surfaces: Surfaces, rows: slice, origins: np.ndarray, directions: np.ndarray, *, smooth: bool = True
 ) -> Hits:
     """Return the nearest hits of rays along directions (n, 3).
@@ -74,7 +74,7 @@ def intersect(
     count = len(hits.ray)
     point, to_viewer, plane, normal = np.empty((4, 3 * count), np.float32)
     side = np.empty(count, np.float32)
-    hit_kernels.points(hits.ray, hits.distance, origins.reshape(-1), directions.reshape(-1), point, to_viewer)
+    hit_kernels.hit_points(hits.ray, hits.distance, origins.reshape(-1), directions.reshape(-1), point, to_viewer)
     hit_kernels.planes(hits.normal.reshape(-1), to_viewer, plane, side)  # open meshes may be visible from inside
     if smooth:
         corners, limits = surfaces.corner_normals.reshape(-1), (np.float32(NO_NORMAL), np.float32(MIN_FACING))
@@ -92,7 +92,7 @@ def between_deg(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 def for_strips(height: int, threads: int, work: Callable[[slice], None]) -> None:
     """Call `work` for every strip of rows, in parallel threads; strips must write to separate array elements."""
-    strips = [slice(start, min(start + STRIP, height)) for start in range(0, height, STRIP)]
+    strips = [slice(start, min(start + STRIP_ROWS, height)) for start in range(0, height, STRIP_ROWS)]
     with one_blas_thread():  # BLAS threads would compete with ours
         if threads <= 1:
             for strip in strips:

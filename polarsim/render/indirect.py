@@ -18,9 +18,9 @@ import numpy as np
 
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.rays import START_OFFSET
-from polarsim.geometry.vectors import dot, unit
+from polarsim.geometry.vectors import dot, normalise
 from polarsim.randomness import generator
-from polarsim.render.hits import Hits, cast_strip, for_strips, intersect, sample_offsets
+from polarsim.render.hits import Hits, cast_strip, for_strips, nearest_surface_hits, sample_offsets
 from polarsim.render.lamps import Lamp
 from polarsim.render.lighting import lighting
 from polarsim.render.materials import Materials
@@ -98,7 +98,7 @@ class Paths:
         for number in range(self._options.bounces):
             point, plane = start.point.take(going, axis=0), start.plane.take(going, axis=0)
             origins = point + np.float32(START_OFFSET) * plane
-            next_hits = intersect(self._surfaces, start.rows, origins, direction.take(going, axis=0))
+            next_hits = nearest_surface_hits(self._surfaces, start.rows, origins, direction.take(going, axis=0))
             if self._options.ambient:
                 lost = np.delete(np.arange(len(path)), next_hits.pixel)
                 radiance[:, :, path[lost]] += carried[:, None, lost] * self._ambient
@@ -149,7 +149,7 @@ def scattered(hits: Hits, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     sphere = np.stack([level * np.cos(angle), level * np.sin(angle), height], axis=1)
     # The direction to a uniform point of the unit sphere around the tip of the normal is cosine-distributed.
     outwards = np.where(dot(sphere, hits.normal) < 0, np.float32(-1), np.float32(1))[:, None] * sphere
-    direction = np.where(by_cosine[:, None], unit(hits.normal + sphere), outwards)
+    direction = np.where(by_cosine[:, None], normalise(hits.normal + sphere), outwards)
     cosine = dot(direction, hits.normal)
     used = (cosine > 0) & (dot(direction, hits.plane) > 0)
     near_horizon = np.float32(_HORIZON / (2 * np.pi * _SPAN)) / (direction[:, 2] ** 2 + np.float32(_HORIZON**2))

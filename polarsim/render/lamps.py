@@ -47,7 +47,7 @@ class Lamp:
 
 
 @dataclass(frozen=True)
-class Spot(Lamp):
+class Spotlight(Lamp):
     """Spotlight along the unit vector `axis` (3,), with half the intensity at `beam_deg` / 2 from the axis.
 
     The intensity is a power of the cosine of the angle from the axis, as for an LED (Moreno & Sun, Optics Express 16
@@ -68,13 +68,13 @@ def beam_power(beam_deg: float) -> float:
     return float(np.log(0.5) / np.log(np.cos(np.radians(beam_deg / 2))))
 
 
-def lamps_of(suns: Mapping[str, np.ndarray], rig: LocalisedRig, radius_m: float = 0.0) -> dict[str, Lamp]:
+def lamps_of_rig(suns: Mapping[str, np.ndarray], rig: LocalisedRig, radius_m: float = 0.0) -> dict[str, Lamp]:
     """Return the Sun lamps by azimuth (discs of the given radius) and the rover light of a rig (a point)."""
     rover = Lamp(rig.rover_light, ROVER_LIGHT_SHARE)
     return {**{azimuth: Lamp(position, radius_m=radius_m) for azimuth, position in suns.items()}, ROVER: rover}
 
 
-def lit_by(key: PhotoKey) -> tuple[str, ...]:
+def lamps_on(key: PhotoKey) -> tuple[str, ...]:
     """Return the names of the lamps that are on in a photo; the first casts the labelled shadows."""
     sun = () if key.azimuth == "no" else (key.azimuth,)
     return (*sun, ROVER) if key.light == "on" else sun

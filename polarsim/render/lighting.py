@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from polarsim.geometry.vectors import cross, dot, scaled, unit
+from polarsim.geometry.vectors import cross, dot, normalise, scale_vectors
 from polarsim.render import hit_kernels
 from polarsim.render.hits import Hits
 from polarsim.render.lamps import Lamp
@@ -122,16 +122,16 @@ def _on_disc(to_lamp: np.ndarray, radius_m: float, pattern: np.ndarray, rotation
     across, upward = _facing(to_lamp)
     for radius, angle in pattern:
         rotated, far = (angle + rotation).astype(np.float32), np.float32(radius * radius_m)
-        offset = scaled(across, far * np.cos(rotated)) + scaled(upward, far * np.sin(rotated))
+        offset = scale_vectors(across, far * np.cos(rotated)) + scale_vectors(upward, far * np.sin(rotated))
         yield to_lamp + offset
 
 
 def _facing(to_lamp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return two unit vectors (n, 3) that are orthogonal to each other and to `to_lamp` (n, 3)."""
-    axis = unit(to_lamp)
+    axis = normalise(to_lamp)
     steep = np.abs(axis[:, 2]) > np.float32(0.9)
     helper = np.where(steep[:, None], np.array([1, 0, 0], axis.dtype), np.array([0, 0, 1], axis.dtype))
-    across = unit(cross(axis, helper))
+    across = normalise(cross(axis, helper))
     return across, cross(axis, across)
 
 
@@ -180,7 +180,7 @@ def disc_share(surfaces: Surfaces, hits: Hits, lamp: Lamp, samples: int, every: 
     return share
 
 
-def lit_share(surfaces: Surfaces, hits: Hits, lamp: Lamp, samples: int) -> np.ndarray:
+def visible_lamp_share(surfaces: Surfaces, hits: Hits, lamp: Lamp, samples: int) -> np.ndarray:
     """Return the visible share (n,) float32 of a lamp, 0 to 1, to 1e-5; 0 if the surface is turned away."""
     lit, to_lamp, irradiance = lighting(surfaces, hits, replace(lamp, intensity=1.0), falloff=False, samples=samples)
     share = np.zeros(len(hits.pixel), np.float32)

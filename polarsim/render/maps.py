@@ -14,11 +14,11 @@ import numpy as np
 from polarsim.formats import png
 from polarsim.formats.files import write_bytes, writing, writing_folder
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.vectors import unit
+from polarsim.geometry.vectors import normalise
 from polarsim.photo import PhotoKey
 from polarsim.render.hits import Hits, between_deg, cast_strip, for_strips
-from polarsim.render.lamps import Lamp, lit_by
-from polarsim.render.lighting import lit_share
+from polarsim.render.lamps import Lamp, lamps_on
+from polarsim.render.lighting import visible_lamp_share
 from polarsim.render.options import RenderOptions
 from polarsim.render.shadows import SHADOW_BELOW, shading_of
 from polarsim.render.surfaces import Surfaces
@@ -108,8 +108,8 @@ def compute_maps(
 
 def _lamp_values(surfaces: Surfaces, hits: Hits, lamp: Lamp, options: RenderOptions) -> dict[str, np.ndarray]:
     """Return the values of the fields of `LampMaps` at the hits."""
-    to_lamp = unit(lamp.light_at(hits.point, falloff=False)[0])
-    share = lit_share(surfaces, hits, lamp, options.lamp_samples)
+    to_lamp = normalise(lamp.light_at(hits.point, falloff=False)[0])
+    share = visible_lamp_share(surfaces, hits, lamp, options.lamp_samples)
     return {
         "incidence_deg": between_deg(hits.normal, to_lamp),
         "phase_deg": between_deg(hits.to_viewer, to_lamp),
@@ -126,12 +126,12 @@ def write_maps(folder: Path, maps: Maps) -> None:
     shading.png. Maps that depend on light are written for the first lamp, if there is a lamp.
     """
     with writing_folder(folder) as out:
-        png.write(out / "ids.png", maps.ids)
+        png.write_png(out / "ids.png", maps.ids)
         for name in ("depth", "normal", "emergence"):
-            png.write(out / f"{name}.png", _of_view(maps, name))
+            png.write_png(out / f"{name}.png", _of_view(maps, name))
         for lamp in list(maps.by_lamp.values())[:1]:
             for name in ("incidence", "phase", "lit", "shading"):
-                png.write(out / f"{name}.png", _of_lamp(lamp, name))
+                png.write_png(out / f"{name}.png", _of_lamp(lamp, name))
 
 
 def lamps_for_maps(names: Collection[str], shadow_lamps: Collection[str]) -> list[str]:
@@ -146,15 +146,15 @@ def write_view_maps(folder: Path, keys: Sequence[PhotoKey], maps: Maps, names: C
     bracket, for the lamp that casts the labelled shadows; exposure brackets without lamp have no such maps.
     """
     selected = {single for name in names for single in (_ANGLES if name == "angles" else (name,))}
-    brackets = {str(key).rpartition("_")[0]: lit_by(key)[0] for key in keys if lit_by(key)}
+    brackets = {str(key).rpartition("_")[0]: lamps_on(key)[0] for key in keys if lamps_on(key)}
     for key in keys[:1]:
         view = f"{key.terrain:02d}_{key.position}_{key.camera}"
         if "depth_float" in selected:
             _write_floats(folder / "depth_float" / f"{view}.tif", maps.depth_m)
         for name in sorted(selected & {"depth", "normal", "emergence"}):
-            png.write(folder / name / f"{view}.png", _of_view(maps, name))
+            png.write_png(folder / name / f"{view}.png", _of_view(maps, name))
     for name in sorted(selected & {"incidence", "phase", "lit", "shading"}):
-        content = {lamp: png.encode(_of_lamp(maps.by_lamp[lamp], name)) for lamp in set(brackets.values())}
+        content = {lamp: png.encode_png(_of_lamp(maps.by_lamp[lamp], name)) for lamp in set(brackets.values())}
         for bracket, lamp in brackets.items():
             write_bytes(folder / name / f"{bracket}.png", content[lamp])
 

@@ -17,7 +17,7 @@ from polarsim.render import brdf, hit_kernels
 from polarsim.render.hits import Hits, cast_strip, for_strips, sample_offsets
 from polarsim.render.indirect import indirect_olat_images
 from polarsim.render.lamps import Lamp
-from polarsim.render.lighting import disc_share, lighting, lit_share
+from polarsim.render.lighting import disc_share, lighting, visible_lamp_share
 from polarsim.render.materials import Materials, Reflectance
 from polarsim.render.options import CHRONO, Model, RenderOptions
 from polarsim.render.shadows import SHADOW_BELOW, ground_shadows
@@ -225,7 +225,7 @@ def write_ids(
             dark = shares[name] < SHADOW_BELOW
         else:
             flat = replace(hits, normal=hits.plane)  # the result must not depend on the number of samples
-            dark = lit_share(surfaces, flat, lamps[name], options.lamp_samples) < SHADOW_BELOW
+            dark = visible_lamp_share(surfaces, flat, lamps[name], options.lamp_samples) < SHADOW_BELOW
         picture[hits.pixel] = ground_shadows(surfaces, hits, surface_ids, lamps[name], dark, options.lamp_samples)
 
 

@@ -25,7 +25,7 @@ from polarsim.render.surfaces import Surfaces
 CORE = float(np.radians(1))  # angle below which the veiling glare is constant: the law was measured down to this angle
 
 
-def through_lens(
+def apply_lens_to_olat_images(
     olat_images: Mapping[tuple[Model, str], np.ndarray],
     lamps: Mapping[str, Lamp],
     surfaces: Surfaces,
@@ -43,7 +43,7 @@ def through_lens(
         flares = {name: lens_flare_of(surfaces, camera, lamps[name], options) for name in names if name in lamps}
 
     def with_flare(olat_image: np.ndarray, lamp: str) -> np.ndarray:
-        image = imaged(olat_image, camera.lens, options)
+        image = apply_lens(olat_image, camera.lens, options)
         return image + flares[lamp] if lamp in flares else image
 
     with ThreadPoolExecutor(max(1, threads)) as pool:
@@ -51,7 +51,7 @@ def through_lens(
         return dict(zip(olat_images, images, strict=True))
 
 
-def imaged(image: np.ndarray, lens: Lens, options: SensorOptions) -> np.ndarray:
+def apply_lens(image: np.ndarray, lens: Lens, options: SensorOptions) -> np.ndarray:
     """Return a radiance image (h, w) with blur and vignetting; the same image if all lens effects are off."""
     image = spread(image, options)
     return image * vignette(lens) if options.vignetting else image

@@ -11,11 +11,11 @@ import numpy as np
 from polarsim.render.gain import gain_of
 from polarsim.render.maps import Maps, compute_maps
 from polarsim.render.olat import render_view
-from polarsim.render.optics import through_lens
+from polarsim.render.optics import apply_lens_to_olat_images
 from polarsim.render.options import Model, RenderOptions
-from polarsim.render.sensor import expose, noise_of, noise_seed
+from polarsim.render.sensor import expose, noise_generator, noise_seed
 from polarsim.render.sidecar import Shot, Sidecar, digests_of
-from polarsim.render.surfaces import Surfaces, check_position, surfaces_of
+from polarsim.render.surfaces import Surfaces, build_surfaces, check_position
 from polarsim.run_files.scene import mesh_files, read_terrain
 
 
@@ -39,7 +39,7 @@ class Scene:
 
     @cached_property
     def surfaces(self) -> Surfaces:
-        return surfaces_of(self._mesh, self.options)
+        return build_surfaces(self._mesh, self.options)
 
     @cached_property
     def mesh_digests(self) -> dict[str, str]:
@@ -69,9 +69,9 @@ class Scene:
         """
         camera, lamps, options = shot.camera, shot.lamps, self.options
         view = render_view(self.surfaces, camera, lamps, [shot.model], None, options, threads)
-        olat_images = through_lens(view.whole, lamps, self.surfaces, camera, options, threads)
+        olat_images = apply_lens_to_olat_images(view.whole, lamps, self.surfaces, camera, options, threads)
         radiance = sum(olat_images.values(), np.zeros(camera.lens.shape, np.float32))
-        noise = noise_of(options, "scene", self.terrain, shot.exposure_ms)
+        noise = noise_generator(options, "scene", self.terrain, shot.exposure_ms)
         return expose(radiance, shot.exposure_ms * self.gain(shot.model), options, noise)
 
     def maps(self, shot: Shot, threads: int = 1) -> Maps:

@@ -17,7 +17,7 @@ def noise_seed(options: RenderOptions, *picture: object) -> tuple[Any, ...]:
     return (options.seed, "sensor", *picture) if options.noise else ()
 
 
-def noise_of(options: RenderOptions, *picture: object) -> np.random.Generator | None:
+def noise_generator(options: RenderOptions, *picture: object) -> np.random.Generator | None:
     """Return the random generator of the noise of an image; None if noise is off."""
     seed = noise_seed(options, *picture)
     return generator(*seed) if seed else None

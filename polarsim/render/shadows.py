@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from polarsim.geometry.rays import START_OFFSET, Caster
-from polarsim.geometry.vectors import dot, length, moved, scaled
+from polarsim.geometry.vectors import dot, length, points_along, scale_vectors
 from polarsim.render.hits import Hits
 from polarsim.render.lamps import Lamp
 from polarsim.render.lighting import rotations, to_disc
@@ -42,11 +42,11 @@ def ground_shadows(
         rest = np.flatnonzero(ids[ground] == GROUND)
         if not len(rest):
             break
-        ids[ground[rest]] = on_ground(surfaces, *(vectors.take(rest, axis=0) for vectors in (point, plane, towards)))
+        ids[ground[rest]] = ground_ids(surfaces, *(vectors.take(rest, axis=0) for vectors in (point, plane, towards)))
     return ids
 
 
-def on_ground(surfaces: Surfaces, point: np.ndarray, plane: np.ndarray, to_lamp: np.ndarray) -> np.ndarray:
+def ground_ids(surfaces: Surfaces, point: np.ndarray, plane: np.ndarray, to_lamp: np.ndarray) -> np.ndarray:
     """Return the ids (n,) of ground points: GROUND (lit), RELIEF_SHADOW, or SHADOW_IDS + rock.
 
     Parameters
@@ -56,11 +56,11 @@ def on_ground(surfaces: Surfaces, point: np.ndarray, plane: np.ndarray, to_lamp:
     """
     ids = np.full(len(point), GROUND, np.int32)
     lamp_distance = length(to_lamp)
-    along = scaled(to_lamp, 1 / lamp_distance)
-    distance, face = surfaces.rocks.nearest(moved(point, along, np.float32(START_OFFSET)), along)
+    along = scale_vectors(to_lamp, 1 / lamp_distance)
+    distance, face = surfaces.rocks.nearest(points_along(point, along, np.float32(START_OFFSET)), along)
     shaded = np.flatnonzero(distance < lamp_distance)
     towards = along.take(shaded, axis=0)
-    start = moved(point.take(shaded, axis=0), towards, np.float32(_RELIEF_REACH))
+    start = points_along(point.take(shaded, axis=0), towards, np.float32(_RELIEF_REACH))
     dark_anyway = surfaces.rest.occluded(start, towards, lamp_distance[shaded] - _RELIEF_REACH)
     shaded = shaded[~dark_anyway]
     rock_id = surfaces.id_of_face[surfaces.rock_faces[face[shaded]]] if len(shaded) else np.zeros(0, np.int32)
@@ -126,8 +126,8 @@ def _occluder_codes(
 def _first_id(rays: Caster, id_of_face: np.ndarray, point: np.ndarray, towards: np.ndarray) -> np.ndarray:
     """Return the id (n,) of the nearest surface between points and lamp; `NO_ID` if there is none."""
     lamp_distance = length(towards)
-    along = scaled(towards, 1 / lamp_distance)
-    distance, face = rays.nearest(moved(point, along, np.float32(START_OFFSET)), along)
+    along = scale_vectors(towards, 1 / lamp_distance)
+    distance, face = rays.nearest(points_along(point, along, np.float32(START_OFFSET)), along)
     hit = distance < lamp_distance
     first = np.full(len(point), NO_ID, np.int32)
     first[hit] = id_of_face[face[hit]]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import polarsim
-from polarsim.errors import FormatError, about
+from polarsim.errors import FormatError, with_path
 from polarsim.formats.files import read_json, write_text
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
@@ -29,7 +29,7 @@ class Shot:
     Parameters
     ----------
     camera : Camera
-        Camera in the sandbox frame. `geometry.poses.looking` returns a pose from a position and angles;
+        Camera in the sandbox frame. `geometry.poses.camera_pose` returns a pose from a position and angles;
         `camera.scaled(0.25)` renders a smaller image.
     lamps : name -> Lamp
         Near lamps (points or discs) or `Lamp.sun`, with any names. Without lamps the image is black.
@@ -105,7 +105,7 @@ def read_sidecar(path: str | Path) -> Sidecar:
         The file is missing or not a sidecar.
     """
     content = read_json(path)
-    with about(path):
+    with with_path(path):
         try:
             model, gain = content["model"], float(content["gain_per_ms"])
             shot = Shot(

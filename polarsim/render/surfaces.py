@@ -14,8 +14,8 @@ from functools import cached_property, partial
 import numpy as np
 
 from polarsim.errors import RenderError
-from polarsim.geometry.casters import caster
-from polarsim.geometry.rays import Caster, Device, RayEngine, Surveyor
+from polarsim.geometry.casters import make_caster
+from polarsim.geometry.rays import Caster, Device, Intersector, RayEngine
 from polarsim.geometry.topology import open_edges
 from polarsim.photo import NO_ROCK
 from polarsim.render.options import Model, RenderOptions
@@ -42,8 +42,8 @@ class Surfaces:
     device: Device = "cpu"
 
     @cached_property
-    def all(self) -> Surveyor:
-        return caster(self.vertices, self.faces, self.rays, device=self.device)
+    def all(self) -> Intersector:
+        return make_caster(self.vertices, self.faces, self.rays, device=self.device)
 
     def prepare(self, *, shadows: bool, threads: int = 1) -> None:
         """Build the ray structures before threads need them; `shadows`: also build the structures for shadow ids."""
@@ -59,12 +59,12 @@ class Surfaces:
     @cached_property
     def rocks(self) -> Caster:
         """Ray caster of the rocks only; `rock_faces` contains the numbers of the faces."""
-        return caster(self.vertices, self.faces[self.rock_faces], self.rays, device=self.device)
+        return make_caster(self.vertices, self.faces[self.rock_faces], self.rays, device=self.device)
 
     @cached_property
     def rest(self) -> Caster:
         """Ray caster of ground and walls only; `rest_faces` contains the numbers of the faces."""
-        return caster(self.vertices, self.faces[self.rest_faces], self.rays, device=self.device)
+        return make_caster(self.vertices, self.faces[self.rest_faces], self.rays, device=self.device)
 
     @cached_property
     def rest_faces(self) -> np.ndarray:
@@ -120,14 +120,14 @@ def check_position(surfaces: Surfaces, position: np.ndarray, what: str) -> None:
         raise RenderError(f"{what} at ({at}) m is {how}; +Z is up")
 
 
-def surfaces_of(
+def build_surfaces(
     mesh: TerrainMesh, options: RenderOptions, albedo: Mapping[Model, np.ndarray] | None = None
 ) -> Surfaces:
     """Build the surfaces of a terrain: rocks with skirts that extend into the sand, and walls if `rim` is set.
 
     `albedo`: reflectance factors (v,) of the mesh vertices, by model.
     """
-    original, mesh = mesh, with_skirts(mesh, options.skirt_m) if options.skirt_m else mesh
+    original, mesh = mesh, add_skirts(mesh, options.skirt_m) if options.skirt_m else mesh
     id_of_face = np.where(mesh.rock_of_face == NO_ROCK, GROUND, ROCK_IDS + mesh.rock_of_face).astype(np.int32)
     vertices, faces, normals = mesh.vertices, mesh.faces, mesh.normals
     if options.rim:
@@ -164,12 +164,12 @@ def walls(half_width: float, low: float, high: float) -> tuple[np.ndarray, np.nd
         ((-half_width, half_width), (half_width, outer)),
         ((-half_width, -outer), (half_width, -half_width)),
     ]
-    parts = [box(np.array([*a, low]), np.array([*b, high])) for a, b in boards]
+    parts = [box_mesh(np.array([*a, low]), np.array([*b, high])) for a, b in boards]
     faces = np.concatenate([part[1] + number * len(parts[0][0]) for number, part in enumerate(parts)])
     return np.concatenate([part[0] for part in parts]), faces, np.concatenate([part[2] for part in parts])
 
 
-def box(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def box_mesh(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Vertices (24, 3), faces (12, 3) and normals (24, 3) of an upright box; sides share no vertex: sharp edges."""
     vertices, normals = [], []
     for axis in range(3):
@@ -186,7 +186,7 @@ def box(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
     return np.concatenate(vertices), faces, np.concatenate(normals)
 
 
-def with_skirts(mesh: TerrainMesh, depth: float) -> TerrainMesh:
+def add_skirts(mesh: TerrainMesh, depth: float) -> TerrainMesh:
     """Return the terrain with a vertical skirt of `depth` metres under the low open edges of each rock."""
     vertices, faces, normals, rocks = [mesh.vertices], [mesh.faces], [mesh.normals], [mesh.rock_of_face]
     count = len(mesh.vertices)

@@ -16,9 +16,9 @@ from polarsim.geometry.lens import Lens
 from polarsim.photo import PhotoKey, by_bracket
 from polarsim.render.gain import calibrate, default_gain, with_fitted_intensities
 from polarsim.render.indirect import OlatImages
-from polarsim.render.lamps import Lamp, lit_by
+from polarsim.render.lamps import Lamp, lamps_on
 from polarsim.render.options import Model, RenderOptions
-from polarsim.render.sensor import expose, noise_of, noise_seed
+from polarsim.render.sensor import expose, noise_generator, noise_seed
 from polarsim.render.sidecar import Shot, Sidecar, digest_of, write_sidecar
 from polarsim.run_files import lamps as lamp_files
 from polarsim.run_files import materials as material_files
@@ -120,7 +120,7 @@ class TwinWriter:
         folder = self.twins[model]
         write_photos(folder, bracket, olat_images, camera.lens, gain, self.options)
         for key in bracket:
-            shot = Shot(camera, {name: lamps[name] for name in lit_by(key)}, float(key.exposure_ms), model)
+            shot = Shot(camera, {name: lamps[name] for name in lamps_on(key)}, float(key.exposure_ms), model)
             sidecar = Sidecar(shot, self.terrain, self.options, gain, sources, noise_seed(self.options, key))
             write_sidecar(folder / f"{key}.json", sidecar.content())
 
@@ -146,7 +146,7 @@ def write_photos(
 ) -> None:
     """Expose the photos of an exposure bracket from OLAT images by lamp and write `folder/KEY.png`."""
     dark = np.zeros(lens.shape, np.float32)
-    radiance = sum((olat_images[name] for name in lit_by(bracket[0])), dark)
+    radiance = sum((olat_images[name] for name in lamps_on(bracket[0])), dark)
     for key in bracket:
-        noise = noise_of(options, key)
-        png.write(folder / f"{key}.png", expose(radiance, key.exposure_ms * gain, options, noise))
+        noise = noise_generator(options, key)
+        png.write_png(folder / f"{key}.png", expose(radiance, key.exposure_ms * gain, options, noise))

@@ -17,12 +17,12 @@ from polarsim.photo import HEIGHT, WIDTH, PhotoKey, PositionCamera
 from polarsim.progress import track
 from polarsim.render.gain import calibration_photos, with_fit
 from polarsim.render.ground_truth import label_row, label_view, occluded_pixels
-from polarsim.render.lamps import Lamp, lamps_of, lit_by
+from polarsim.render.lamps import Lamp, lamps_of_rig, lamps_on
 from polarsim.render.maps import compute_maps, lamps_for_maps, write_view_maps
 from polarsim.render.olat import NO_LAMP, render_view
-from polarsim.render.optics import through_lens
+from polarsim.render.optics import apply_lens_to_olat_images
 from polarsim.render.options import Model, RenderOptions
-from polarsim.render.surfaces import Surfaces, surfaces_of
+from polarsim.render.surfaces import Surfaces, build_surfaces
 from polarsim.render.twin_writer import TwinWriter, input_digests
 from polarsim.run_files.lamps import read_suns
 from polarsim.run_files.materials import read_materials
@@ -118,7 +118,7 @@ def render_twins(
     fitted = None if materials is None else read_materials(materials, mesh)
     options = options.of(terrain)
     options, albedo = (options, {}) if fitted is None else with_fit(options, fitted)
-    surfaces = surfaces_of(mesh, options, albedo)
+    surfaces = build_surfaces(mesh, options, albedo)
     located = list(chain.from_iterable(views.values()))
     calibrated = any(not options.gain.get(model) for model in twins)
     references = calibration_photos(photos, located) if calibrated else {}
@@ -133,9 +133,9 @@ def render_twins(
             continue
         camera = rig.camera(view[1])
         active_lamps = _lamps(suns, rig, [*chosen, *(key for key in references if view in first)], options)
-        shadow_lamps = sorted({lit_by(key)[0] for key in chosen if lit_by(key)})
+        shadow_lamps = sorted({lamps_on(key)[0] for key in chosen if lamps_on(key)})
         rendering = render_view(surfaces, camera, active_lamps, list(twins), shadow_lamps, options, threads)
-        olat_images = through_lens(rendering.whole, active_lamps, surfaces, camera, options, threads)
+        olat_images = apply_lens_to_olat_images(rendering.whole, active_lamps, surfaces, camera, options, threads)
         with ThreadPoolExecutor(max(1, threads)) as pool:
             labelled = pool.submit(_label, chosen, rendering.ids, surfaces, camera, labels, options)
             writer.write(chosen, olat_images, active_lamps, camera, pool)
@@ -178,5 +178,5 @@ def _lamps(
     suns: Mapping[str, np.ndarray], rig: LocalisedRig, keys: Sequence[PhotoKey], options: RenderOptions
 ) -> dict[str, Lamp]:
     """Return the lamps that are on in at least one of the photos."""
-    needed = {name for key in keys for name in lit_by(key)}
-    return {name: lamp for name, lamp in lamps_of(suns, rig, options.lamp_radius_m).items() if name in needed}
+    needed = {name for key in keys for name in lamps_on(key)}
+    return {name: lamp for name, lamp in lamps_of_rig(suns, rig, options.lamp_radius_m).items() if name in needed}

@@ -9,8 +9,8 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
 from polarsim.report.layout import origin_note, with_origin, write_table
-from polarsim.report.seeds import with_interval
-from polarsim.schemas.covers import COVER_SCORES, FINE_TUNED, MEAN, MERGED, ONE, RENDERED
+from polarsim.report.seeds import interval_text
+from polarsim.schemas.covers import COVER_SCORES, FINE_TUNED, MEAN, MERGED, RENDERED, SINGLE
 
 CAPTION = "Detectors trained on random scenes, tested on real cover photos of held-out terrains: value [95 % interval]."
 NOTES = (
@@ -65,12 +65,12 @@ def _row(part: pd.DataFrame, several: bool, fine_tuned: bool) -> dict[str, objec
     if fine_tuned:
         row["trained on"] = TRAINED_ON[first["trained"]]
     if several:
-        row["detectors"] = {ONE: f"seed {first['seed']}", MEAN: "mean", MERGED: "merged"}[first["detectors"]]
+        row["detectors"] = {SINGLE: f"seed {first['seed']}", MEAN: "mean", MERGED: "merged"}[first["detectors"]]
     row["photos"] = int(first["images"])
     for kind in BOX_CLASSES:
         scores = part[part["kind"] == kind]
         row[f"{kind}s"] = int(scores["labels"].iloc[0]) if len(scores) else 0
-        row[f"{kind}s, mAP@0.5"] = with_interval(scores.iloc[0], "map50") if len(scores) else ""
+        row[f"{kind}s, mAP@0.5"] = interval_text(scores.iloc[0], "map50") if len(scores) else ""
     rocks = part[part["kind"] == BOX_CLASSES[0]]
     row["rocks, IOU_mean"] = float(rocks["iou_mean"].mean())
     row["rocks, calibration error"] = float(rocks["calibration_error"].mean())
@@ -78,7 +78,7 @@ def _row(part: pd.DataFrame, several: bool, fine_tuned: bool) -> dict[str, objec
 
 
 def _are_several(table: pd.DataFrame) -> bool:
-    return bool((table["detectors"] != ONE).any())
+    return bool((table["detectors"] != SINGLE).any())
 
 
 def _are_fine_tuned(table: pd.DataFrame) -> bool:

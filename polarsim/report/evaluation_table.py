@@ -13,7 +13,7 @@ import pandas as pd
 from polarsim.errors import PolarsimError
 from polarsim.formats.tables import read_csv
 from polarsim.report.layout import MISSING, format_value, origin_note, with_origin, write_table
-from polarsim.scoring.complaints import complaints
+from polarsim.scoring.complaints import warnings_of
 from polarsim.scoring.metrics import BOX_METRICS, COLUMNS, STAGES, metrics_table
 
 CAPTION = "Metrics of every stage, a column per terrain. Unit 1: share or ratio; against: reference of the metric."
@@ -37,7 +37,7 @@ def gather_evaluation(*, parts: list[Path], stem: Path, origin: dict[str, str]) 
     Notes below the table list the disagreements that the run's checks of consistency found.
     """
     table = join_metrics([read_csv(path, COLUMNS) for path in parts])
-    notes = ["The CSV file contains n.", *complaints(table), origin_note(origin)]
+    notes = ["The CSV file contains n.", *warnings_of(table), origin_note(origin)]
     write_table(stem, with_origin(table, origin), CAPTION, layout=format_evaluation(table), notes=notes)
 
 
@@ -148,7 +148,7 @@ def _common(table: pd.DataFrame, runs: int) -> pd.DataFrame:
     return measured[counts == runs].reset_index(drop=True)
 
 
-def compared(table: pd.DataFrame, runs: Sequence[str]) -> list[str]:
+def comparison_lines(table: pd.DataFrame, runs: Sequence[str]) -> list[str]:
     """Return at most `MAX_LINES` lines that summarise a comparison: F1 of the labels, else the first metrics.
 
     Each line contains the median of each run, the differences to the first run and the number of samples n of each run.

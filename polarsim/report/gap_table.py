@@ -72,21 +72,21 @@ def format_gap(table: pd.DataFrame) -> pd.DataFrame:
                 "T": paper.domain_title(str(trained)),
                 "pairs": over_seeds(part["pairs"], 0),
                 "ipd": f"{over_seeds(part['ipd_twin'])} → {over_seeds(part['ipd'])}",
-                "change of ipd": change(part, "ipd"),
-                "change of ipd_abs": change(part, "ipd_abs"),
-                "change of mAP@0.5": change(part, "map50"),
+                "change of ipd": change_text(part, "ipd"),
+                "change of ipd_abs": change_text(part, "ipd_abs"),
+                "change of mAP@0.5": change_text(part, "map50"),
             }
             if (part["kind"] == ROCK).all():
                 row["false positives: photos, twin"] = " ".join(
                     over_seeds(part[name], 2) for name in ("false_positives_photo", "false_positives_twin")
                 )
-                row["change of false positives"] = change(part, "false_positives", 2)
-                row["change of their area, %"] = change(part, "false_positive_area", 2, 100)
+                row["change of false positives"] = change_text(part, "false_positives", 2)
+                row["change of their area, %"] = change_text(part, "false_positive_area", 2, 100)
             rows.append(row)
     return pd.DataFrame(rows, columns=None if rows else ["component", "T"])
 
 
-def change(part: pd.DataFrame, name: str, decimals: int = 3, factor: float = 1) -> str:
+def change_text(part: pd.DataFrame, name: str, decimals: int = 3, factor: float = 1) -> str:
     """Return the change of a metric as text with sign and interval, or with the spread over seeds."""
     values = factor * part[f"{name}_change"]
     if values.isna().all():

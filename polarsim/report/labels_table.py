@@ -13,7 +13,7 @@ from polarsim.photo import AZIMUTHS, BOX_CLASSES
 from polarsim.report.layout import MISSING, grid, origin_note, with_origin, write_blocks, write_table
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.schemas.report import LABELS
-from polarsim.scoring.labels import ALL, ANNOTATED, TASKS
+from polarsim.scoring.labels import ALL, ANNOTATED, PROPAGATION_TASKS
 from polarsim.scoring.metrics import TRUTH_NAMES
 from polarsim.scoring.reliability import reliability_table
 
@@ -114,7 +114,7 @@ def _metrics(sums: pd.DataFrame) -> pd.DataFrame:
 def _sorted(rows: pd.DataFrame) -> pd.DataFrame:
     order = {
         "kind": KINDS,
-        "task": TASKS,
+        "task": PROPAGATION_TASKS,
         "group": GROUPS,
         "value": ("all", *sorted(set(rows["value"]) - {*AZIMUTHS, *SIZES}), *AZIMUTHS, *SIZES),
     }

@@ -8,7 +8,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.report.layout import origin_note, with_origin, write_table
-from polarsim.report.seeds import with_interval
+from polarsim.report.seeds import interval_text
 from polarsim.run_files.class_masks import CLASSES
 from polarsim.schemas.covers import MASK_SCORES
 
@@ -35,6 +35,6 @@ def tidy_masks(table: pd.DataFrame) -> pd.DataFrame:
     for (region, key), part in table.groupby(["region", "key"], sort=False):
         row: dict[str, object] = {"region": region, "photo": key, "photos": int(part["photos"].iloc[0])}
         for kind in CLASSES:
-            row[kind] = with_interval(part[part["kind"] == kind].iloc[0], "iou")
+            row[kind] = interval_text(part[part["kind"] == kind].iloc[0], "iou")
         rows.append(row)
     return pd.DataFrame(rows)

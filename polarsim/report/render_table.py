@@ -31,13 +31,13 @@ def tabulate_render(
     likeness = pd.concat([read_parquet(path, TWIN_PAIRS.columns) for path in pairs], ignore_index=True)
     scores = pd.concat([read_csv(path, METRIC_COLUMNS) for path in evaluation], ignore_index=True)
     boxes = box_rows(scores)
-    rows = pd.concat([likeness_rows(likeness), boxes], ignore_index=True).astype(COLUMNS)
+    rows = pd.concat([similarity_rows(likeness), boxes], ignore_index=True).astype(COLUMNS)
     against = " and ".join(TRUTH_NAMES[name] for name in TRUTH_NAMES if name in set(scores["against"]))
     notes = [NOTE, *([f"Boxes against {against}."] if len(boxes) else []), origin_note(origin)]
     write_blocks(table, with_origin(rows, origin), format_table(rows), notes)
 
 
-def likeness_rows(pairs: pd.DataFrame) -> pd.DataFrame:
+def similarity_rows(pairs: pd.DataFrame) -> pd.DataFrame:
     """Return a table with `COLUMNS`: a row per model and group of photos."""
     parts = []
     for group in GROUPS:

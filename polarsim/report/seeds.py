@@ -21,7 +21,7 @@ def over_seeds(values: pd.Series, decimals: int = 3) -> str:
     return f"{finite.mean():.{decimals}f} ± {finite.std(ddof=1):.{decimals}f}"
 
 
-def with_interval(row: pd.Series, name: str, decimals: int = 3) -> str:
+def interval_text(row: pd.Series, name: str, decimals: int = 3) -> str:
     """Return a metric as text, with the 95 % interval if there is one."""
     value, low, high = (float(row[column]) for column in (name, f"{name}_low", f"{name}_high"))
     if value != value:  # NaN
@@ -33,7 +33,7 @@ def with_interval(row: pd.Series, name: str, decimals: int = 3) -> str:
 def metric_cell(part: pd.DataFrame, name: str, decimals: int = 3) -> str:
     """Return the text of a cell: a single training with interval, or several trainings with standard deviation."""
     if len(part) == 1:
-        return with_interval(part.iloc[0], name, decimals)
+        return interval_text(part.iloc[0], name, decimals)
     return over_seeds(part[name], decimals)
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.errors import FormatError, about
+from polarsim.errors import FormatError, with_path
 from polarsim.formats import obj, tables
-from polarsim.geometry.casters import caster
+from polarsim.geometry.casters import make_caster
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.rims import rim
 from polarsim.geometry.topology import largest_island
@@ -47,8 +47,8 @@ def read_ground(path: str | Path, feet: Mapping[int, np.ndarray]) -> Mesh:
     FormatError
         The mesh is invalid, is not a sandbox in metres, has no ground at a rock or is too far from the rocks' feet.
     """
-    ground = obj.read(path)
-    with about(path):
+    ground = obj.read_obj(path)
+    with with_path(path):
         spans = np.ptp(ground.vertices[:, :2], axis=0)
         if spans.max() > MAX_GROUND_SIZE:
             raise FormatError(
@@ -88,7 +88,7 @@ def _heights_at(ground: Mesh, points: np.ndarray) -> np.ndarray:
     """Return the height (n,) of the mesh's upper side at points (n, 2 or 3); NaN outside the mesh."""
     top = ground.vertices[:, 2].max() + 1.0
     origins = np.column_stack([points[:, :2], np.full(len(points), top)])
-    distance, _ = caster(ground.vertices, ground.faces).nearest(
+    distance, _ = make_caster(ground.vertices, ground.faces).nearest(
         origins, np.broadcast_to([0.0, 0.0, -1.0], origins.shape)
     )
     return np.where(np.isfinite(distance), top - distance, np.nan)
@@ -106,11 +106,11 @@ def adopt_rocks(*, terrain: int, inventory: Path, cameras: Path, rocks: Path, cu
         A mesh is invalid, or the published ground does not belong to the rocks.
     """
     published = read_inventory(inventory)
-    with about(inventory):
+    with with_path(inventory):
         files = published.rock_meshes()
     translations = read_translations(cameras)
-    as_published = {rock: cleaned(obj.read(path)) for rock, path in files.items()}
-    adopted = {rock: moved(mesh, translations.get(rock, np.zeros(3))) for rock, mesh in as_published.items()}
+    as_published = {rock: cleaned(obj.read_obj(path)) for rock, path in files.items()}
+    adopted = {rock: translated_mesh(mesh, translations.get(rock, np.zeros(3))) for rock, mesh in as_published.items()}
     grid = FloorGrid(
         Extent(-PUBLISHED_HALF_WIDTH, -PUBLISHED_HALF_WIDTH, PUBLISHED_HALF_WIDTH, PUBLISHED_HALF_WIDTH),
         FITTED_GROUND_CELL,
@@ -137,7 +137,7 @@ def cleaned(mesh: Mesh) -> Mesh:
     return largest_island(merged_vertices(mesh))
 
 
-def moved(mesh: Mesh, translation: np.ndarray) -> Mesh:
+def translated_mesh(mesh: Mesh, translation: np.ndarray) -> Mesh:
     """Translate a mesh by (3,) metres."""
     return Mesh(mesh.vertices + translation, mesh.faces)
 

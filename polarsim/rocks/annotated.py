@@ -9,11 +9,11 @@ from itertools import combinations, product
 import numpy as np
 from scipy import ndimage
 
-from polarsim.geometry.boxes import around, iou
+from polarsim.geometry.boxes import box_around_points, iou
 from polarsim.rocks.evidence import Evidence
-from polarsim.rocks.ground import Sand
+from polarsim.rocks.ground import SandSurface
 from polarsim.rocks.heights import filled
-from polarsim.rocks.regions import PEAK_SHARE, Limits, Region, measure_mask, sort_regions, surface_points
+from polarsim.rocks.regions import PEAK_SHARE, Limits, RockRegion, measure_mask, scanned_points, sort_regions
 
 FLANK_CELLS = 3  # cells around a point that may be its flanks and are excluded from the ground below
 GROUND_RADIUS = 0.15  # metres around a point within which ground determines the height of the ground below
@@ -22,21 +22,21 @@ ANNOTATED_FOOT = 0.001  # minimum height above the ground of a rock's cells, met
 
 
 def add_annotated_rocks(
-    sand: Sand, regions: list[Region], limits: Limits, evidence: Evidence
-) -> tuple[Sand, list[Region]]:
+    sand: SandSurface, regions: list[RockRegion], limits: Limits, evidence: Evidence
+) -> tuple[SandSurface, list[RockRegion]]:
     """Return sand and regions after adding rocks at boxes of two positions that no region explains.
 
     Boxes of different rocks also intersect somewhere. Points are a rock if they fill both boxes and are higher than
     the surrounding ground.
     """
-    unexplained = evidence.unexplained([surface_points(sand, region.seen) for region in regions])
+    unexplained = evidence.unexplained([scanned_points(sand, region.seen) for region in regions])
     unexplained = {position: boxes for position, boxes in unexplained.items() if len(boxes)}
     if len(unexplained) < 2:
         return sand, regions
     cells = np.flatnonzero(np.isfinite(sand.surface) & sand.is_ground)
-    points = surface_points(sand, cells)
+    points = scanned_points(sand, cells)
     pixels = {position: evidence.localised[position].project("L", points) for position in unexplained}
-    detected: list[Region] = []
+    detected: list[RockRegion] = []
     for first, second in combinations(sorted(unexplained), 2):
         for pair in product(unexplained[first], unexplained[second]):
             shared = _shared([pixels[first], pixels[second]], pair, evidence.min_iou)
@@ -57,12 +57,13 @@ def _shared(pixels: Sequence[np.ndarray], boxes: Sequence[np.ndarray], min_iou: 
         ]
     )
     fills = inside.any() and all(
-        iou(around(projected[inside])[None], box[None]) >= min_iou for projected, box in zip(pixels, boxes, strict=True)
+        iou(box_around_points(projected[inside])[None], box[None]) >= min_iou
+        for projected, box in zip(pixels, boxes, strict=True)
     )
     return inside if fills else np.zeros_like(inside)
 
 
-def raised(sand: Sand, cells: np.ndarray, foot: float, lowest: float) -> tuple[Sand, Region] | None:
+def raised(sand: SandSurface, cells: np.ndarray, foot: float, lowest: float) -> tuple[SandSurface, RockRegion] | None:
     """Interpolate the ground under flat cells (n,) from its surroundings, and return the region above it.
 
     The region consists of cells higher than `foot` metres; None if its height is less than `lowest` metres.

@@ -10,13 +10,13 @@ from scipy import ndimage
 
 from polarsim.rocks.annotated import raised
 from polarsim.rocks.evidence import Evidence
-from polarsim.rocks.ground import FOOT_MARGIN, Sand
+from polarsim.rocks.ground import FOOT_MARGIN, SandSurface
 from polarsim.rocks.heights import filled
 from polarsim.rocks.regions import (
     MIN_HEIGHT_SHARE,
     WALL_CLEARANCE,
     Limits,
-    Region,
+    RockRegion,
     largest_piece,
     region_of,
     sort_regions,
@@ -67,14 +67,14 @@ class Cap:
 
 
 def add_bumps(
-    sand: Sand, regions: Sequence[Region], limits: Limits, evidence: Evidence, bumps: Bumps
-) -> tuple[Sand, list[Region]]:
+    sand: SandSurface, regions: Sequence[RockRegion], limits: Limits, evidence: Evidence, bumps: Bumps
+) -> tuple[SandSurface, list[RockRegion]]:
     """Return sand and regions after adding small caps between the regions as rocks, with or without annotations.
 
     A rock of 5 cm rises about 1 cm, with flanks that scanner noise and the grid make as gentle as sand. It differs from
     sand by downward curvature in all directions, on sand that is much more even than the cap is high.
     """
-    detected: list[Region] = []
+    detected: list[RockRegion] = []
     smallest = limits.size + sand.grid.cell  # sizes on the grid are a cell larger
     for cap in caps(sand, regions):
         if cap.size < smallest - NOISE or cap not in bumps:
@@ -90,7 +90,7 @@ def add_bumps(
     return sand, sort_regions([*regions, *detected])
 
 
-def caps(sand: Sand, regions: Sequence[Region]) -> Iterator[Cap]:
+def caps(sand: SandSurface, regions: Sequence[RockRegion]) -> Iterator[Cap]:
     """Yield convex caps between the regions, largest curvature first."""
     taken = np.zeros(sand.surface.shape, bool)
     taken.ravel()[_cells(regions)] = True
@@ -176,5 +176,5 @@ def _roundness(mask: np.ndarray) -> float:
     return float(np.sqrt(short / long))
 
 
-def _cells(regions: Sequence[Region]) -> np.ndarray:
+def _cells(regions: Sequence[RockRegion]) -> np.ndarray:
     return np.concatenate([np.zeros(0, np.int64), *(region.footprint for region in regions)])

@@ -11,9 +11,9 @@ from scipy import ndimage
 from polarsim.rocks.annotated import raised
 from polarsim.rocks.creases import neighbours
 from polarsim.rocks.evidence import ANNOTATION_IOU, Evidence
-from polarsim.rocks.ground import Sand
+from polarsim.rocks.ground import SandSurface
 from polarsim.rocks.grouping import group_pieces
-from polarsim.rocks.regions import Limits, Region, largest_piece, region_of, sort_regions, surface_points
+from polarsim.rocks.regions import Limits, RockRegion, largest_piece, region_of, scanned_points, sort_regions
 
 MIN_CUT_IOU = 0.65  # minimum IoU of the cut rock with its box: there is no second position to confirm it
 BIN_PX = 8  # side of the squares of the photo that keep only the nearest points
@@ -25,8 +25,8 @@ class _Cut:
     """Sand and regions after adding a rock at a box."""
 
     fit: float  # IoU of the rock with the box
-    sand: Sand
-    regions: list[Region]
+    sand: SandSurface
+    regions: list[RockRegion]
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,8 @@ class _ProjectedCells:
 
 
 def add_carved_rocks(
-    sand: Sand, regions: Sequence[Region], limits: Limits, evidence: Evidence
-) -> tuple[Sand, list[Region]]:
+    sand: SandSurface, regions: Sequence[RockRegion], limits: Limits, evidence: Evidence
+) -> tuple[SandSurface, list[RockRegion]]:
     """Return sand and regions after adding rocks at boxes that no region explains.
 
     The rock of a box may be connected to another rock, or have a side as gentle as sand. Cells of a box are a rock if
@@ -80,7 +80,7 @@ def add_carved_rocks(
     return sand, sort_regions(_join_touching(sand, regions, evidence))
 
 
-def _join_touching(sand: Sand, regions: list[Region], evidence: Evidence) -> list[Region]:
+def _join_touching(sand: SandSurface, regions: list[RockRegion], evidence: Evidence) -> list[RockRegion]:
     """Join touching regions if they fit the boxes better."""
     numbers = np.zeros(sand.surface.shape, np.int64)
     for number, region in enumerate(regions, 1):
@@ -96,16 +96,16 @@ def _join_touching(sand: Sand, regions: list[Region], evidence: Evidence) -> lis
     ]
 
 
-def _project_cells(sand: Sand, evidence: Evidence, position: str) -> _ProjectedCells:
+def _project_cells(sand: SandSurface, evidence: Evidence, position: str) -> _ProjectedCells:
     cells = np.flatnonzero(np.isfinite(sand.surface))
-    points, rig = surface_points(sand, cells), evidence.localised[position]
+    points, rig = scanned_points(sand, cells), evidence.localised[position]
     away = np.linalg.norm(points - rig.sandbox_from_left.translation, axis=1)
     return _ProjectedCells(cells, rig.project("L", points), away)
 
 
 def _cut(
-    sand: Sand,
-    regions: Sequence[Region],
+    sand: SandSurface,
+    regions: Sequence[RockRegion],
     number: int | None,
     position: str,
     box: np.ndarray,
@@ -125,13 +125,13 @@ def _cut(
         return None
     below, region = standing
     part = region_of(below, largest_piece(below, region.seen), evidence)
-    fit = evidence.fit(position, surface_points(sand, part.seen), box[None])
+    fit = evidence.fit(position, scanned_points(sand, part.seen), box[None])
     if fit < MIN_CUT_IOU or part.size < limits.size or part.height < limits.confirmed_height:
         return None
     if number is None:
         return _Cut(fit, below, [*regions, part])
     rest = np.setdiff1d(region_cells, part.seen)
-    if not len(rest) or not _fits_as_before(evidence, surface_points(sand, region_cells), surface_points(sand, rest)):
+    if not len(rest) or not _fits_as_before(evidence, scanned_points(sand, region_cells), scanned_points(sand, rest)):
         return None
     remaining = region_of(below, rest, evidence)
     if remaining.size < limits.size:
@@ -152,6 +152,6 @@ def _fits_as_before(evidence: Evidence, before: np.ndarray, after: np.ndarray) -
     return annotated_somewhere
 
 
-def _surfaces(sand: Sand, regions: Sequence[Region]) -> list[np.ndarray]:
+def _surfaces(sand: SandSurface, regions: Sequence[RockRegion]) -> list[np.ndarray]:
     """Return the scanned points (n, 3) of every region."""
-    return [surface_points(sand, region.seen) for region in regions]
+    return [scanned_points(sand, region.seen) for region in regions]

@@ -10,10 +10,10 @@ from itertools import count
 import numpy as np
 from scipy import ndimage
 
-from polarsim.rocks.ground import FOOT_MARGIN, Sand
+from polarsim.rocks.ground import FOOT_MARGIN, SandSurface
 from polarsim.rocks.heights import filled
 from polarsim.rocks.overrides import Cuboid, Overrides
-from polarsim.rocks.regions import WALL_CLEARANCE, Region, measure_mask, number_regions
+from polarsim.rocks.regions import WALL_CLEARANCE, RockRegion, measure_mask, number_regions
 from polarsim.rocks.scans import ScanPoints
 from polarsim.rocks.splitting import is_upright
 
@@ -26,37 +26,37 @@ LOWEST_POINT = 0.001  # minimum height above the ground of a rock's points, metr
 
 
 @dataclass(frozen=True)
-class Rock:
+class CroppedRock:
     """Rock of a terrain: region, cropping cuboid, and source (`scan` or `override`)."""
 
-    region: Region
+    region: RockRegion
     cuboid: Cuboid
     source: str
 
 
 def crop_rocks(
-    sand: Sand, regions: Sequence[Region], overrides: Overrides, foot: float
-) -> tuple[Sand, dict[int, Rock]]:
+    sand: SandSurface, regions: Sequence[RockRegion], overrides: Overrides, foot: float
+) -> tuple[SandSurface, dict[int, CroppedRock]]:
     """Return rocks by id after the overrides, and the sand with everything else as ground."""
     finds = _keep_ids(sand, regions, overrides.positions)
     for rock in overrides.drop:
         if finds.pop(rock, None) is None:
             log.warning("rock %d cannot be dropped: no detected rock has this id", rock)
     sand = _without_ground(sand, overrides.cuboids)
-    rocks: dict[int, Rock] = {}
+    rocks: dict[int, CroppedRock] = {}
     for rock, cuboid in overrides.cuboids.items():
         region = _cropped(sand, cuboid, foot)
         if region is None:
             log.warning("rock %d: its cuboid contains nothing above the ground", rock)
         else:
-            rocks[rock] = Rock(region, cuboid, "override")
+            rocks[rock] = CroppedRock(region, cuboid, "override")
     finds = {n: r for n, r in finds.items() if not any(_is_inside(r, c) for c in overrides.cuboids.values())}
     for number, region in _renumber(finds, overrides.cuboids).items():
-        rocks[number] = Rock(region, _around(sand, region), "scan")
+        rocks[number] = CroppedRock(region, _around(sand, region), "scan")
     return _with_rest_as_ground(sand, [rock.region for rock in rocks.values()]), dict(sorted(rocks.items()))
 
 
-def rock_of_points(sand: Sand, rocks: dict[int, Rock], scans: ScanPoints, foot: float) -> np.ndarray:
+def rock_of_points(sand: SandSurface, rocks: dict[int, CroppedRock], scans: ScanPoints, foot: float) -> np.ndarray:
     """Return the id (n,) of the rock of each point; 0 for all other points.
 
     Points in cells next to a rock belong to it if they are higher than the foot height, because its flank overhangs
@@ -80,7 +80,9 @@ def rock_of_points(sand: Sand, rocks: dict[int, Rock], scans: ScanPoints, foot: 
     return rock_of_point
 
 
-def _keep_ids(sand: Sand, regions: Sequence[Region], positions: Mapping[int, np.ndarray]) -> dict[int, Region]:
+def _keep_ids(
+    sand: SandSurface, regions: Sequence[RockRegion], positions: Mapping[int, np.ndarray]
+) -> dict[int, RockRegion]:
     """Return regions by id: regions at the given positions (2,) keep the given ids, the rest is renumbered."""
     finds, kept, cells = number_regions(regions), {}, sand.grid.centres().reshape(-1, 2)
     for rock, position in positions.items():
@@ -95,17 +97,17 @@ def _keep_ids(sand: Sand, regions: Sequence[Region], positions: Mapping[int, np.
     return dict(sorted((kept | _renumber(finds, positions)).items()))
 
 
-def _renumber(finds: Mapping[int, Region], taken: Collection[int]) -> dict[int, Region]:
+def _renumber(finds: Mapping[int, RockRegion], taken: Collection[int]) -> dict[int, RockRegion]:
     """Return regions by unique id: a region with an id in `taken` gets the next free number."""
     free = count(max([*finds, *taken, 0]) + 1)
     return {next(free) if number in taken else number: region for number, region in finds.items()}
 
 
-def _is_inside(region: Region, cuboid: Cuboid) -> bool:
+def _is_inside(region: RockRegion, cuboid: Cuboid) -> bool:
     return bool((region.centre > cuboid.low[:2]).all() and (region.centre < cuboid.high[:2]).all())
 
 
-def _cells_of(sand: Sand, cuboid: Cuboid) -> np.ndarray:
+def _cells_of(sand: SandSurface, cuboid: Cuboid) -> np.ndarray:
     """Return a mask (rows, columns) of the cells with a surface in a cuboid."""
     nodes = sand.grid.centres()
     inside = ((nodes > cuboid.low[:2]) & (nodes < cuboid.high[:2])).all(axis=-1)
@@ -113,7 +115,7 @@ def _cells_of(sand: Sand, cuboid: Cuboid) -> np.ndarray:
     return inside & (heights > cuboid.low[2]) & (heights < cuboid.high[2])
 
 
-def _without_ground(sand: Sand, cuboids: dict[int, Cuboid]) -> Sand:
+def _without_ground(sand: SandSurface, cuboids: dict[int, Cuboid]) -> SandSurface:
     """Return the sand without ground inside cuboids."""
     if not cuboids:
         return sand
@@ -123,14 +125,14 @@ def _without_ground(sand: Sand, cuboids: dict[int, Cuboid]) -> Sand:
     return replace(sand, is_ground=is_ground, ground=filled(np.nan_to_num(sand.surface), is_ground))
 
 
-def _cropped(sand: Sand, cuboid: Cuboid, foot: float) -> Region | None:
+def _cropped(sand: SandSurface, cuboid: Cuboid, foot: float) -> RockRegion | None:
     mask = _cells_of(sand, cuboid) & (sand.above > foot)
     if not mask.any():
         return None
     return measure_mask(sand, mask)
 
 
-def _around(sand: Sand, region: Region) -> Cuboid:
+def _around(sand: SandSurface, region: RockRegion) -> Cuboid:
     """Return the cuboid of a region, rounded outwards to the millimetre."""
     nodes = sand.grid.centres().reshape(-1, 2)[region.footprint]
     margin = sand.grid.cell * (0.5 + FOOT_MARGIN)
@@ -141,7 +143,7 @@ def _around(sand: Sand, region: Region) -> Cuboid:
     return Cuboid(np.floor(low * 1000) / 1000, np.ceil(high * 1000) / 1000)
 
 
-def _leaning_objects(sand: Sand) -> np.ndarray:
+def _leaning_objects(sand: SandSurface) -> np.ndarray:
     """Return a mask (rows, columns) of objects above the sand that reach the border, such as cloth or a board."""
     standing, _ = ndimage.label(sand.above > LEANING_HEIGHT, np.ones((3, 3)))
     inner = np.zeros(standing.shape, bool)
@@ -150,7 +152,7 @@ def _leaning_objects(sand: Sand) -> np.ndarray:
     return np.isin(standing, np.setdiff1d(standing[~inner], 0))
 
 
-def _upright_objects(sand: Sand, taken: np.ndarray) -> np.ndarray:
+def _upright_objects(sand: SandSurface, taken: np.ndarray) -> np.ndarray:
     """Return a mask (rows, columns) of upright objects outside the cells that are taken."""
     above = np.where(taken | sand.is_ground, 0.0, sand.above)
     parts, _ = ndimage.label(above > LEANING_HEIGHT / 2, np.ones((3, 3)))
@@ -162,7 +164,7 @@ def _upright_objects(sand: Sand, taken: np.ndarray) -> np.ndarray:
     return np.isin(parts, upright)
 
 
-def _with_rest_as_ground(sand: Sand, regions: list[Region]) -> Sand:
+def _with_rest_as_ground(sand: SandSurface, regions: list[RockRegion]) -> SandSurface:
     """Mark pebbles, ripples and steep sand as ground: all scanned cells without rocks, leaning and upright objects."""
     taken = np.zeros(sand.surface.shape, bool)
     for region in regions:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from polarsim.geometry.boxes import iou
-from polarsim.geometry.consensus import consensus_boxes, positions_of_strangers
+from polarsim.geometry.consensus import consensus_boxes, warn_mislabelled_positions
 from polarsim.run_files.rigs import LocalisedRig
 
 ANNOTATION_IOU = 0.05  # IoU per position: smaller differences between two explanations are within the annotation error
@@ -36,7 +36,7 @@ class Evidence:
     def without_mislabelled(self, rocks: Sequence[np.ndarray]) -> Evidence:
         """Exclude positions with boxes of another position, by rocks (n, 3) from shape only; log a warning."""
         cameras = {position: rig.camera("L") for position, rig in self.localised.items() if not rig.unproven}
-        names = positions_of_strangers(self.agreed, cameras, rocks)
+        names = warn_mislabelled_positions(self.agreed, cameras, rocks)
         return replace(
             self, annotated={position: boxes for position, boxes in self.annotated.items() if position not in names}
         )

@@ -21,14 +21,14 @@ from polarsim.rocks.annotated import add_annotated_rocks
 from polarsim.rocks.bumps import Bumps, add_bumps
 from polarsim.rocks.carving import add_carved_rocks
 from polarsim.rocks.clouds import alignment_translations, surface_cloud, voxel_means
-from polarsim.rocks.crops import Rock, crop_rocks, rock_of_points
+from polarsim.rocks.crops import CroppedRock, crop_rocks, rock_of_points
 from polarsim.rocks.evidence import Evidence
-from polarsim.rocks.ground import GROUND_CELL, Sand, find_ground, sand_extent
+from polarsim.rocks.ground import GROUND_CELL, SandSurface, find_ground, sand_extent
 from polarsim.rocks.heights import upward_normals
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids, write_positions
-from polarsim.rocks.regions import Cut, Limits, cut_by_shape, find_regions, surface_points
-from polarsim.rocks.scans import Extent, ScanPoints, merged, scan_in_sandbox
+from polarsim.rocks.regions import Cut, Limits, cut_by_shape, find_regions, scanned_points
+from polarsim.rocks.scans import Extent, ScanPoints, merge_scans, scan_in_sandbox
 from polarsim.run_files import rigs
 from polarsim.run_files.inventory import Inventory, read_inventory
 from polarsim.run_files.rigs import LocalisedRig
@@ -100,15 +100,15 @@ def find_rocks(
     _write(rocks, cuboids, ids, clouds, rows, cropped, rock_clouds, ground_cloud(sand), localised)
 
 
-def _without_mislabelled(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut) -> Evidence:
+def _without_mislabelled(sand: SandSurface, limits: Limits, evidence: Evidence, cut: Cut) -> Evidence:
     """Exclude seeds with the name of another position, by rocks that were detected by shape only."""
     if not evidence.agreed or len(evidence.localised) < 2:
         return evidence
     by_shape = find_regions(sand, limits, replace(evidence, annotated={}), cut)
-    return evidence.without_mislabelled([surface_points(sand, region.seen) for region in by_shape])
+    return evidence.without_mislabelled([scanned_points(sand, region.seen) for region in by_shape])
 
 
-def ground_cloud(sand: Sand) -> Cloud:
+def ground_cloud(sand: SandSurface) -> Cloud:
     """Return a point for each cell of visible ground, with the normal of the surface."""
     normals = upward_normals(sand.grid, sand.ground)
     points = np.concatenate([sand.grid.centres(), sand.ground[..., None]], axis=-1)
@@ -128,7 +128,7 @@ def read_scans(inventory: Inventory, localised: Mapping[str, LocalisedRig]) -> S
         points_left = read_scan(inventory, position, localised[position].rig)
         scan = scan_in_sandbox(points_left, localised[position].sandbox_from_left)
         scans.append(scan.select(NEIGHBOURHOOD.contains(scan.points)))
-    return merged(scans)
+    return merge_scans(scans)
 
 
 def _by_scan(points: ScanPoints, localised: Mapping[str, LocalisedRig]) -> dict[str, ScanPoints]:
@@ -143,8 +143,8 @@ def _by_scan(points: ScanPoints, localised: Mapping[str, LocalisedRig]) -> dict[
 def _apply_translations(parts: Mapping[str, ScanPoints], translations: np.ndarray | None) -> ScanPoints:
     """Return the points of all scans of a rock, translated if translations (s, 3) are given."""
     if translations is None:
-        return merged(list(parts.values()))
-    return merged(
+        return merge_scans(list(parts.values()))
+    return merge_scans(
         [
             part.moved(Pose(np.eye(3), translation))
             for part, translation in zip(parts.values(), translations, strict=True)
@@ -153,7 +153,7 @@ def _apply_translations(parts: Mapping[str, ScanPoints], translations: np.ndarra
 
 
 def _row(
-    rock: int, cropped: Rock, points: Mapping[str, ScanPoints], translations: np.ndarray | None
+    rock: int, cropped: CroppedRock, points: Mapping[str, ScanPoints], translations: np.ndarray | None
 ) -> dict[str, object]:
     region = cropped.region
     return table.row(
@@ -176,16 +176,16 @@ def _write(
     ids: Path,
     clouds: Path,
     rows: list[dict[str, object]],
-    cropped: Mapping[int, Rock],
+    cropped: Mapping[int, CroppedRock],
     rock_clouds: Mapping[int, Cloud],
     ground: Cloud,
     localised: Mapping[str, LocalisedRig],
 ) -> None:
     tripods = [(position, *rig.sandbox_from_left.translation) for position, rig in localised.items()]
     with writing_folder(clouds) as folder:
-        ply.write(folder / "ground.ply", ground)
+        ply.write_ply(folder / "ground.ply", ground)
         for rock, cloud in rock_clouds.items():
-            ply.write(folder / f"rock{rock}.ply", cloud)
+            ply.write_ply(folder / f"rock{rock}.ply", cloud)
         tables.write_csv(folder / "scanners.csv", pd.DataFrame(tripods, columns=["position", "x", "y", "z"]))
     write_cuboids(cuboids, {rock: crop.cuboid for rock, crop in cropped.items()})
     write_positions(ids, {rock: crop.region.centre for rock, crop in cropped.items()})

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import ndimage, sparse
 from scipy.sparse.linalg import splu
 
-from polarsim.randomness import unsigned_zeros
+from polarsim.randomness import without_negative_zeros
 from polarsim.rocks.heights import FloorGrid
 
 FITTED_GROUND_CELL = 0.01  # cell of a ground that is fitted under published meshes, metres
@@ -57,7 +57,7 @@ def fit_ground(rims: Sequence[np.ndarray], grid: FloorGrid) -> np.ndarray:
 
 def _distinct(rims: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Return distinct rims with sorted, distinct points, in an order that depends only on their points."""
-    distinct = [np.unique(unsigned_zeros(np.asarray(foot, float)).reshape(-1, 3), axis=0) for foot in rims]
+    distinct = [np.unique(without_negative_zeros(np.asarray(foot, float)).reshape(-1, 3), axis=0) for foot in rims]
     by_content = {foot.tobytes(): foot for foot in distinct if len(foot)}
     return [by_content[content] for content in sorted(by_content)]
 

@@ -16,7 +16,7 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import is_watertight, part_of_face
 from polarsim.photo import NO_ROCK
 from polarsim.rocks.heights import FloorGrid
-from polarsim.rocks.solids import decimated, thinned, volume
+from polarsim.rocks.solids import cluster_vertices, decimate_mesh, volume
 from polarsim.run_files.scene import MESH_TABLE
 from polarsim.schemas.stages import MESHES
 
@@ -88,18 +88,18 @@ def write_meshes(
         named, made_from = {names[NO_ROCK]: ground}, {names[NO_ROCK]: sources[NO_ROCK]}
         for rock, mesh in sorted(solids.items()):
             thin = obj.rock_name(terrain, rock, decimated=True)
-            named |= {names[rock]: mesh, thin: decimated(mesh, DECIMATED_SHARE)}
+            named |= {names[rock]: mesh, thin: decimate_mesh(mesh, DECIMATED_SHARE)}
             made_from |= dict.fromkeys((names[rock], thin), sources[rock])
         write_named(folder, named, made_from)
         known = {rock: support(mesh.vertices, scanned[rock]) for rock, mesh in parts.items() if rock in scanned}
         if scanned:
             table = support_table({names[rock]: values for rock, values in known.items()})
             tables.write_parquet(folder / SUPPORT_FILE, table)
-        parts[NO_ROCK] = thinned(ground, MAX_VIEWER_VERTICES)
+        parts[NO_ROCK] = cluster_vertices(ground, MAX_VIEWER_VERTICES)
         if scanned and parts[NO_ROCK] is not ground:
             known[NO_ROCK] = support(parts[NO_ROCK].vertices, scanned[NO_ROCK])
-        nodes = {rock: gltf.GROUND if rock == NO_ROCK else f"rock{rock}" for rock in parts}
-        gltf.write(
+        nodes = {rock: gltf.GROUND_NODE if rock == NO_ROCK else f"rock{rock}" for rock in parts}
+        gltf.write_glb(
             folder / gltf.name(terrain),
             {nodes[rock]: mesh for rock, mesh in parts.items()},
             {nodes[rock]: values for rock, values in known.items()},
@@ -109,7 +109,7 @@ def write_meshes(
 def write_named(folder: Path, named: Mapping[str, Mesh], made_from: Mapping[str, str]) -> None:
     """Write meshes by file name, and `meshes.csv` with their properties and sources."""
     for name, mesh in named.items():
-        obj.write(folder / name, mesh, Path(name).stem)
+        obj.write_obj(folder / name, mesh, Path(name).stem)
     rows = [{**mesh_row(name, mesh), "made_from": made_from[name]} for name, mesh in named.items()]
     tables.write_csv(folder / MESH_TABLE, pd.DataFrame(rows, columns=list(MESHES.columns)))
 

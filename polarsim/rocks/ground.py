@@ -23,7 +23,7 @@ FOOT_MARGIN = 2  # cells around rocks that are excluded from the heights of the 
 
 
 @dataclass(frozen=True)
-class Sand:
+class SandSurface:
     """Surface of the sand on a grid; arrays are (rows, columns)."""
 
     grid: FloorGrid
@@ -81,7 +81,7 @@ def _wall_distance(outward: np.ndarray, along: np.ndarray, half: float, cell: fl
     return float(np.median(outward[beyond][order][first]))
 
 
-def find_ground(scans: ScanPoints, extent: Extent, cell: float, max_slope: float) -> Sand:
+def find_ground(scans: ScanPoints, extent: Extent, cell: float, max_slope: float) -> SandSurface:
     """Separate sand and rock by slope: loose sand is not steeper than its angle of repose, flanks of rocks are.
 
     Cells of gentle slope form areas; the largest is ground. Other areas are ground unless they are higher than their
@@ -104,7 +104,7 @@ def find_ground(scans: ScanPoints, extent: Extent, cell: float, max_slope: float
     is_ground = _without_outlined(surface, seen & (slope > OUTLINE_SLOPE_SHARE * np.tan(max_slope)), is_ground, cell)
     ground = filled(np.nan_to_num(surface), is_ground)
     top = np.where(seen, smoothed(*top_heights(grid, scans.points, scans.weights), 1.0), np.nan)
-    return Sand(grid, surface, mean, top, ground, is_ground)
+    return SandSurface(grid, surface, mean, top, ground, is_ground)
 
 
 def _slope(heights: np.ndarray, cell: float) -> np.ndarray:

@@ -31,7 +31,7 @@ def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options
     If the points of a rock define no surface, the rock is skipped with a warning.
     """
     table = tables.read_parquet(rocks, ["rock"])
-    points = ply.read(Path(clouds) / "ground.ply")
+    points = ply.read_ply(Path(clouds) / "ground.ply")
     half = half_width(terrain)
     grid, ground = ground_heights(points, GROUND_CELL, half)
     bare = np.zeros(grid.shape, bool)
@@ -40,7 +40,7 @@ def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options
     solids: dict[int, Mesh] = {}
     scanned = {NO_ROCK: Scanned(points.points, GROUND_CELL)}
     for rock in table["rock"].tolist():
-        cloud = ply.read(Path(clouds) / f"rock{rock}.ply")
+        cloud = ply.read_ply(Path(clouds) / f"rock{rock}.ply")
         scanned[rock] = Scanned(cloud.points, options.rock_cell_mm / 1000)
         try:
             solids[rock] = closed_rock(cloud, grid, ground, bare, scanners, options.rock_cell_mm / 1000)

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.errors import FormatError, about
+from polarsim.errors import FormatError, with_path
 from polarsim.formats.files import text_of, write_text
 from polarsim.formats.readers import reading
 from polarsim.formats.yaml_files import parse_yaml
-from polarsim.photo import FIRST_UNMESHED_ROCK
+from polarsim.photo import FIRST_ID_WITHOUT_MESH
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ def read_overrides(path: str | Path) -> Overrides:
     """
     with reading("YAML", path):
         entries = parse_yaml(text_of(path))
-    with about(path):
+    with with_path(path):
         if entries is not None and not isinstance(entries, list):
             raise FormatError("expected a list of cuboids and drops")
         read = Overrides()
@@ -72,8 +72,8 @@ def _ids(number: int, value: Any) -> list[int]:
 
 
 def _id(number: int, value: Any) -> int:
-    if type(value) is not int or not 0 < value < FIRST_UNMESHED_ROCK:
-        raise FormatError(f"entry {number}: rock is {value!r}, expected an id from 1 to {FIRST_UNMESHED_ROCK - 1}")
+    if type(value) is not int or not 0 < value < FIRST_ID_WITHOUT_MESH:
+        raise FormatError(f"entry {number}: rock is {value!r}, expected an id from 1 to {FIRST_ID_WITHOUT_MESH - 1}")
     return value
 
 

@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from polarsim.rocks.creases import neighbours
 from polarsim.rocks.evidence import Evidence
-from polarsim.rocks.ground import Sand
+from polarsim.rocks.ground import SandSurface
 from polarsim.rocks.grouping import group_pieces
 from polarsim.rocks.heights import hull_mask
 from polarsim.rocks.splitting import Pieces, cut_into_pieces, is_upright, join_slivers
@@ -38,7 +38,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Region:
+class RockRegion:
     """Rock on the floor grid."""
 
     seen: np.ndarray  # (n,) flat cells with a scanned surface
@@ -59,13 +59,13 @@ class Cut:
     pieces: Pieces
 
 
-def cut_by_shape(sand: Sand, limits: Limits) -> Cut:
+def cut_by_shape(sand: SandSurface, limits: Limits) -> Cut:
     """Cut the surface above the ground into pieces for `find_regions`, without boxes."""
     above, labels, seen = standing(sand, limits.foot)
     return Cut(above, seen, cut_into_pieces(above, labels, seen, sand.grid.cell))
 
 
-def find_regions(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut | None = None) -> list[Region]:
+def find_regions(sand: SandSurface, limits: Limits, evidence: Evidence, cut: Cut | None = None) -> list[RockRegion]:
     """Return all rocks of a sand box; `cut` is the output of `cut_by_shape`, to avoid repeating it.
 
     A region is higher than the foot height everywhere and higher than the rock height somewhere, and has the shape of a
@@ -76,7 +76,7 @@ def find_regions(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut | None
     above, seen, pieces = cut.above, cut.seen, cut.pieces
 
     def points_of(mask: np.ndarray) -> np.ndarray:
-        return surface_points(sand, np.flatnonzero(mask & seen))
+        return scanned_points(sand, np.flatnonzero(mask & seen))
 
     boxes = evidence.boxes([points_of(pieces.numbers == number) for number in range(1, len(pieces.rock) + 1)])
     touching = [(first - 1, second - 1) for first, second in neighbours(pieces.numbers)]
@@ -85,27 +85,27 @@ def find_regions(sand: Sand, limits: Limits, evidence: Evidence, cut: Cut | None
     labels = join_slivers(
         above, labels, sand.grid.cell, lambda mask: bool(evidence.confirming_positions(points_of(mask)))
     )
-    regions: list[Region] = []
+    regions: list[RockRegion] = []
     for number, box in enumerate(ndimage.find_objects(labels), 1):
         if box is None:
             continue
         region = measure_region(sand, box, labels[box] == number)
         if region.size < limits.size or region.height < limits.confirmed_height:
             continue
-        confirmed = tuple(evidence.confirming_positions(surface_points(sand, region.seen)))
+        confirmed = tuple(evidence.confirming_positions(scanned_points(sand, region.seen)))
         if confirmed or (_has_rock_shape(region, limits) and not _at_wall(sand, box)):
             regions.append(replace(region, confirmed=confirmed))
     return sort_regions(regions)
 
 
-def standing(sand: Sand, foot: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def standing(sand: SandSurface, foot: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return heights above the ground, numbers from 1 of connected regions above the foot, and scanned cells."""
     above = np.where(sand.is_ground, 0.0, sand.top_above)
     stands = ndimage.binary_opening((above > foot) & (sand.standing > foot), np.ones((2, 2), bool))
     return above, ndimage.label(stands, np.ones((3, 3)))[0], np.isfinite(sand.surface)
 
 
-def _has_rock_shape(region: Region, limits: Limits) -> bool:
+def _has_rock_shape(region: RockRegion, limits: Limits) -> bool:
     """Return whether a region is a rock by shape: high enough, not a swell of the sand, and not upright.
 
     Scans hide part of the width of a rock that is as high as wide.
@@ -114,7 +114,7 @@ def _has_rock_shape(region: Region, limits: Limits) -> bool:
     return region.height >= max(limits.height, MIN_HEIGHT_SHARE * region.size) and not upright
 
 
-def _at_wall(sand: Sand, box: tuple[slice, ...]) -> bool:
+def _at_wall(sand: SandSurface, box: tuple[slice, ...]) -> bool:
     """Return whether a window of the grid is near the border: objects that lean on a wall are not rocks."""
     margin = round(WALL_CLEARANCE / sand.grid.cell)
     return any(
@@ -122,19 +122,19 @@ def _at_wall(sand: Sand, box: tuple[slice, ...]) -> bool:
     )
 
 
-def sort_regions(regions: Sequence[Region]) -> list[Region]:
+def sort_regions(regions: Sequence[RockRegion]) -> list[RockRegion]:
     """Return regions in the order of an oblique sweep."""
     return sorted(regions, key=lambda region: float(region.centre @ SWEEP))
 
 
-def number_regions(regions: Sequence[Region]) -> dict[int, Region]:
+def number_regions(regions: Sequence[RockRegion]) -> dict[int, RockRegion]:
     """Return regions by the number of the sandbox square that contains their centre, from 1, along x, then along y.
 
     Of several regions in a square, the largest has this number, the next 256 more, the third 512 more; further regions
     get subsequent numbers. Therefore a rock that is added, removed or moved by millimetres changes at most ids in the
     same square; ranks along a sweep would change all ids after it.
     """
-    ids: dict[int, Region] = {}
+    ids: dict[int, RockRegion] = {}
     for region in sorted(regions, key=lambda region: (-region.size, float(region.centre @ SWEEP))):
         column, row = np.clip((region.centre + SANDBOX_HALF_WIDTH) // ID_SIDE, 0, ID_SQUARES - 1).astype(int).tolist()
         layers = [1 + column + ID_SQUARES * row + layer * ID_SQUARES**2 for layer in range(ID_LAYERS)]
@@ -143,38 +143,38 @@ def number_regions(regions: Sequence[Region]) -> dict[int, Region]:
     return dict(sorted(ids.items()))
 
 
-def surface_points(sand: Sand, cells: np.ndarray) -> np.ndarray:
+def scanned_points(sand: SandSurface, cells: np.ndarray) -> np.ndarray:
     """Return points (n, 3) on the scanned surface of flat cells (n,)."""
     nodes = sand.grid.centres().reshape(-1, 2)[cells]
     return np.column_stack([nodes, sand.surface.ravel()[cells]])
 
 
-def measure_mask(sand: Sand, mask: np.ndarray) -> Region:
+def measure_mask(sand: SandSurface, mask: np.ndarray) -> RockRegion:
     """Measure the region that the non-empty `mask` (rows, columns) marks on the entire grid."""
     box = ndimage.find_objects(mask.astype(np.int8))[0]
     return measure_region(sand, box, mask[box])
 
 
-def region_of(sand: Sand, cells: np.ndarray, evidence: Evidence) -> Region:
+def region_of(sand: SandSurface, cells: np.ndarray, evidence: Evidence) -> RockRegion:
     """Measure the region of flat cells (n,), and add the positions that confirm it."""
     region = measure_mask(sand, _mask(sand, cells))
-    return replace(region, confirmed=tuple(evidence.confirming_positions(surface_points(sand, region.seen))))
+    return replace(region, confirmed=tuple(evidence.confirming_positions(scanned_points(sand, region.seen))))
 
 
-def largest_piece(sand: Sand, cells: np.ndarray) -> np.ndarray:
+def largest_piece(sand: SandSurface, cells: np.ndarray) -> np.ndarray:
     """Return the cells of the largest connected part of flat cells (n,)."""
     pieces, _ = ndimage.label(_mask(sand, cells), np.ones((3, 3)))
     piece = pieces.ravel()[cells]
     return cells[piece == np.bincount(piece).argmax()]
 
 
-def _mask(sand: Sand, cells: np.ndarray) -> np.ndarray:
+def _mask(sand: SandSurface, cells: np.ndarray) -> np.ndarray:
     mask = np.zeros(sand.surface.shape, bool)
     mask.ravel()[cells] = True
     return mask
 
 
-def measure_region(sand: Sand, box: tuple[slice, ...], mask: np.ndarray) -> Region:
+def measure_region(sand: SandSurface, box: tuple[slice, ...], mask: np.ndarray) -> RockRegion:
     """Measure the region that `mask` marks in a window of the grid."""
     rows, columns = np.nonzero(mask)
     hidden = ~np.isfinite(sand.surface[box])
@@ -186,7 +186,7 @@ def measure_region(sand: Sand, box: tuple[slice, ...], mask: np.ndarray) -> Regi
     top_row, left_column = box[0].start, box[1].start
     footprint = (footprint_rows + top_row) * width + footprint_columns + left_column
     nodes = sand.grid.centres().reshape(-1, 2)[footprint]
-    return Region(
+    return RockRegion(
         seen=(rows + top_row) * width + columns + left_column,
         footprint=footprint,
         centre=nodes.mean(axis=0),

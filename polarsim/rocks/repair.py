@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.errors import ReconstructionError, about
+from polarsim.errors import ReconstructionError, with_path
 from polarsim.formats import obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.ply import Cloud
@@ -123,16 +123,16 @@ def repair_rocks(
     meshes : Path
         Folder of the terrain's adopted rocks and their ground.
     """
-    with about(inventory):
-        published = {rock: obj.read(path) for rock, path in read_inventory(inventory).rock_meshes().items()}
-    ground = obj.read(meshes / obj.ground_name(terrain)).vertices
+    with with_path(inventory):
+        published = {rock: obj.read_obj(path) for rock, path in read_inventory(inventory).rock_meshes().items()}
+    ground = obj.read_obj(meshes / obj.ground_name(terrain)).vertices
     grid, heights = ground_heights(Cloud(ground, np.zeros_like(ground)), FITTED_GROUND_CELL, half_width(terrain))
     rigs = read_all_localised(cameras).values()
     scanners = np.array([rig.sandbox_from_left.translation for rig in rigs]).reshape(-1, 3)
     closed = {}
     for rock, path in track(list(obj.rock_files(meshes).items()), f"repair of terrain {terrain:02d}"):
         try:
-            copy = repaired(obj.read(path), grid, heights, scanners, options.rock_cell_mm / 1000)
+            copy = repaired(obj.read_obj(path), grid, heights, scanners, options.rock_cell_mm / 1000)
         except ReconstructionError as error:
             log.warning("terrain %02d, rock %d cannot be closed: %s", terrain, rock, error)
             continue

@@ -70,7 +70,7 @@ def scan_in_sandbox(points_left: np.ndarray, sandbox_from_left: Pose) -> ScanPoi
     return ScanPoints(sandbox_from_left.apply(points_left), to_scanner, distance**-2)
 
 
-def merged(scans: list[ScanPoints]) -> ScanPoints:
+def merge_scans(scans: list[ScanPoints]) -> ScanPoints:
     """Concatenate the points of several scans."""
     return ScanPoints(
         np.concatenate([scan.points for scan in scans] or [np.zeros((0, 3))]),

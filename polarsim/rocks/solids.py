@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.topology import compacted, is_watertight, largest_island, numbered_edges
+from polarsim.geometry.topology import is_watertight, largest_island, numbered_edges, remove_unused_vertices
 
 COINCIDENT_ANGLE = 1e-6  # radians: coincident faces enclose an angle of zero, not a full turn
 PARTING = 1e-5  # metres: displacement that separates touching parts of a surface
@@ -21,7 +21,7 @@ def merged_vertices(mesh: Mesh) -> Mesh:
     vertices, numbers = np.unique(mesh.vertices, axis=0, return_inverse=True)
     faces = numbers.reshape(-1)[mesh.faces]
     sound = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-    return compacted(vertices, faces[sound])
+    return remove_unused_vertices(vertices, faces[sound])
 
 
 def volume(mesh: Mesh) -> float:
@@ -31,7 +31,7 @@ def volume(mesh: Mesh) -> float:
     return float((a * np.cross(b, c)).sum() / 6)
 
 
-def decimated(mesh: Mesh, share: float) -> Mesh:
+def decimate_mesh(mesh: Mesh, share: float) -> Mesh:
     """Reduce a mesh to about `share` of its vertices by quadric edge collapse; watertight if the mesh is.
 
     If a collapse folds the surface, a larger share is tried, and finally the mesh itself is returned.
@@ -48,7 +48,7 @@ def decimated(mesh: Mesh, share: float) -> Mesh:
     return mesh
 
 
-def thinned(mesh: Mesh, max_vertices: int) -> Mesh:
+def cluster_vertices(mesh: Mesh, max_vertices: int) -> Mesh:
     """Reduce a mesh to about `most` vertices for display, by clusters on a grid, if it has more."""
     if len(mesh.vertices) <= max_vertices:
         return mesh
@@ -66,7 +66,7 @@ def _to_open3d(mesh: Mesh) -> Any:
 
 def _from_open3d(mesh: Any) -> Mesh:
     """Convert a mesh, without vertices that no face uses."""
-    return compacted(np.asarray(mesh.vertices), np.asarray(mesh.triangles).astype(np.int64))
+    return remove_unused_vertices(np.asarray(mesh.vertices), np.asarray(mesh.triangles).astype(np.int64))
 
 
 def split_non_manifold(mesh: Mesh) -> Mesh:

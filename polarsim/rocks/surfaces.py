@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull, KDTree, QhullError
 from polarsim.errors import ReconstructionError
 from polarsim.formats.ply import Cloud
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.topology import compacted, hull_faces, is_watertight, largest_island
+from polarsim.geometry.topology import hull_faces, is_watertight, largest_island, remove_unused_vertices
 from polarsim.rocks.clouds import tangents
 from polarsim.rocks.heights import FloorGrid, upward_normals
 from polarsim.rocks.solids import split_non_manifold
@@ -56,7 +56,7 @@ def closing_points(
         The points enclose no volume.
     """
     floor = _sink(_outline(cloud.points), grid, ground)
-    hull = hull_points(hull_mesh(np.concatenate([cloud.points, floor])), spacing)
+    hull = sample_hull(hull_mesh(np.concatenate([cloud.points, floor])), spacing)
     points, normals = hull.points, hull.normals
     above = points[:, 2] - grid.sample(ground, points)
     gap, nearest = KDTree(cloud.points).query(points)
@@ -81,7 +81,7 @@ def hull_mesh(points: np.ndarray) -> Mesh:
         The points enclose no volume.
     """
     try:
-        return compacted(points, hull_faces(points))
+        return remove_unused_vertices(points, hull_faces(points))
     except (QhullError, ValueError) as error:
         raise ReconstructionError(f"{len(points)} points enclose no volume") from error
 
@@ -99,7 +99,7 @@ def _sink(points: np.ndarray, grid: FloorGrid, ground: np.ndarray) -> np.ndarray
     return np.column_stack([points, grid.sample(ground, points) - UNDERSIDE_DEPTH])
 
 
-def hull_points(mesh: Mesh, spacing: float) -> Cloud:
+def sample_hull(mesh: Mesh, spacing: float) -> Cloud:
     """Return points with a spacing of about `spacing` on every face, with the faces' normals."""
     corners = mesh.vertices[mesh.faces]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -172,7 +172,7 @@ def ground_surface(grid: FloorGrid, heights: np.ndarray, cell: float) -> Mesh:
     points = np.concatenate([grid.centres(), heights[..., None]], axis=-1).reshape(-1, 3)
     surface = poisson(Cloud(points, upward_normals(grid, heights).reshape(-1, 3)), cell, GROUND_ROOM)
     inside = grid.extent.contains(surface.vertices)
-    return largest_island(compacted(surface.vertices, surface.faces[inside[surface.faces].all(axis=1)]))
+    return largest_island(remove_unused_vertices(surface.vertices, surface.faces[inside[surface.faces].all(axis=1)]))
 
 
 def densified(cloud: Cloud) -> Cloud:
@@ -223,7 +223,7 @@ def closed_rock(
         return closed
     log.warning("no closed surface through %d points: their convex hull is used instead", len(cloud))
     hull = hull_mesh(complete.points)
-    return _close(hull_points(hull, cell), cell) or hull  # as fine as the meshes of other rocks
+    return _close(sample_hull(hull, cell), cell) or hull  # as fine as the meshes of other rocks
 
 
 def _close(cloud: Cloud, cell: float) -> Mesh | None:

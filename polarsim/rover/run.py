@@ -16,7 +16,7 @@ from polarsim.rover.drive.table import rover_metrics
 from polarsim.rover.drive.trace import DRIVE, Trace, read_trace
 from polarsim.rover.export.bag import write_bag_if_stale
 from polarsim.rover.export.urdf import write_urdf
-from polarsim.rover.export.video import make_videos
+from polarsim.rover.export.video import write_missing_videos
 from polarsim.rover.options import RoverOptions
 from polarsim.rover.perception.detections import detect_drive
 from polarsim.rover.perception.measure import measure_drive
@@ -26,7 +26,7 @@ from polarsim.rover.vehicle.table import read_vehicle
 BAG, URDF = "drive.mcap", "rover.urdf"
 
 
-def run_all(
+def run_drive_pipeline(
     *,
     meshes: Path,
     folder: Path,
@@ -57,7 +57,7 @@ def run_all(
                 detect_drive(folder, vehicle, suite, detector, seed, threads)
             measure_drive(folder, vehicle, suite, detector, seed)
         if suite.videos:
-            make_videos(folder, vehicle, suite, seed, threads)
+            write_missing_videos(folder, vehicle, suite, seed, threads)
     if options.bags:
         write_bag_if_stale(folder, folder / BAG, vehicle, options.bag, seed)
     return rover_metrics(trace)

@@ -9,9 +9,9 @@
 Formats that other programs define are in `polarsim.formats`, the columns of tables in `polarsim.schemas`.
 """
 
-from polarsim.public import offered
+from polarsim.public import lazy_exports
 
-__all__, __getattr__, __dir__ = offered(
+__all__, __getattr__, __dir__ = lazy_exports(
     __name__,
     LocalisedRig="rigs",
     read_localised="rigs",

@@ -21,11 +21,11 @@ log = logging.getLogger("polarsim")
 _USABLE = (60, WHITE_LEVEL - 200)  # range of grey values with low noise and without clipping
 _SPARSE = 8  # step between sampled rows and columns
 _MIN_USABLE = 0.03  # minimum share of usable pixels
-Pictures = Mapping[PositionCamera, Mapping[str, Path]]  # by view, then by the azimuth of the Sun lamp
-Photos = Mapping[str, np.ndarray]  # of a view, by the azimuth of the Sun lamp: (h, w) float32 grey values
+BestPhotos = Mapping[PositionCamera, Mapping[str, Path]]  # by view, then by the azimuth of the Sun lamp
+ViewPhotos = Mapping[str, np.ndarray]  # of a view, by the azimuth of the Sun lamp: (h, w) float32 grey values
 
 
-def best_pictures(terrain: int, photos: Path) -> Pictures:
+def best_pictures(terrain: int, photos: Path) -> BestPhotos:
     """Return the photo with the largest share of well exposed pixels of every view and Sun lamp, rover light off.
 
     Parameters
@@ -52,18 +52,18 @@ def best_pictures(terrain: int, photos: Path) -> Pictures:
     return pictures
 
 
-def read_all_shrunk(
-    pictures: Pictures, localised: Mapping[str, LocalisedRig], scale: float
-) -> dict[PositionCamera, Photos]:
+def read_all_resized(
+    pictures: BestPhotos, localised: Mapping[str, LocalisedRig], scale: float
+) -> dict[PositionCamera, ViewPhotos]:
     """Read the photos of every view by the azimuth of the Sun lamp, resized by a factor."""
     lenses = {(position, camera): localised[position].rig.lens(camera).scaled(scale) for position, camera in pictures}
     return {
-        view: {azimuth: read_shrunk(path, lenses[view]) for azimuth, path in by_azimuth.items()}
+        view: {azimuth: read_resized(path, lenses[view]) for azimuth, path in by_azimuth.items()}
         for view, by_azimuth in pictures.items()
     }
 
 
-def read_shrunk(path: Path, lens: Lens) -> np.ndarray:
+def read_resized(path: Path, lens: Lens) -> np.ndarray:
     """Read the grey values (h, w) float32 of a photo, resized to the image size of a lens."""
     import cv2
 

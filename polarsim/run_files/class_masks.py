@@ -22,7 +22,7 @@ IGNORED = 255  # unknown or excluded from the evaluation; not used in the masks 
 
 
 @reader("class mask")
-def read(path: str | Path) -> np.ndarray:
+def read_class_mask(path: str | Path) -> np.ndarray:
     """Read a mask (h, w) uint8 of indices in `CLASSES` and of `IGNORED`.
 
     Raises
@@ -30,7 +30,7 @@ def read(path: str | Path) -> np.ndarray:
     FormatError
         The image has several channels, another depth than 8 bits, or another value.
     """
-    mask = png.read(path)
+    mask = png.read_png(path)
     if mask.dtype != np.uint8 or mask.ndim != 2:
         raise FormatError(f"{mask.dtype} with shape {mask.shape}, expected a single channel of 8 bits", path=path)
     wrong = (mask >= len(CLASSES)) & (mask != IGNORED)
@@ -40,9 +40,9 @@ def read(path: str | Path) -> np.ndarray:
     return mask
 
 
-def write(path: str | Path, mask: np.ndarray) -> None:
+def write_class_mask(path: str | Path, mask: np.ndarray) -> None:
     """Write a mask (h, w) uint8."""
-    png.write(path, mask)
+    png.write_png(path, mask)
 
 
 def of_ids(ids: np.ndarray, labelled: Collection[int]) -> np.ndarray:

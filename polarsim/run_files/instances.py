@@ -17,7 +17,7 @@ BACKGROUND, GROUND, RELIEF_SHADOW, BODY, ROCK_IDS, SHADOW_IDS = 0, 1, 2, 3, 1000
 
 
 @reader("instance map")
-def read(path: str | Path) -> np.ndarray:
+def read_instances(path: str | Path) -> np.ndarray:
     """Read an instance map (h, w), uint16.
 
     Raises
@@ -25,7 +25,7 @@ def read(path: str | Path) -> np.ndarray:
     FormatError
         The image has several channels or another depth than 16 bits.
     """
-    ids = png.read(path)
+    ids = png.read_png(path)
     if ids.dtype != np.uint16 or ids.ndim != 2:
         raise FormatError(f"{ids.dtype} with shape {ids.shape}, expected a single channel of 16 bits", path=path)
     return ids
@@ -38,7 +38,7 @@ def read_kind_masks(path: str | Path) -> dict[str, np.ndarray]:
     Raises
     ------
     FormatError
-        See `read`.
+        See `read_instances`.
     """
-    ids = read(path)
+    ids = read_instances(path)
     return {ROCK: (ids >= ROCK_IDS) & (ids < SHADOW_IDS), SHADOW: ids >= SHADOW_IDS}

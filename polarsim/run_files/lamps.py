@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.errors import FormatError, about
+from polarsim.errors import FormatError, with_path
 from polarsim.formats.files import read_json, write_json
 from polarsim.formats.readers import reader
 from polarsim.photo import SUNS
@@ -38,11 +38,11 @@ def read_suns(folder: str | Path, localised: Mapping[str, LocalisedRig]) -> dict
     FormatError
         The file is invalid.
     """
-    return surveyed_suns(localised) | read_found_suns(folder)
+    return surveyed_suns(localised) | read_localised_suns(folder)
 
 
 @reader("lamps")
-def read_found_suns(folder: str | Path) -> dict[str, np.ndarray]:
+def read_localised_suns(folder: str | Path) -> dict[str, np.ndarray]:
     """Read the positions (3,) of the Sun lamps that were localised with photos, by azimuth.
 
     Raises
@@ -55,7 +55,7 @@ def read_found_suns(folder: str | Path) -> dict[str, np.ndarray]:
     if not path.exists():
         return suns
     content = read_json(path)
-    with about(path):
+    with with_path(path):
         if not isinstance(content, dict) or set(content) - set(SUNS):
             raise FormatError(f"expected positions by azimuth ({', '.join(SUNS)})")
         for azimuth, point in content.items():

@@ -22,7 +22,7 @@ ALBEDO_FILE, TABLE_FILE = "albedo.parquet", "materials.json"
 
 
 class _Fit(BaseModel, extra="forbid"):
-    """Fields of `Fitted` in `materials.json`, without the albedo."""
+    """Fields of `FittedMaterial` in `materials.json`, without the albedo."""
 
     parameters: dict[str, Any]
     lamps: dict[str, float]
@@ -37,7 +37,7 @@ class _Table(BaseModel, extra="forbid"):
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FittedMaterial:
     """Parameters of a reflectance model, fitted to the photos of a terrain."""
 
     parameters: dict[str, Any]  # of the model
@@ -53,7 +53,7 @@ class FittedMaterials:
 
     falloff: bool
     vignetting: bool
-    models: dict[str, Fitted]
+    models: dict[str, FittedMaterial]
     looks: np.ndarray  # (v,) number of lamps and views in which a vertex is visible and lit
 
 
@@ -97,7 +97,7 @@ def read_materials(folder: Path, mesh: TerrainMesh) -> FittedMaterials:
             path=folder / ALBEDO_FILE,
         )
     models = {
-        model: Fitted(fit.parameters, fit.lamps, fit.rocks, table[model].to_numpy(np.float32), fit.check)
+        model: FittedMaterial(fit.parameters, fit.lamps, fit.rocks, table[model].to_numpy(np.float32), fit.check)
         for model, fit in content.models.items()
     }
     return FittedMaterials(content.falloff, content.vignetting, models, table["looks"].to_numpy())

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from polarsim.errors import FormatError
-from polarsim.formats.files import found_from
+from polarsim.formats.files import resolve_from
 from polarsim.formats.readers import reader
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import PhotoKey
@@ -17,7 +17,7 @@ STRIP_TEXT = "strip.json"  # in the folder of a strip: photo key, and name and c
 
 @reader("pictures")
 def pictures_at(folder: Path) -> dict[PhotoKey, Path]:
-    """Return images by photo key, from a table of photos (see `found_from`) or a folder of twins.
+    """Return images by photo key, from a table of photos (see `resolve_from`) or a folder of twins.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def pictures_at(folder: Path) -> dict[PhotoKey, Path]:
     if not stated:
         return stated
     first = next(iter(stated.values()))
-    root = Path(str(found_from(first, folder)).removesuffix(str(first)))  # all photos are below the same root
+    root = Path(str(resolve_from(first, folder)).removesuffix(str(first)))  # all photos are below the same root
     return {key: root / path for key, path in stated.items()}
 
 
@@ -63,4 +63,4 @@ def picture_finder(photo_domain: str, folders: Iterable[Path]) -> Callable[[str,
 def cover_photo(inventory: Path, position: str) -> Path | None:
     """Return the published cover photo of a position; None without."""
     path = read_inventory(inventory).cover_photos.get(position)
-    return found_from(path, inventory) if path else None
+    return resolve_from(path, inventory) if path else None

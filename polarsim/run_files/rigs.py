@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.errors import FormatError, about
+from polarsim.errors import FormatError, with_path
 from polarsim.formats.files import read_json, write_json
 from polarsim.formats.readers import reader
 from polarsim.geometry.camera import Camera
@@ -22,7 +22,7 @@ MAX_SIDE_PX = 1 << 16  # maximum width and height of a photo
 SURVEYED = "survey"  # method of a rig that is placed at the surveyed pose
 PITCH_SD = "pitch_sd_deg"  # metric of a surveyed rig: standard deviation of the pitch
 KNOWN_PITCH_DEG = 1.5  # maximum standard deviation of a known pitch
-UNSURE = "labels, unsure"  # method of a rig with an uncertain pose from labels
+UNCERTAIN_LABELS = "labels, unsure"  # method of a rig with an uncertain pose from labels
 FEATURES = "features"  # method of a rig that is localised by features of photos from other positions
 
 
@@ -38,7 +38,7 @@ class LocalisedRig:
     @property
     def unproven(self) -> bool:
         """Whether the pose is only surveyed or uncertain, so that no label or mesh may be checked against it."""
-        return self.method in (SURVEYED, UNSURE)
+        return self.method in (SURVEYED, UNCERTAIN_LABELS)
 
     @property
     def pitch_known(self) -> bool:
@@ -77,7 +77,7 @@ def read_rig(path: str | Path) -> StereoRig:
     FormatError
         A value is missing or invalid.
     """
-    with about(path):
+    with with_path(path):
         return _rig(read_json(path))
 
 
@@ -101,7 +101,7 @@ def read_localised(path: str | Path) -> LocalisedRig:
         A value is missing or invalid.
     """
     content = read_json(path)
-    with about(path):
+    with with_path(path):
         try:
             matrix = np.array(content["sandbox_from_left"], float)
         except (KeyError, TypeError, ValueError) as error:

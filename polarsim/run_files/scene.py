@@ -76,7 +76,7 @@ def mesh_files(folder: str | Path, terrain: int) -> dict[int, Path]:
     return {NO_ROCK: ground, **obj.rock_files(folder)}
 
 
-def terrain_in(folder: str | Path) -> int:
+def terrain_of_folder(folder: str | Path) -> int:
     """Return the number of the terrain in a folder of meshes, from the file name of the ground mesh.
 
     Raises
@@ -92,7 +92,7 @@ def terrain_in(folder: str | Path) -> int:
 
 
 @reader("mesh table")
-def made_from(folder: str | Path) -> dict[str, str]:
+def mesh_origins(folder: str | Path) -> dict[str, str]:
     """Read the origin of each mesh by file name: `scan`, `published` or `fitted`; empty without a table.
 
     Raises
@@ -121,7 +121,7 @@ def read_terrain(folder: str | Path, terrain: int, pool: Executor | None = None)
         The ground mesh is missing, or a mesh is invalid.
     """
     files = mesh_files(folder, terrain)
-    meshes = (pool.map if pool else map)(obj.read, files.values())
+    meshes = (pool.map if pool else map)(obj.read_obj, files.values())
     parts = list(zip(files, meshes, strict=True))
     starts = np.cumsum([0, *(len(mesh.vertices) for _, mesh in parts)])
     return TerrainMesh(

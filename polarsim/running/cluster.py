@@ -24,18 +24,18 @@ def end_submitted(folder: Path) -> int:
     PolarsimError
         Jobs are still running after two minutes; a new run would write the same files.
     """
-    found = submitted(folder)
+    found = submitted_jobs(folder)
     if found:
         subprocess.run(["scancel", *found], capture_output=True, check=False)
     until = time.monotonic() + _GONE_S
-    while remaining := submitted(folder) if found else []:
+    while remaining := submitted_jobs(folder) if found else []:
         if time.monotonic() > until:
             raise PolarsimError(f"SLURM jobs of an earlier run do not end: {' '.join(remaining)}", path=folder)
         time.sleep(1)
     return len(found)
 
 
-def submitted(folder: Path) -> list[str]:
+def submitted_jobs(folder: Path) -> list[str]:
     """Return the numbers of the unfinished jobs that Snakemake submitted for a folder; none without SLURM."""
     if shutil.which("squeue") is None:
         return []

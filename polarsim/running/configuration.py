@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 from polarsim.arguments import run_folder
 from polarsim.config import Config, parse_config
 from polarsim.errors import ConfigError
-from polarsim.formats.files import packaged, write_text
+from polarsim.formats.files import resolve_packaged, write_text
 from polarsim.formats.yaml_files import parse_yaml, read_yaml
 
 BASE = Path("config/config.yaml")  # the configuration that overlays are applied to
@@ -22,7 +22,7 @@ _HEADER = "# Configuration of the last call of this run, with all overlays and -
 _SETTINGS = "--config"
 
 
-def base_of(files: Iterable[Path]) -> list[Path]:
+def base_configuration(files: Iterable[Path]) -> list[Path]:
     """Return `BASE` if the files are overlays; an empty list if a file defines `source`.
 
     Raises
@@ -48,7 +48,7 @@ def read_configs(files: Sequence[Path], settings: Sequence[str] = ()) -> Config:
     ConfigError
         A file or setting cannot be read, or as `check_config`.
     """
-    chosen = [*base_of(files), *files]
+    chosen = [*base_configuration(files), *files]
     content: dict[str, Any] = {}
     set_by_hand: dict[str, Any] = {}
     for setting in settings:
@@ -165,7 +165,7 @@ def _shown(path: Path) -> str:
 
 
 def _mapping(path: Path) -> Mapping[str, Any]:
-    content = read_yaml(packaged(path))
+    content = read_yaml(resolve_packaged(path))
     if not isinstance(content, Mapping):
         raise ConfigError("no keys, expected a configuration", path=path)
     return content

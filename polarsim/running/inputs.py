@@ -12,11 +12,11 @@ from pathlib import Path
 from pydantic import BaseModel
 
 from polarsim.acquire.options import NO_SEEDS, SeedOptions
-from polarsim.acquire.seeds import choose_seeds, find_labels, no_seed_error
+from polarsim.acquire.seeds import choose_seed_files, find_labels, no_seed_error
 from polarsim.config import Config
 from polarsim.errors import ConfigError
 from polarsim.formats import release
-from polarsim.formats.files import packaged
+from polarsim.formats.files import resolve_packaged
 from polarsim.grid import selected_grid
 from polarsim.labels.seeds import read_all_corrections
 from polarsim.photo import PhotoKey, positions
@@ -69,7 +69,7 @@ def _paths_in(value: object, key: str) -> Iterator[tuple[str, Path]]:
 
 
 def _check_kind(key: str, path: Path) -> None:
-    path = packaged(path)
+    path = resolve_packaged(path)
     if key == "source.root" and not path.exists():  # data may have to be generated or downloaded
         return
     if not path.exists():
@@ -148,5 +148,5 @@ def _check_excluded(config: Config, corrections: set[PhotoKey]) -> None:
             raise ConfigError(f"labels.taken_back: {key} is not a correction, and labels.seeds is {NO_SEEDS!r}")
         root = seeds.root or config.source.root
         files, folder = find_labels(root, key.terrain) if root.is_dir() else ({}, root)
-        if files and key not in dict(choose_seeds(files, config.positions, seeds)):
+        if files and key not in dict(choose_seed_files(files, config.positions, seeds)):
             raise ConfigError(f"labels.taken_back: {key} is neither a seed nor a correction", path=folder)

@@ -17,7 +17,7 @@ _FINISHED = re.compile(r"^Finished jobid: (\d+)")
 
 
 @dataclass(frozen=True)
-class Job:
+class WorkflowJob:
     """A job that was started."""
 
     rule: str
@@ -52,9 +52,9 @@ class Job:
         return [line.strip() for line in lines if line.strip()]
 
 
-def read_jobs(lines: Iterable[str]) -> list[Job]:
+def read_jobs(lines: Iterable[str]) -> list[WorkflowJob]:
     """Return the jobs in a log, each with the state of the last attempt."""
-    jobs: dict[int, Job] = {}
+    jobs: dict[int, WorkflowJob] = {}
     rule, failed, indent = "", False, 0
     fields: dict[str, str] = {}
 
@@ -65,7 +65,7 @@ def read_jobs(lines: Iterable[str]) -> list[Job]:
             log = fields.get("log", "").split(" (")[0].split(", ")[0]
             known = jobs.get(number)
             wildcards = fields.get("wildcards", known.wildcards if known else "")
-            jobs[number] = Job(rule, number, outputs, log, wildcards, failed=failed)
+            jobs[number] = WorkflowJob(rule, number, outputs, log, wildcards, failed=failed)
 
     for line in (*lines, ""):
         field = _FIELD.match(line)
@@ -82,7 +82,7 @@ def read_jobs(lines: Iterable[str]) -> list[Job]:
     return list(jobs.values())
 
 
-def jobs_of(folder: Path, log: str) -> list[Job]:
+def jobs_of(folder: Path, log: str) -> list[WorkflowJob]:
     """Return the jobs in a log file; empty if the file is missing."""
     try:
         return read_jobs((folder / LOGS / log).read_text(encoding="utf-8", errors="replace").splitlines())

@@ -22,7 +22,7 @@ _GRACE_S = 3.0  # between SIGTERM and SIGKILL
 
 
 @contextmanager
-def owned(folder: Path) -> Iterator[bool]:
+def folder_lock(folder: Path) -> Iterator[bool]:
     """Lock a folder for one run; yield whether the last run of the folder was killed.
 
     Raises
@@ -63,16 +63,16 @@ def die_with_parent() -> None:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
 
 
-def marked(folder: Path) -> list[psutil.Process]:
+def processes_of_run(folder: Path) -> list[psutil.Process]:
     """Return the processes of the run of a folder on this machine, without this process and its parents."""
     excluded = {process.pid for process in (psutil.Process(), *psutil.Process().parents())}
     found = [process for process in psutil.process_iter(["environ"]) if process.pid not in excluded]
     return [process for process in found if (process.info["environ"] or {}).get(MARK) == str(folder)]
 
 
-def end(folder: Path) -> int:
+def end_processes(folder: Path) -> int:
     """End all processes of the run of a folder; return their number."""
-    found = marked(folder)
+    found = processes_of_run(folder)
     for process in found:
         with suppress(psutil.NoSuchProcess):
             process.terminate()

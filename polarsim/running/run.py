@@ -24,12 +24,12 @@ from polarsim.formats.files import write_text
 from polarsim.running import cluster, disk, processes
 from polarsim.running.configuration import read_configs, store_config
 from polarsim.running.inputs import check_paths
-from polarsim.running.jobs import Job, jobs_of, latest_log, logs_in
+from polarsim.running.jobs import WorkflowJob, jobs_of, latest_log, logs_in
 from polarsim.running.targets import refuse_unknown, targets_of
 
 STOPPED = 130
 UNFINISHED = ".snakemake/polarsim_unfinished.txt"  # outputs of unfinished jobs
-MISSING = "missing.md"  # in the folder of an incomplete run
+MISSING_PAGE = "missing.md"  # in the folder of an incomplete run
 _STOPS = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 _FIXED = ("--rerun-incomplete", "--keep-going", "--retries", "1")
 _LATENCY = ("--latency-wait", "10")
@@ -69,7 +69,7 @@ class Call:
         return read_configs(self.configfiles, self.settings)
 
 
-def run(call: Call, min_free_bytes: int | None = None) -> int:
+def run_workflow(call: Call, min_free_bytes: int | None = None) -> int:
     """Check the call, run Snakemake in this folder and report the result.
 
     Returns
@@ -100,7 +100,7 @@ def run(call: Call, min_free_bytes: int | None = None) -> int:
     for place in (Path("results"), *made, Path(".snakemake")):
         disk.refuse_unwritable(place)
     (folder / ".snakemake").mkdir(exist_ok=True)
-    with processes.owned(folder) as killed:
+    with processes.folder_lock(folder) as killed:
         if killed:
             _tidy(folder, results)
         needed = disk.needed_bytes(config, not targets, made) if min_free_bytes is None else min_free_bytes
@@ -116,14 +116,14 @@ def _tidy(folder: Path, results: Path) -> None:
     """End the jobs of a run that was killed, and remove their unfinished files."""
     if count := cluster.end_submitted(folder):
         _print_line(f"{count} SLURM jobs of an earlier run cancelled")
-    if count := processes.end(folder):
+    if count := processes.end_processes(folder):
         _print_line(f"{count} processes of an earlier run ended")
     disk.remove_leftovers(results)
 
 
 def _run_owned(folder: Path, call: Call, results: Path) -> int:
     lost = _lost_outputs(folder, call)
-    if processes.is_locked(folder):  # by a killed run: `owned` raises for an active run
+    if processes.is_locked(folder):  # by a killed run: `folder_lock` raises for an active run
         subprocess.run(_snakemake(*call.words(), "--unlock"), capture_output=True, check=False)
     before = logs_in(folder)
     code, stopped = _supervise(folder, _snakemake(*call.words(), *(["--forcerun", *lost] if lost else [])))
@@ -181,7 +181,7 @@ def _summary(call: Call) -> list[tuple[str, str, bool]]:
     return [(name, rule, status != "missing") for name, _, rule, _, status, _ in rows]
 
 
-def _outputs(jobs: Sequence[Job]) -> list[str]:
+def _outputs(jobs: Sequence[WorkflowJob]) -> list[str]:
     return [path for job in jobs for path in job.outputs]
 
 
@@ -190,7 +190,7 @@ def _remembered(folder: Path) -> list[str]:
     return path.read_text(encoding="utf-8").splitlines() if path.exists() else []
 
 
-def _remember(folder: Path, lost: Sequence[str], jobs: Sequence[Job]) -> None:
+def _remember(folder: Path, lost: Sequence[str], jobs: Sequence[WorkflowJob]) -> None:
     """Store the names of missing outputs for later calls."""
     started = _outputs([job for job in jobs if not job.finished])
     names = sorted(name for name in {*_remembered(folder), *lost, *started} if not (folder / name).exists())
@@ -200,11 +200,11 @@ def _remember(folder: Path, lost: Sequence[str], jobs: Sequence[Job]) -> None:
         (folder / UNFINISHED).unlink(missing_ok=True)
 
 
-def _report(folder: Path, results: Path, call: Call, jobs: Sequence[Job], code: int, stopped: bool) -> None:
+def _report(folder: Path, results: Path, call: Call, jobs: Sequence[WorkflowJob], code: int, stopped: bool) -> None:
     """Report finished and failed jobs, reasons and remedy; keep the report in the folder while files are missing."""
     made = [job for job in jobs if job.finished]
     failed = [job for job in jobs if job.failed and not (stopped and job.error(folder) is None)]
-    page = results / MISSING
+    page = results / MISSING_PAGE
     if code == 0:
         page.unlink(missing_ok=True)
         _print_line(f"{len(made)} jobs done, all requested files exist")
@@ -230,7 +230,7 @@ def _report(folder: Path, results: Path, call: Call, jobs: Sequence[Job], code: 
         _print_line(str(error))
 
 
-def _named(job: Job) -> str:
+def _named(job: WorkflowJob) -> str:
     return f"{job.terrain}: {job.rule}" if job.terrain else job.rule
 
 
@@ -238,7 +238,7 @@ def _missing(call: Call) -> list[str]:
     """Return the number of missing files of each terrain, and of all terrains together."""
     existing, missing = Counter[str](), Counter[str]()
     for name, rule, exists in _summary(call):
-        part = Job(rule, 0, (name,), "", "").terrain or "all terrains"
+        part = WorkflowJob(rule, 0, (name,), "", "").terrain or "all terrains"
         (existing if exists else missing)[part] += 1
     return [
         f"{part}: {missing[part]} of {missing[part] + existing[part]} files missing"

@@ -16,7 +16,7 @@ from polarsim.geometry.heightfields import grid_mesh, smooth_noise
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
 from polarsim.render.options import HapkeParameters, Material, Model, PrincipledParameters, RenderOptions
-from polarsim.rocks.solids import decimated
+from polarsim.rocks.solids import decimate_mesh
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.scenes.options import Range, SceneRanges
 from polarsim.scenes.relief import draw_relief
@@ -74,7 +74,7 @@ class RockShape:
         if halvings not in self._copies:
             finer = self._original if halvings == _MAX_HALVINGS else self._copy(halvings + 1)
             faces = _FACES_OF_WHOLE_SIDES * 4**halvings
-            self._copies[halvings] = decimated(finer, faces / len(finer.faces))
+            self._copies[halvings] = decimate_mesh(finer, faces / len(finer.faces))
         return self._copies[halvings]
 
 

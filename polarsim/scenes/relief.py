@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from polarsim.geometry.heightfields import crater, gaussian_waves, rough_waves, summed_noise
+from polarsim.geometry.heightfields import crater, gaussian_waves, rough_waves, sum_noise
 from polarsim.scenes.options import SceneRanges
 
 # Ranges (minimum, maximum) that cover the traces of rakes, feet and sieves in a sandbox.
@@ -27,7 +27,7 @@ def draw_relief(x: np.ndarray, y: np.ndarray, ranges: SceneRanges, random: np.ra
     layers.append((random.uniform(*ranges.swell_sd_m), gaussian_waves(x.shape, width, width, 0)))
     rough = random.uniform(*ranges.rough_sd_m)
     layers.append((rough, rough_waves(x.shape, _FINEST_M / cell, _WIDEST_M / cell)))
-    height = summed_noise(x.shape, layers, random)
+    height = sum_noise(x.shape, layers, random)
     for _ in range(random.integers(ranges.max_craters + 1)):
         radius, share = random.uniform(*_CRATER_RADIUS_M), random.uniform(*_CRATER_DEPTH)
         centre = random.uniform(0.8 * np.array([x.min(), y.min()]), 0.8 * np.array([x.max(), y.max()]))

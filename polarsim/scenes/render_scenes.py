@@ -15,12 +15,12 @@ from polarsim.geometry.images import resize
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, HEIGHT, ROCK, SHADOW, WHITE_LEVEL, WIDTH
 from polarsim.progress import track
 from polarsim.randomness import generator
-from polarsim.render.ground_truth import boxes_of
+from polarsim.render.ground_truth import boxes_of_ids
 from polarsim.render.lamps import Lamp
 from polarsim.render.olat import NO_LAMP, render_view
-from polarsim.render.optics import through_lens
+from polarsim.render.optics import apply_lens_to_olat_images
 from polarsim.render.sensor import expose
-from polarsim.render.surfaces import surfaces_of
+from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files import class_masks
 from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.scenes.background import add_background
@@ -83,7 +83,7 @@ def render_scenes(
     files = obj.rock_files(meshes)
     if not files:
         raise DetectError("no rock meshes found, expected at least one terrainNN_rockK.obj", path=meshes)
-    shapes = [RockShape(obj.read(path)) for path in files.values()]
+    shapes = [RockShape(obj.read_obj(path)) for path in files.values()]
     ranges = replace(ranges or SceneRanges(), scale=options.scale)
     with writing_folder(pictures) as folder:
         for kind in ("images", "masks", "labels"):
@@ -93,8 +93,8 @@ def render_scenes(
             images = render_random_scene(shapes, stored_px, options.lamps, ranges, random, threads)
             for lamp, rendered in enumerate(images):
                 name = scene_name(terrain, scene, lamp)
-                png.write(folder / "images" / f"{name}.png", rendered.image)
-                class_masks.write(folder / "masks" / f"{name}.png", rendered.mask)
+                png.write_png(folder / "images" / f"{name}.png", rendered.image)
+                class_masks.write_class_mask(folder / "masks" / f"{name}.png", rendered.mask)
                 size = round(WIDTH * options.scale), round(HEIGHT * options.scale)
                 classes = np.array([BOX_CLASSES.index(kind) for kind, _, _ in rendered.labels], int)
                 corners = np.array([box for _, _, box in rendered.labels], float).reshape(-1, 4)
@@ -116,8 +116,8 @@ def render_random_scene(
         curve = tone_curve(random.uniform(*ranges.gamma))
         labels = [
             (kind, rock, box)
-            for kind, rock, box in boxes_of(ids, scene.options)
-            if contrast(ids, _NUMBERS[kind] + rock, box, radiance, light, curve) >= ranges.min_contrast
+            for kind, rock, box in boxes_of_ids(ids, scene.options)
+            if rock_contrast(ids, _NUMBERS[kind] + rock, box, radiance, light, curve) >= ranges.min_contrast
         ]
         image = curve[expose(radiance, light, scene.options, random if ranges.noise else None)]
         stored = augment_with_annotations(_stored(image, stored_px), ranges.max_strokes, random, WIDTH)
@@ -130,11 +130,11 @@ def _rendered(
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield the radiance (h, w), relative to bright sand, and the id map (h, w) for each lamp."""
     options, model, camera = scene.options, scene.options.models[0], scene.camera
-    surfaces = surfaces_of(scene.mesh, options, {model: scene.albedo})
+    surfaces = build_surfaces(scene.mesh, options, {model: scene.albedo})
     coarse = coarse_sand(surfaces, camera, ranges)
     lamps: dict[str, Lamp] = {str(n): draw_lamp(surfaces, coarse, ranges, random) for n in range(count)}
     rendering = render_view(surfaces, camera, lamps, [model], sorted(lamps), options, threads)
-    olat_images = through_lens(rendering.whole, lamps, surfaces, camera, options, threads)
+    olat_images = apply_lens_to_olat_images(rendering.whole, lamps, surfaces, camera, options, threads)
     sand, around = (rendering.ids[NO_LAMP] == kind for kind in (GROUND, BACKGROUND))
     bare = around & ~np.any(
         [olat_image != 0 for olat_image in rendering.olat_images.values()], axis=0
@@ -146,7 +146,7 @@ def _rendered(
         yield add_background(radiance, bare, ranges.background, random), rendering.ids[name]
 
 
-def contrast(
+def rock_contrast(
     ids: np.ndarray, number: int, box: np.ndarray, radiance: np.ndarray, light: float, curve: np.ndarray
 ) -> float:
     """Return the contrast of an object and a seam around it, as a share of white.

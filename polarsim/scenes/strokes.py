@@ -80,7 +80,7 @@ def _with_grain(filled: np.ndarray, photo: np.ndarray, strokes: np.ndarray) -> n
     return np.clip(np.rint(filled + grain[row, column]), 0, 255)
 
 
-def drawn_boxes(strokes: np.ndarray) -> np.ndarray:
+def find_drawn_boxes(strokes: np.ndarray) -> np.ndarray:
     """Return the insides (n, 4) of drawn boxes, x0 y0 x1 y1: areas enclosed by strokes (h, w) that fill a rectangle.
 
     Boxes that touch a digit from inside or overlap may be missed.

@@ -7,7 +7,7 @@ import numpy as np
 from polarsim.errors import DetectError
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import looking
+from polarsim.geometry.poses import camera_pose
 from polarsim.photo import HEIGHT, WIDTH
 from polarsim.render.hits import Hits, cast_strip
 from polarsim.render.lamps import Lamp
@@ -104,7 +104,7 @@ def _any_camera(options: RenderOptions, ranges: SceneRanges, of_rig: bool, rando
     aim = random.uniform(-aimed, aimed, 2) * options.rim_half_width_m
     centre = np.array([*(aim - distance * np.array([np.cos(yaw), np.sin(yaw)])), height])
     roll = np.radians(_ROLL_SD_DEG) * random.standard_normal()
-    return Camera(looking(centre, yaw, float(np.arctan2(height, distance)), float(roll)), lens)
+    return Camera(camera_pose(centre, yaw, float(np.arctan2(height, distance)), float(roll)), lens)
 
 
 def _any_lamp(ranges: SceneRanges, random: np.random.Generator) -> Lamp:

@@ -2,10 +2,10 @@
 
 from polarsim.schemas.detect import DETECTOR, SEED
 from polarsim.schemas.photos import BOX, CONFIDENCE, KIND
-from polarsim.schemas.table import INTEGER, NUMBER, TEXT, Columns, Table, with_interval
+from polarsim.schemas.table import INTEGER, NUMBER, TEXT, Columns, Table, interval_columns
 
 # Detectors of a row of cover scores: of a single seed, mean over all seeds, all seeds merged (the latter have no seed).
-ONE, MEAN, MERGED = "one", "mean", "merged"
+SINGLE, MEAN, MERGED = "one", "mean", "merged"
 # Training data of the detectors: rendered scenes only, or followed by labelled photos of other terrains.
 RENDERED, FINE_TUNED = "rendered", "fine_tuned"
 NO_SEED = -1
@@ -44,7 +44,7 @@ COVER_SCORES = Table(
     Columns("folds", INTEGER, "count", "Detectors per seed"),
     Columns("pictures", INTEGER, "count", "Mean number of training images per detector"),
     Columns("images labels", INTEGER, "count", "Cover photos and their labels"),
-    with_interval("map50", "1", "Average precision at IoU 0.5"),
+    interval_columns("map50", "1", "Average precision at IoU 0.5"),
     Columns("map50_95", NUMBER, "1", "Mean of the average precision over IoU 0.5 to 0.95"),
     Columns("iou_mean", NUMBER, "1", "Mean over labels of the largest IoU with a prediction"),
     Columns(
@@ -63,6 +63,6 @@ MASK_SCORES = Table(
     Columns("kind", TEXT, "", "`ground`, `rock` or `shadow`"),
     Columns("photos", INTEGER, "count", "Photos"),
     Columns("pixels", INTEGER, "px", "Annotated pixels of the class"),
-    with_interval("iou", "1", "IoU of masks and polygons; empty if both lack the class"),
+    interval_columns("iou", "1", "IoU of masks and polygons; empty if both lack the class"),
 )
 TABLES = (COVER_FOUND, COVER_SCORES, MASK_SCORES)

@@ -1,7 +1,7 @@
 """Tables of the stage detect, and of the ablation of the gap."""
 
 from polarsim.schemas.photos import BOX, CONFIDENCE, KEY, KEY_NAME, KIND, ROCK
-from polarsim.schemas.table import BOOL, INTEGER, NUMBER, TEXT, Columns, Table, with_interval
+from polarsim.schemas.table import BOOL, INTEGER, NUMBER, TEXT, Columns, Table, interval_columns
 
 TRAINED = Columns("trained", TEXT, "", "Training domain of the detector")
 SIDES = (TRAINED, Columns("evaluated", TEXT, "", "Domain of the test photos"))
@@ -22,9 +22,9 @@ IMAGES = Columns("images", INTEGER, "count", "Test photos")
 LABELS_COUNT = Columns("labels", INTEGER, "count", "Labels of the test photos")
 PAIRS = Columns("pairs", INTEGER, "count", "Objects labelled in both domains: same photo key, same rock id")
 METRICS = (
-    with_interval("map50", "1", "Average precision at IoU 0.5"),
-    with_interval("map50_95", "1", "Mean of the average precision over IoU 0.5 to 0.95"),
-    with_interval("iou_mean", "1", "Mean over labelled rocks of the largest IoU with a prediction; 0 if undetected"),
+    interval_columns("map50", "1", "Average precision at IoU 0.5"),
+    interval_columns("map50_95", "1", "Mean of the average precision over IoU 0.5 to 0.95"),
+    interval_columns("iou_mean", "1", "Mean over labelled rocks of the largest IoU with a prediction; 0 if undetected"),
 )
 IPDS = (
     Columns("ipd", NUMBER, "1", "Absolute value of the mean difference of IoU, the formula of the paper"),
@@ -119,8 +119,8 @@ FALSE_POSITIVES = Table(
         "Predicted rocks with a confidence of at least `detect.comparison.iou_confidence` that intersect each "
         "rock label by less than a tenth of the smaller box",
     ),
-    with_interval("per_photo", "1", "`false_positives` divided by `photo_areas`"),
-    with_interval("area_share", "1", "Share of the rock-free area that false positives cover"),
+    interval_columns("per_photo", "1", "`false_positives` divided by `photo_areas`"),
+    interval_columns("area_share", "1", "Share of the rock-free area that false positives cover"),
 )
 IPD = Table(
     "detect/ipd.parquet",
@@ -169,7 +169,7 @@ DIFFERENCES = Table(
     Columns("trained evaluated", TEXT, "", "Detector and domain of `value`"),
     Columns("other_trained other_evaluated", TEXT, "", "Detector and domain of `other_value`"),
     Columns("value other_value", NUMBER, "1", "Values of the metric"),
-    with_interval("difference", "1", "`value` minus `other_value`"),
+    interval_columns("difference", "1", "`value` minus `other_value`"),
     PAIRS,
     IMAGES,
     UNITS,

@@ -1,6 +1,6 @@
 """Tables of the rover's drives."""
 
-from polarsim.schemas.table import INTEGER, NUMBER, TEXT, Columns, Table, with_interval
+from polarsim.schemas.table import INTEGER, NUMBER, TEXT, Columns, Table, interval_columns
 
 METRIC = Columns("metric", TEXT, "", "Name of the metric")
 UNIT = Columns("unit", TEXT, "", "Unit of the metric")
@@ -131,10 +131,10 @@ AUTONOMY_RANK = Table(
     Columns("detectors drives", INTEGER, "count", "Detectors, and drives with the lights and seeds common to all"),
     Columns("units", INTEGER, "count", "Resampling units of intervals"),
     Columns("unit", TEXT, "", "Resampling unit: `seed`, or `light` (Sun, exposure, lights) for a single seed"),
-    with_interval(
+    interval_columns(
         "spearman", "1", "Spearman's rank correlation over detectors, positive if a smaller gap means better drives"
     ),
-    with_interval("kendall", "1", "Kendall's rank correlation"),
+    interval_columns("kendall", "1", "Kendall's rank correlation"),
     Columns("kendall_p", NUMBER, "1", "Share of random orders with at least this absolute correlation"),
     Columns(
         "says",

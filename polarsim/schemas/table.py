@@ -72,6 +72,6 @@ class Table:
         return "\n".join(["| column | type | unit | description |", "|---|---|---|---|", *rows])
 
 
-def with_interval(name: str, unit: str, description: str) -> Columns:
+def interval_columns(name: str, unit: str, description: str) -> Columns:
     """Return a metric and the bounds of the 95 % interval: `name`, `name_low`, `name_high`."""
     return Columns(f"{name} {name}_low {name}_high", NUMBER, unit, f"{description} (with 95 % interval)")

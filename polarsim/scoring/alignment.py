@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.errors import FormatError, RegistrationError, about
+from polarsim.errors import FormatError, RegistrationError, with_path
 from polarsim.geometry.poses import Pose, fit_pose
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.scoring.surface import Surface
@@ -58,7 +58,7 @@ def read_alignment(cameras: Path, truth: Path) -> Pose:
     localised, true = read_all_localised(cameras), read_all_localised(truth / "cameras")
     if not true:
         raise FormatError("no PosX.json", path=truth / "cameras")
-    with about(cameras):
+    with with_path(cameras):
         return align_rigs(localised, true)
 
 

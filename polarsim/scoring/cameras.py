@@ -11,7 +11,7 @@ import numpy as np
 from polarsim.formats import obj
 from polarsim.formats.files import read_json
 from polarsim.formats.tables import read_parquet
-from polarsim.geometry.boxes import assign, iou
+from polarsim.geometry.boxes import iou, match_by_position_and_size
 from polarsim.geometry.consensus import consensus_of_sets
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
@@ -20,8 +20,8 @@ from polarsim.run_files import lamps
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.scoring.alignment import align_rigs, fit_alignment
 from polarsim.scoring.labels import read_sound_boxes
-from polarsim.scoring.metrics import Metric, summary, write_metrics
-from polarsim.scoring.score import Labels
+from polarsim.scoring.metrics import Metric, summary_metric, write_metrics
+from polarsim.scoring.score import PhotoLabels
 
 MATCH_COLUMNS = ("position", "rock", "iou", "dx_px", "dy_px")
 _PROJECTED_POINTS = 4000  # approximate number of projected points of the true surface
@@ -132,20 +132,20 @@ def against_boxes(path: Path) -> list[Metric]:
 def against_annotated(
     localised: Mapping[str, LocalisedRig],
     meshes: Mapping[int, Path],
-    annotated: Mapping[PhotoKey, Labels],
+    annotated: Mapping[PhotoKey, PhotoLabels],
 ) -> list[Metric]:
     """Return the overlap of projected meshes with consensus boxes of all annotations of a view.
 
     Right photos are not used in the localisation.
     """
-    outlines = outlines_of({rock: obj.read(path) for rock, path in meshes.items()})
+    outlines = outlines_of({rock: obj.read_obj(path) for rock, path in meshes.items()})
     metrics = []
     for camera in CAMERAS:
         pairs = [np.zeros((0, 2, 4))]  # projected and annotated
         for position, rig in localised.items():
             boxes = agreed_boxes(annotated, position, camera)
             projected = outlines.seen(rig.camera(camera))
-            rows, columns = assign(projected, boxes)
+            rows, columns = match_by_position_and_size(projected, boxes)
             pairs.append(np.stack([projected[rows], boxes[columns]], axis=1))
         first, second = np.concatenate(pairs).swapaxes(0, 1)
         offset_px = np.abs(first[:, :2] + first[:, 2:] - second[:, :2] - second[:, 2:]) / 2
@@ -153,7 +153,7 @@ def against_annotated(
     return metrics
 
 
-def agreed_boxes(annotated: Mapping[PhotoKey, Labels], position: str, camera: str) -> np.ndarray:
+def agreed_boxes(annotated: Mapping[PhotoKey, PhotoLabels], position: str, camera: str) -> np.ndarray:
     """Return the rock boxes (m, 4) of a view on which the exposure brackets agree."""
     sets: dict[tuple[str, str], list[np.ndarray]] = {}
     for key, labels in annotated.items():
@@ -213,7 +213,7 @@ def projection_errors(
         inside = ((expected > 0) & (expected < [lens.width, lens.height])).all(axis=-1)  # False for NaN
         projected = localised.project(camera, truth_from_sandbox.inverse().apply(points_truth[inside]))
         error_px = np.linalg.norm(projected - expected[inside], axis=-1)
-        metrics += summary(f"{position} {camera}", name, error_px, "px", "truth")
+        metrics += summary_metric(f"{position} {camera}", name, error_px, "px", "truth")
     return metrics
 
 
@@ -224,7 +224,7 @@ def true_points(truth: Path, terrain: int) -> np.ndarray:
     files = files or ([ground] if ground.exists() else [])
     if not files:
         return np.zeros((0, 3))
-    points = np.concatenate([obj.read(path).vertices for path in files])
+    points = np.concatenate([obj.read_obj(path).vertices for path in files])
     return points[:: max(1, len(points) // _PROJECTED_POINTS)]
 
 

@@ -56,16 +56,16 @@ LIMITS = {
 }
 
 
-def complaints(table: pd.DataFrame) -> list[str]:
+def warnings_of(table: pd.DataFrame) -> list[str]:
     """Return a warning for each row of a metric table that exceeds the limit of the metric."""
     return [
         f"Terrain {row['terrain']}: {sentence}."
         for row in table[table["stage"] == STAGE].to_dict("records")
-        for sentence in complaint(str(row["subject"]), str(row["metric"]), float(row["value"]))
+        for sentence in metric_warning(str(row["subject"]), str(row["metric"]), float(row["value"]))
     ]
 
 
-def complaint(subject: str, metric: str, value: float) -> list[str]:
+def metric_warning(subject: str, metric: str, value: float) -> list[str]:
     """Return the warning for a metric; empty if the limit is not exceeded."""
     limit = LIMITS.get(metric)
     return [f"{subject}: {limit.sentence.format(value=value)}"] if limit and limit.is_exceeded(value) else []

@@ -22,7 +22,7 @@ from scipy.spatial import KDTree
 
 from polarsim.formats import obj
 from polarsim.formats.tables import read_parquet
-from polarsim.geometry.casters import caster
+from polarsim.geometry.casters import make_caster
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
@@ -32,9 +32,9 @@ from polarsim.run_files.best_photos import best_pictures
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.run_files.scans import read_scan
-from polarsim.run_files.scene import FITTED, TerrainMesh, made_from, read_terrain
+from polarsim.run_files.scene import FITTED, TerrainMesh, mesh_origins, read_terrain
 from polarsim.scoring.alignment import align_rigs, refine_alignment
-from polarsim.scoring.complaints import STAGE, complaint
+from polarsim.scoring.complaints import STAGE, metric_warning
 from polarsim.scoring.labels import read_sound_boxes
 from polarsim.scoring.left_right import boxes_of_both, photos_of_both
 from polarsim.scoring.metrics import Metric, write_metrics
@@ -77,7 +77,9 @@ def check_consistency(
     """
     known, localised = read_inventory(inventory), read_all_localised(located)
     scans = {
-        position: on_sand(localised[position], read_scan(known, position, localised[position].rig), half_width(terrain))
+        position: sand_points(
+            localised[position], read_scan(known, position, localised[position].rig), half_width(terrain)
+        )
         for position in known.scanned
         if position in localised and not localised[position].unproven
     }
@@ -85,24 +87,26 @@ def check_consistency(
     scene, last = read_terrain(meshes, terrain), read_all_localised(cameras)
     if scans:
         metrics += scans_on_meshes(scans, scene)
-    if made_from(meshes).get(obj.ground_name(terrain)) == FITTED:
-        rims = [rim(obj.read(path)) for path in obj.rock_files(meshes).values()]
+    if mesh_origins(meshes).get(obj.ground_name(terrain)) == FITTED:
+        rims = [rim(obj.read_obj(path)) for path in obj.rock_files(meshes).values()]
         metrics += ground_support(scene.part(NO_ROCK), rims, half_width(terrain) - MARGIN)
     metrics += cameras_together(localised, last)
     if (located / "matches.parquet").exists():
         metrics += box_overlaps(read_parquet(located / "matches.parquet", MATCH_COLUMNS))
-    both = photos_of_both(last, caster(scene.vertices, scene.faces), best_pictures(terrain, photos)) if photos else []
+    both = (
+        photos_of_both(last, make_caster(scene.vertices, scene.faces), best_pictures(terrain, photos)) if photos else []
+    )
     if not both and annotated is not None:
-        outlines = outlines_of({rock: obj.read(path) for rock, path in obj.rock_files(meshes).items()})
+        outlines = outlines_of({rock: obj.read_obj(path) for rock, path in obj.rock_files(meshes).items()})
         both = boxes_of_both(last, outlines, read_sound_boxes(annotated, terrain))
     metrics += both
     for metric in metrics:
-        for sentence in complaint(metric.subject, metric.metric, metric.value):
+        for sentence in metric_warning(metric.subject, metric.metric, metric.value):
             log.warning("terrain %02d: %s", terrain, sentence)
     write_metrics(evaluation, STAGE, terrain, metrics)
 
 
-def on_sand(localised: LocalisedRig, points_left: np.ndarray, half: float) -> np.ndarray:
+def sand_points(localised: LocalisedRig, points_left: np.ndarray, half: float) -> np.ndarray:
     """Return the points (m, 3) of a scan (n, 3) on sand and rocks, transformed to the sandbox frame and subsampled.
 
     `half`: half width of the sand, metres.
@@ -153,7 +157,7 @@ def ground_support(ground: Mesh, rims: Sequence[np.ndarray], half: float) -> lis
     far = 1.0
     metrics = []
     if rims:
-        surface, top = caster(ground.vertices, ground.faces), float(ground.vertices[:, 2].max()) + 1
+        surface, top = make_caster(ground.vertices, ground.faces), float(ground.vertices[:, 2].max()) + 1
         feet = np.concatenate(rims)
         origins = np.column_stack([feet[:, :2], np.full(len(feet), top)])
         distance, _ = surface.nearest(origins, np.tile([0.0, 0.0, -1.0], (len(feet), 1)))

@@ -9,12 +9,12 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats.tables import LABEL_COLUMNS, key_columns
-from polarsim.geometry.boxes import area, iou, match, match_sum
+from polarsim.geometry.boxes import area, iou, match_by_iou, match_by_summed_iou
 from polarsim.photo import BOX_CLASSES, NO_ROCK, SHADOW, SHADOWS_ANNOTATED_FROM_MS, PhotoKey
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.metrics import Against
 from polarsim.scoring.options import ScoringOptions
-from polarsim.scoring.score import Labels
+from polarsim.scoring.score import PhotoLabels
 
 EDGES = ("x0", "y0", "x1", "y1")
 TRUE_EDGES = tuple(f"true_{edge}" for edge in EDGES)
@@ -33,17 +33,17 @@ class PhotoPairs:
     truth: np.ndarray  # (n, 4) true boxes; NaN for an unmatched label
 
 
-def pair_photo(truth: Labels, labels: Labels, threshold: float) -> PhotoPairs:
+def pair_photo(truth: PhotoLabels, labels: PhotoLabels, threshold: float) -> PhotoPairs:
     """Match labels with true boxes as in `score.count_boxes`."""
     parts = [_pair_kind(number, truth, labels, threshold) for number in range(len(BOX_CLASSES))]
     return PhotoPairs(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def _pair_kind(number: int, truth: Labels, labels: Labels, threshold: float) -> tuple[np.ndarray, ...]:
+def _pair_kind(number: int, truth: PhotoLabels, labels: PhotoLabels, threshold: float) -> tuple[np.ndarray, ...]:
     true, of_kind = truth.boxes[truth.classes == number], np.flatnonzero(labels.classes == number)
     overlap = iou(true, labels.boxes[of_kind])
-    rows, columns = match(overlap, threshold)
-    best_rows, best_columns = match_sum(overlap)
+    rows, columns = match_by_iou(overlap, threshold)
+    best_rows, best_columns = match_by_summed_iou(overlap)
     unmatched = np.delete(of_kind, columns)
     label_of_true, no_iou = np.full(len(true), _NONE), np.full(len(unmatched), np.nan)
     pair, best = np.full(len(true), np.nan), np.zeros(len(true))
@@ -58,7 +58,7 @@ def _pair_kind(number: int, truth: Labels, labels: Labels, threshold: float) -> 
 
 
 def pair_labels(
-    truth: Mapping[PhotoKey, Labels],
+    truth: Mapping[PhotoKey, PhotoLabels],
     table: pd.DataFrame,
     tasks: Mapping[PhotoKey, str | None],
     against: Against,
@@ -100,26 +100,26 @@ def shadows_annotated(key: PhotoKey, true_shadows: int, against: Against) -> boo
     return true_shadows > 0 and (against == "labels" or key.exposure_ms >= SHADOWS_ANNOTATED_FROM_MS)
 
 
-def labels_by_photo(table: pd.DataFrame) -> dict[PhotoKey, Labels]:
+def labels_of_photos(table: pd.DataFrame) -> dict[PhotoKey, PhotoLabels]:
     """Return the labels of every photo in a table, in the order of the rows."""
     classes = np.array([BOX_CLASSES.index(str(kind)) for kind in table["kind"]], int)
     boxes = table[list(EDGES)].to_numpy(float)
     return {
-        PhotoKey.parse(str(key)): Labels(classes[rows], boxes[rows])
+        PhotoKey.parse(str(key)): PhotoLabels(classes[rows], boxes[rows])
         for key, rows in table.groupby("key").indices.items()
     }
 
 
-def _shadows(labels: Labels) -> int:
+def _shadows(labels: PhotoLabels) -> int:
     return int((labels.classes == BOX_CLASSES.index(SHADOW)).sum())
 
 
 def _pair_photos(
-    keys: Sequence[PhotoKey], truth: Mapping[PhotoKey, Labels], table: pd.DataFrame, threshold: float
+    keys: Sequence[PhotoKey], truth: Mapping[PhotoKey, PhotoLabels], table: pd.DataFrame, threshold: float
 ) -> tuple[np.ndarray, PhotoPairs, np.ndarray]:
     """Return the concatenated pairs of all photos: photos (n,), pairs, rows (n,) of the label table (-1: no label)."""
-    labels_of, rows_of = labels_by_photo(table), table.groupby("key").indices
-    none, no_rows = Labels.none(), np.zeros(0, int)
+    labels_of, rows_of = labels_of_photos(table), table.groupby("key").indices
+    none, no_rows = PhotoLabels.none(), np.zeros(0, int)
     cached: dict[tuple[bytes, ...], PhotoPairs] = {}  # most photos of an exposure bracket have equal labels
     photo, pairs, row = [no_rows], [pair_photo(none, none, threshold)], [no_rows]
     for number, key in enumerate(keys):

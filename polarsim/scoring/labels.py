@@ -10,15 +10,15 @@ import pandas as pd
 from polarsim.formats import release
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet, write_parquet
 from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey
-from polarsim.scoring.label_pairs import labels_by_photo, pair_labels, shadows_annotated
+from polarsim.scoring.label_pairs import labels_of_photos, pair_labels, shadows_annotated
 from polarsim.scoring.metrics import BOX_METRICS, Against, Metric, write_metrics
 from polarsim.scoring.options import ScoringOptions
-from polarsim.scoring.reliability import ANY_SOURCE, brier_score, calibration_error, reliability_table
-from polarsim.scoring.score import Counts, Labels, box_reader, count_photo, read_sound
+from polarsim.scoring.reliability import ANY_SOURCE, binned_calibration_error, brier_score, reliability_table
+from polarsim.scoring.score import MatchCounts, PhotoLabels, box_reader, count_photo, read_sound
 
 EXPOSURES, LIGHT, CAMERA = "other exposures", "light on", "Left to Right"
 AZIMUTH, NO_SUN, POSITION, ALL = "another azimuth", "no Sun", "position without seed", "all but seeds"
-TASKS = (EXPOSURES, LIGHT, CAMERA, AZIMUTH, NO_SUN, POSITION, ALL)
+PROPAGATION_TASKS = (EXPOSURES, LIGHT, CAMERA, AZIMUTH, NO_SUN, POSITION, ALL)
 ANNOTATED = "shadow, where annotated"  # photos with a true shadow: shadows are not annotated at short exposures
 
 
@@ -47,12 +47,12 @@ def score_labels(
         Folder of the seeds of the terrain; photos of seeds are not scored.
     """
     labels = read_parquet(table, LABEL_COLUMNS)
-    predicted = dict.fromkeys(keys, Labels.none()) | labels_by_photo(labels)
-    true = read_truth(truth, terrain, predicted, options)
+    predicted = dict.fromkeys(keys, PhotoLabels.none()) | labels_of_photos(labels)
+    true = read_true_labels(truth, terrain, predicted, options)
     seed_keys = set(release.key_files(seeds).files)
     tasks = {key: task_of(key, seed_keys) for key in true}
     metrics = [Metric("seeds", "photos_annotated", len(seed_keys), "photos", len(predicted), "own")]
-    metrics += score_tasks(true, predicted, tasks, TASKS, against(truth), options)
+    metrics += score_tasks(true, predicted, tasks, PROPAGATION_TASKS, against(truth), options)
     unlabelled = len([key for key, task in tasks.items() if task is not None and key not in predicted])
     metrics.append(Metric("photos with truth", "without_label_file", unlabelled, "photos", len(true), against(truth)))
     compared = {key: boxes for key, boxes in true.items() if key in predicted}
@@ -82,15 +82,15 @@ def task_of(key: PhotoKey, seeds: Iterable[PhotoKey]) -> str | None:
 
 
 def score_tasks(
-    true: Mapping[PhotoKey, Labels],
-    predicted: Mapping[PhotoKey, Labels],
+    true: Mapping[PhotoKey, PhotoLabels],
+    predicted: Mapping[PhotoKey, PhotoLabels],
     tasks: Mapping[PhotoKey, str | None],
     order: Iterable[str],
     against: Against,
     options: ScoringOptions,
 ) -> list[Metric]:
     """Return precision, recall, F1 and mIoU by class and task, pooled over the common photos."""
-    total: dict[tuple[str, str], Counts] = {}
+    total: dict[tuple[str, str], MatchCounts] = {}
     for key in sorted(set(true) & set(predicted)):
         task = tasks[key]
         if task is None:
@@ -99,7 +99,7 @@ def score_tasks(
             annotated = kind == SHADOW and shadows_annotated(key, counts.tp + counts.fn, against)
             for name in [kind, ANNOTATED] if annotated else [kind]:
                 for part in (task, ALL):
-                    total[name, part] = total.get((name, part), Counts()) + counts
+                    total[name, part] = total.get((name, part), MatchCounts()) + counts
     metrics = []
     for kind in (*BOX_CLASSES, ANNOTATED):
         for task in order:
@@ -108,15 +108,15 @@ def score_tasks(
     return metrics
 
 
-def read_folder(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
+def read_folder(folder: Path, terrain: int) -> dict[PhotoKey, PhotoLabels]:
     """Read the labels of a terrain in a folder of KEY.txt; invalid lines are errors."""
     files, read = release.key_files(folder).files, box_reader()
     return {key: read(path) for key, path in files.items() if key.terrain == terrain}
 
 
-def read_truth(
+def read_true_labels(
     truth: Path, terrain: int, labelled: Iterable[PhotoKey], options: ScoringOptions
-) -> dict[PhotoKey, Labels]:
+) -> dict[PhotoKey, PhotoLabels]:
     """Read the true labels by photo from annotated files or from the label table of the analog.
 
     A photo without annotated file has no truth. The table of the analog is complete: a photo without row has no object.
@@ -125,8 +125,8 @@ def read_truth(
         folder = release.label_folder(truth, terrain) if (truth / release.BOXES).is_dir() else truth
         return read_sound_boxes(folder, terrain)
     table = read_parquet(truth, LABEL_COLUMNS)
-    labels_of = labels_by_photo(visible(table[table["terrain"] == terrain], options))
-    return {key: labels_of.get(key, Labels.none()) for key in sorted({*labels_of, *labelled})}
+    labels_of = labels_of_photos(visible(table[table["terrain"] == terrain], options))
+    return {key: labels_of.get(key, PhotoLabels.none()) for key in sorted({*labels_of, *labelled})}
 
 
 def visible(truth: pd.DataFrame, options: ScoringOptions) -> pd.DataFrame:
@@ -147,7 +147,7 @@ def visible(truth: pd.DataFrame, options: ScoringOptions) -> pd.DataFrame:
     return truth
 
 
-def read_sound_boxes(folder: Path, terrain: int) -> dict[PhotoKey, Labels]:
+def read_sound_boxes(folder: Path, terrain: int) -> dict[PhotoKey, PhotoLabels]:
     """Read labels as `read_folder` does, but skip invalid files with a warning: the release has such a file."""
     files = release.key_files(folder).files
     return read_sound({key: path for key, path in files.items() if key.terrain == terrain}, box_reader())[0]
@@ -166,12 +166,12 @@ def confidence_metrics(pairs: pd.DataFrame, against: Against) -> list[Metric]:
         bins = table[(table["kind"] == kind) & (table["label_source"] == ANY_SOURCE)]
         if len(bins):
             n = round(bins["labels"].sum())
-            for name, value in (("ece", calibration_error(bins)), ("brier", brier_score(bins))):
+            for name, value in (("ece", binned_calibration_error(bins)), ("brier", brier_score(bins))):
                 metrics.append(Metric(f"{kind}: confidence", name, value, "1", n, against))
     return metrics
 
 
-def box_metrics(subject: str, counts: Counts, against: Against) -> list[Metric]:
+def box_metrics(subject: str, counts: MatchCounts, against: Against) -> list[Metric]:
     """Return precision, recall, F1 and mean IoU; NaN for a division by zero."""
     sizes = dict.fromkeys(BOX_METRICS, counts.tp + counts.fn) | {"precision": counts.tp + counts.fp}
     values = {name: float("nan") if value is None else float(value) for name, value in counts.metrics().items()}

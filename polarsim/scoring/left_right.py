@@ -12,27 +12,27 @@ from dataclasses import replace
 
 import numpy as np
 
-from polarsim.geometry.boxes import assign, iou
+from polarsim.geometry.boxes import iou, match_by_position_and_size
 from polarsim.geometry.outlines import Outlines
-from polarsim.geometry.patches import Ties, Window, find_ties, look_with_both
+from polarsim.geometry.patches import MatchingOptions, StereoMatches, cast_stereo, match_stereo_windows
 from polarsim.geometry.rays import Caster
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import CAMERAS, PhotoKey
-from polarsim.run_files.best_photos import Pictures, read_shrunk
+from polarsim.run_files.best_photos import BestPhotos, read_resized
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.scoring.cameras import agreed_boxes
 from polarsim.scoring.metrics import Metric
-from polarsim.scoring.score import Labels
+from polarsim.scoring.score import PhotoLabels
 
 SCALE = 0.5  # scale of the compared photos: less noise and a larger search range
-WINDOW = Window(half=10, search=8, step=16, likeness=0.7, noise=0.4)  # pixels of the reduced photos
+WINDOW = MatchingOptions(half=10, search=8, step=16, likeness=0.7, noise=0.4)  # pixels of the reduced photos
 MIN_MATCHED_WINDOWS = 50  # for offsets
 MIN_SEARCHED_WINDOWS = 100  # for the share of matched windows
 MIN_ROCK_BOXES = 5  # in each camera
 SD_OF_MAD = 1.4826  # standard deviation over median absolute deviation of a normal distribution
 
 
-def photos_of_both(localised: Mapping[str, LocalisedRig], surface: Caster, pictures: Pictures) -> list[Metric]:
+def photos_of_both(localised: Mapping[str, LocalisedRig], surface: Caster, pictures: BestPhotos) -> list[Metric]:
     """Return the offsets of matched windows across and along the epipolar lines, by position."""
     metrics = []
     for position, rig in sorted(localised.items()):
@@ -40,10 +40,10 @@ def photos_of_both(localised: Mapping[str, LocalisedRig], surface: Caster, pictu
         azimuths = sorted(set(left) & set(right))
         if azimuths and not rig.unproven:
             small = replace(rig.rig, left=rig.rig.left.scaled(SCALE), right=rig.rig.right.scaled(SCALE))
-            visible = look_with_both(surface, rig.sandbox_from_left, small)
+            visible = cast_stereo(surface, rig.sandbox_from_left, small)
             ties = [
-                find_ties(
-                    visible, read_shrunk(left[azimuth], small.left), read_shrunk(right[azimuth], small.right), WINDOW
+                match_stereo_windows(
+                    visible, read_resized(left[azimuth], small.left), read_resized(right[azimuth], small.right), WINDOW
                 )
                 for azimuth in azimuths
             ]
@@ -51,7 +51,7 @@ def photos_of_both(localised: Mapping[str, LocalisedRig], surface: Caster, pictu
     return metrics
 
 
-def tie_metrics(subject: str, rig: StereoRig, ties: list[Ties]) -> list[Metric]:
+def tie_metrics(subject: str, rig: StereoRig, ties: list[StereoMatches]) -> list[Metric]:
     """Return the metrics of the matched windows of stereo pairs of a position, in photos reduced by `SCALE`."""
     searched, matched = sum(pair.tried for pair in ties), sum(len(pair.right) for pair in ties)
     if searched < MIN_SEARCHED_WINDOWS:
@@ -82,7 +82,7 @@ def _epipolar_directions(rig: StereoRig, points_left: np.ndarray) -> np.ndarray:
 
 
 def boxes_of_both(
-    localised: Mapping[str, LocalisedRig], outlines: Outlines, annotated: Mapping[PhotoKey, Labels]
+    localised: Mapping[str, LocalisedRig], outlines: Outlines, annotated: Mapping[PhotoKey, PhotoLabels]
 ) -> list[Metric]:
     """Return the differences between the cameras in the fit of projected meshes to annotated boxes, by position."""
     metrics = []
@@ -93,7 +93,7 @@ def boxes_of_both(
         offset_of, iou_of = {}, {}
         for camera, boxes in boxes_of.items():
             projected = outlines.seen(rig.camera(camera))
-            rocks, rows = assign(projected, boxes)
+            rocks, rows = match_by_position_and_size(projected, boxes)
             vertical = (projected[rocks][:, [1, 3]] - boxes[rows][:, [1, 3]]).mean(axis=1)
             offset_of[camera] = dict(zip(rocks.tolist(), vertical.tolist(), strict=True))
             iou_of[camera] = float(np.diag(iou(projected[rocks], boxes[rows])).sum()) / len(boxes)

@@ -12,9 +12,9 @@ import pandas as pd
 
 from polarsim.errors import LabelError
 from polarsim.formats import tables
-from polarsim.geometry.masks import confusion, iou
+from polarsim.geometry.masks import class_iou, confusion_matrix
 from polarsim.geometry.polygons import paint
-from polarsim.intervals import draws, interval
+from polarsim.intervals import bootstrap_draws, percentile_interval
 from polarsim.photo import PhotoKey
 from polarsim.run_files import class_masks
 from polarsim.schemas.covers import MASK_SCORES
@@ -49,13 +49,13 @@ def score_masks(*, masks: Sequence[Path], root: Path, scores: Path, resamples: i
     path_of = {PhotoKey.parse(path.stem): path for folder in masks for path in sorted(folder.glob("*.png"))}
     counts: dict[str, dict[str, np.ndarray]] = {region: {} for region in REGIONS}
     for key, polygons in _annotated(root, list(path_of)):
-        truth, mask = paint(polygons), class_masks.read(path_of[key])
+        truth, mask = paint(polygons), class_masks.read_class_mask(path_of[key])
         if truth.shape != mask.shape:
             reason = f"{mask.shape[1]} x {mask.shape[0]} pixels, expected {truth.shape[1]} x {truth.shape[0]}"
             raise LabelError(reason, path=path_of[key])
         for region, background in REGIONS.items():
             classes = class_masks.of_grey_map(truth, background)
-            counts[region][str(key)] = confusion(classes, mask, len(class_masks.CLASSES))
+            counts[region][str(key)] = confusion_matrix(classes, mask, len(class_masks.CLASSES))
     if not counts[SAND]:
         raise LabelError(f"no polygons of the {len(path_of)} photos", path=root)
     log.info("scoring masks of %d of %d photos; other photos have no polygons", len(counts[SAND]), len(path_of))
@@ -79,13 +79,13 @@ def _rows(region: str, counts: Mapping[str, np.ndarray], seed: int, resamples: i
     for key, of_photo in counts.items():
         rows += _of_classes(region, key, 1, of_photo, np.full((2, len(of_photo)), np.nan))
     each = np.stack(list(counts.values()))
-    resampled = iou(np.tensordot(draws(len(each), resamples, seed, "masks", "bootstrap"), each, axes=1))
-    bounds = np.array([interval(values, len(each)) for values in resampled.T]).T
+    resampled = class_iou(np.tensordot(bootstrap_draws(len(each), resamples, seed, "masks", "bootstrap"), each, axes=1))
+    bounds = np.array([percentile_interval(values, len(each)) for values in resampled.T]).T
     return rows + _of_classes(region, ALL, len(each), each.sum(axis=0), bounds)
 
 
 def _of_classes(region: str, key: str, photos: int, counts: np.ndarray, bounds: np.ndarray) -> list[tuple[object, ...]]:
-    pixels, values = counts.sum(axis=1), iou(counts)
+    pixels, values = counts.sum(axis=1), class_iou(counts)
     return [
         (key, region, kind, photos, pixels[n], values[n], bounds[0, n], bounds[1, n])
         for n, kind in enumerate(class_masks.CLASSES)

@@ -15,7 +15,7 @@ from polarsim.photo import NO_ROCK
 from polarsim.run_files.materials import FittedMaterials, read_materials, rock_of_vertex
 from polarsim.run_files.scene import TerrainMesh, read_terrain
 from polarsim.scoring.alignment import read_alignment
-from polarsim.scoring.metrics import Metric, summary, write_metrics
+from polarsim.scoring.metrics import Metric, summary_metric, write_metrics
 
 ALBEDO_COLUMNS = ("rock", "x", "y", "z", "albedo", "pixels")
 _MAX_DISTANCE = 0.02  # metres; maximum distance from a true point to the nearest vertex
@@ -88,6 +88,6 @@ def albedo_metrics(fitted: FittedMaterials, mesh: TerrainMesh, true: pd.DataFram
         scale = float(np.median(ratios["ground"]))
         for name, ratio in ratios.items():
             constant = parts[name][1] / np.median(parts["ground"][1]) - 1
-            metrics += summary(f"{model}, {name}", "albedo_error", np.abs(ratio / scale - 1), "1", "truth")
-            metrics += summary(f"{model}, {name}", "constant_error", np.abs(constant), "1", "truth", p90=False)
+            metrics += summary_metric(f"{model}, {name}", "albedo_error", np.abs(ratio / scale - 1), "1", "truth")
+            metrics += summary_metric(f"{model}, {name}", "constant_error", np.abs(constant), "1", "truth", p90=False)
     return metrics

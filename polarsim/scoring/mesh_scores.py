@@ -12,7 +12,7 @@ from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import is_watertight, part_of_face
 from polarsim.photo import NO_ROCK
-from polarsim.run_files.scene import TerrainMesh, made_from
+from polarsim.run_files.scene import TerrainMesh, mesh_origins
 from polarsim.schemas.evaluation import MESH_SCORES
 from polarsim.scoring.surface import Surface
 from polarsim.scoring.true_surface import SurfaceSamples
@@ -35,14 +35,14 @@ def soundness_rows(
     """Return a row for the ground and for every rock of a scene, sorted by id. The folder has the decimated copies."""
     ground = scene.part(NO_ROCK)
     level = Surface(ground.vertices, ground.faces)
-    sources = made_from(folder)
+    sources = mesh_origins(folder)
     rows = [_named(obj.ground_name(terrain), NO_ROCK, ground, sources)]
     for rock, path in obj.rock_files(folder).items():
         mesh = scene.part(rock)
         row = {**_named(path.name, rock, mesh, sources), "contact_share": contact_share(mesh, level)}
         copy = path.with_name(obj.rock_name(terrain, rock, decimated=True))
         if copy.exists() and copy != path:
-            row |= _copy_metrics(mesh, obj.read(copy), rng, samples)
+            row |= _copy_metrics(mesh, obj.read_obj(copy), rng, samples)
         rows.append(row)
     return rows
 

@@ -34,7 +34,7 @@ class Metric:
     against: Against  # reference: truth of the analog, annotated labels, photos, or "own" for values of the stage
 
 
-def summary(
+def summary_metric(
     subject: str, metric: str, values: np.ndarray, unit: str, against: Against, p90: bool = True
 ) -> list[Metric]:
     """Return the median and the 90th percentile of values (n,); empty without finite values."""

@@ -11,13 +11,13 @@ import numpy as np
 
 from polarsim.formats import release, yolo
 from polarsim.formats.coco import Annotation, read_coco
-from polarsim.geometry.boxes import iou, of_mask
+from polarsim.geometry.boxes import box_of_mask, iou
 from polarsim.geometry.polygons import rasterised
 from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH, CameraSide, PhotoKey
 from polarsim.scoring.labels import box_metrics, read_sound_boxes
 from polarsim.scoring.metrics import write_metrics
 from polarsim.scoring.options import ScoringOptions
-from polarsim.scoring.score import Counts, Labels, count_boxes, count_overlaps, read_sound
+from polarsim.scoring.score import MatchCounts, PhotoLabels, count_boxes, count_overlaps, read_sound
 
 TASKS: dict[CameraSide, str] = {"L": "seeds' camera", "R": "Left to Right"}
 
@@ -39,7 +39,7 @@ class PlacedMask:
     @property
     def box(self) -> np.ndarray:
         """Bounding box (4,) of the mask, which must not be empty."""
-        box = of_mask(self.mask)
+        box = box_of_mask(self.mask)
         assert box is not None
         return box + np.tile(self.corner, 2)
 
@@ -74,7 +74,7 @@ def score_outlines(
     annotated = _of_brackets(read_polygon_files(root, terrain), keys)
     predicted = _of_brackets(read_coco(annotations), keys)
     boxes = read_sound_boxes(release.label_folder(root, terrain), terrain)
-    total: dict[str, Counts] = {}
+    total: dict[str, MatchCounts] = {}
     for bracket in sorted(set(annotated) & set(predicted)):
         key, polygons = annotated[bracket]
         task = TASKS[key.camera]
@@ -82,11 +82,11 @@ def score_outlines(
             true_masks = _rasterised(polygons, kind)
             counts = count_overlaps(overlaps(true_masks, _masks(predicted[bracket][1], kind)), options.iou_threshold)
             subject = f"{kind} outline: {task}"
-            total[subject] = total.get(subject, Counts()) + counts
+            total[subject] = total.get(subject, MatchCounts()) + counts
             of_polygons = _polygons_against_boxes(true_masks, boxes.get(key), kind, options)
             if of_polygons is not None:
                 subject = f"{kind} polygon's box against annotated box: {task}"
-                total[subject] = total.get(subject, Counts()) + of_polygons
+                total[subject] = total.get(subject, MatchCounts()) + of_polygons
     metrics = [metric for subject in sorted(total) for metric in box_metrics(subject, total[subject], "labels")]
     write_metrics(evaluation, "labels", terrain, metrics)
 
@@ -145,7 +145,7 @@ def _masks(annotations: Sequence[Annotation], kind: str) -> list[PlacedMask]:
     for annotation in annotations:
         if annotation.kind == kind and annotation.mask is not None:
             mask = annotation.mask.mask()
-            box = of_mask(mask)
+            box = box_of_mask(mask)
             if box is not None:
                 left, top, right, bottom = box.astype(int)
                 masks.append(PlacedMask(mask[top:bottom, left:right], np.array([left, top])))
@@ -157,8 +157,8 @@ def _boxes(masks: Sequence[PlacedMask]) -> np.ndarray:
 
 
 def _polygons_against_boxes(
-    polygons: Sequence[PlacedMask], boxes: Labels | None, kind: str, options: ScoringOptions
-) -> Counts | None:
+    polygons: Sequence[PlacedMask], boxes: PhotoLabels | None, kind: str, options: ScoringOptions
+) -> MatchCounts | None:
     """Compare boxes around polygons with the annotated boxes of the photo; None without boxes of the class."""
     of_kind = np.zeros((0, 4)) if boxes is None else boxes.boxes[boxes.classes == BOX_CLASSES.index(kind)]
     if not len(of_kind):

@@ -87,7 +87,7 @@ def wilson(share: float, n: float) -> tuple[float, float]:
     return max(0.0, (centre - half) / (1 + spread)), min(1.0, (centre + half) / (1 + spread))
 
 
-def calibration_error(bins: pd.DataFrame) -> float:
+def binned_calibration_error(bins: pd.DataFrame) -> float:
     """Return the expected calibration error: mean difference of confidence and share of correct labels of bins."""
     return float(np.average((bins["confidence"] - bins["right"]).abs(), weights=bins["labels"]))
 

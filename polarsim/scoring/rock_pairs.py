@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from polarsim.geometry.boxes import pairs
-from polarsim.scoring.metrics import Metric, summary
+from polarsim.geometry.boxes import match_pairs
+from polarsim.scoring.metrics import Metric, summary_metric
 
 MATCH_RADIUS = 0.5  # maximum distance of the centres of matched rocks, as a share of the true size
 MIN_MATCH_RADIUS = 0.03  # metres
@@ -32,7 +32,7 @@ def pair_rocks(true: pd.DataFrame, found: pd.DataFrame) -> RockPairs:
     centres = [table[["x", "y", "z"]].to_numpy(float) for table in (true, found)]
     distance = np.linalg.norm(centres[0][:, None] - centres[1][None], axis=-1)
     radius = np.maximum(MATCH_RADIUS * true["size_m"].to_numpy(float), MIN_MATCH_RADIUS)[:, None]
-    return RockPairs(*pairs(-distance / radius, distance < radius))
+    return RockPairs(*match_pairs(-distance / radius, distance < radius))
 
 
 def recall_and_precision(
@@ -57,9 +57,9 @@ def recall_and_precision(
                 metrics.append(Metric(subject, name, share, "1", int(members.sum()), "truth"))
     for column, name in (("size_m", "size_error"), ("height_m", "height_error")):
         difference = found[column].to_numpy(float)[pairs.found] - true[column].to_numpy(float)[pairs.true]
-        metrics += summary("paired rocks", name, 1000 * np.abs(difference), "mm", "truth")
+        metrics += summary_metric("paired rocks", name, 1000 * np.abs(difference), "mm", "truth")
     ratio = found["volume_m3"].to_numpy(float)[pairs.found] / true["volume_m3"].to_numpy(float)[pairs.true]
-    return metrics + summary("paired rocks", "volume_ratio", ratio, "1", "truth", p90=False)
+    return metrics + summary_metric("paired rocks", "volume_ratio", ratio, "1", "truth", p90=False)
 
 
 def size_classes(size_cm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

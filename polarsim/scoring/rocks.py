@@ -16,10 +16,10 @@ from polarsim.run_files.scene import read_terrain
 from polarsim.schemas.evaluation import OFFSETS
 from polarsim.scoring.cameras import projection_errors, true_points
 from polarsim.scoring.mesh_scores import accuracy, f_score, mesh_table, soundness_rows
-from polarsim.scoring.metrics import Metric, summary, write_metrics
+from polarsim.scoring.metrics import Metric, summary_metric, write_metrics
 from polarsim.scoring.rock_pairs import pair_rocks, recall_and_precision, size_classes, size_names
 from polarsim.scoring.surface import Surface
-from polarsim.scoring.true_surface import SEED, Comparison, compare
+from polarsim.scoring.true_surface import SEED, Comparison, compare_surfaces
 
 ROCK_COLUMNS = ("rock", "x", "y", "z", "size_m", "height_m", "volume_m3")
 HAUSDORFF_SAMPLES = 4000  # points on a rock and on the decimated copy, in addition to all vertices
@@ -69,7 +69,7 @@ def score_rocks(
     rows = soundness_rows(scene, meshes, terrain, generator(SEED, "mesh samples", terrain), HAUSDORFF_SAMPLES)
     if truth is not None:
         true = read_parquet(truth / "rocks.parquet", ROCK_COLUMNS)
-        compared = compare(terrain, scene, located, truth, inventory)
+        compared = compare_surfaces(terrain, scene, located, truth, inventory)
         against_truth, of_rocks = _against_truth(true, found, compared)
         against_truth += _in_cameras_frame(true, found, compared, Surface(scene.vertices, scene.faces))
         against_truth += _reprojection(terrain, cameras, truth, compared)
@@ -91,8 +91,8 @@ def _in_cameras_frame(true: pd.DataFrame, found: pd.DataFrame, compared: Compari
     rocks_mm = np.array([np.median(distances) for distances in points_of.values() if len(distances)])
     ground_mm = distance_mm[compared.true.rock == NO_ROCK]
     return [
-        *summary("paired rocks, cameras' frame", "surface_median_by_rock", rocks_mm, "mm", "truth"),
-        *summary("ground, cameras' frame", "surface_distance", ground_mm, "mm", "truth"),
+        *summary_metric("paired rocks, cameras' frame", "surface_median_by_rock", rocks_mm, "mm", "truth"),
+        *summary_metric("ground, cameras' frame", "surface_distance", ground_mm, "mm", "truth"),
     ]
 
 
@@ -186,8 +186,8 @@ def _against_truth(
     metrics = recall_and_precision(true, in_truth, pairs, _is_visible(true, samples.points, samples.rock))
     true_rocks, found_rocks = true["rock"].to_numpy()[pairs.true], found["rock"].to_numpy()[pairs.found]
     paired, level = np.isin(samples.rock, true_rocks), samples.rock == NO_ROCK
-    metrics += summary("paired rocks", "surface_distance", 1000 * samples.distance[paired], "mm", "truth")
-    metrics += summary("ground", "surface_distance", 1000 * samples.distance[level], "mm", "truth")
+    metrics += summary_metric("paired rocks", "surface_distance", 1000 * samples.distance[paired], "mm", "truth")
+    metrics += summary_metric("ground", "surface_distance", 1000 * samples.distance[level], "mm", "truth")
     if paired.any():
         score = f_score(samples.distance[paired], reconstructed.distance[np.isin(reconstructed.rock, found_rocks)])
         metrics.append(Metric("paired rocks", "f_score_5mm", score, "1", int(paired.sum()), "truth"))

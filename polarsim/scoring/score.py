@@ -14,10 +14,10 @@ import numpy as np
 from polarsim.errors import FormatError, LabelError
 from polarsim.formats import release, yolo
 from polarsim.formats.files import existing_folder
-from polarsim.geometry.boxes import iou, match, match_sum
+from polarsim.geometry.boxes import iou, match_by_iou, match_by_summed_iou
 from polarsim.photo import BOX_CLASSES, PhotoKey
 
-GROUPS: dict[str, Callable[[PhotoKey], str]] = {
+KEY_GROUPS: dict[str, Callable[[PhotoKey], str]] = {
     "terrain": lambda key: f"{key.terrain:02d}",
     "position": lambda key: key.position,
     "light": lambda key: key.light,
@@ -32,19 +32,19 @@ log = logging.getLogger("polarsim")
 
 
 @dataclass(frozen=True)
-class Labels:
+class PhotoLabels:
     """Boxes of a photo: class numbers (n,) and boxes (n, 4) as x0, y0, x1, y1 in pixels."""
 
     classes: np.ndarray
     boxes: np.ndarray
 
     @classmethod
-    def none(cls) -> Labels:
+    def none(cls) -> PhotoLabels:
         return cls(np.zeros(0, int), np.zeros((0, 4)))
 
 
 @dataclass(frozen=True)
-class Counts:
+class MatchCounts:
     """Sums over files, which can be added."""
 
     files: int = 0
@@ -53,8 +53,8 @@ class Counts:
     fn: int = 0
     iou_sum: float = 0.0  # over true boxes, of the one-to-one assignment with the largest sum
 
-    def __add__(self, other: Counts) -> Counts:
-        return Counts(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
+    def __add__(self, other: MatchCounts) -> MatchCounts:
+        return MatchCounts(*(a + b for a, b in zip(astuple(self), astuple(other), strict=True)))
 
     def metrics(self) -> dict[str, float | int | None]:
         """Return the counts and ratios of the sums; None for a division by zero."""
@@ -73,24 +73,24 @@ class Counts:
         }
 
 
-def count_boxes(truth: np.ndarray, labels: np.ndarray, threshold: float = 0.5) -> Counts:
+def count_boxes(truth: np.ndarray, labels: np.ndarray, threshold: float = 0.5) -> MatchCounts:
     """Compare the boxes (n, 4) and (m, 4) of a class in a photo."""
     return count_overlaps(iou(truth, labels), threshold)
 
 
-def count_overlaps(overlap: np.ndarray, threshold: float = 0.5) -> Counts:
+def count_overlaps(overlap: np.ndarray, threshold: float = 0.5) -> MatchCounts:
     """Compare n true objects of a class in a photo with m labels by the IoU (n, m).
 
     Matches are one-to-one, with the maximum number of pairs with IoU >= threshold, then the largest summed IoU. The
     mean IoU uses a separate assignment without threshold.
     """
     truth, labels = overlap.shape
-    pairs = len(match(overlap, threshold)[0])
-    rows, columns = match_sum(overlap)
-    return Counts(1, pairs, labels - pairs, truth - pairs, float(overlap[rows, columns].sum()))
+    pairs = len(match_by_iou(overlap, threshold)[0])
+    rows, columns = match_by_summed_iou(overlap)
+    return MatchCounts(1, pairs, labels - pairs, truth - pairs, float(overlap[rows, columns].sum()))
 
 
-def count_photo(truth: Labels, labels: Labels, threshold: float = 0.5) -> dict[str, Counts]:
+def count_photo(truth: PhotoLabels, labels: PhotoLabels, threshold: float = 0.5) -> dict[str, MatchCounts]:
     """Compare two sets of labels of a photo for each class."""
     return {
         name: count_boxes(truth.boxes[truth.classes == number], labels.boxes[labels.classes == number], threshold)
@@ -98,7 +98,9 @@ def count_photo(truth: Labels, labels: Labels, threshold: float = 0.5) -> dict[s
     }
 
 
-def score(truth: Mapping[Name, Labels], labels: Mapping[Name, Labels], threshold: float = 0.5) -> dict[str, Any]:
+def score_boxes(
+    truth: Mapping[Name, PhotoLabels], labels: Mapping[Name, PhotoLabels], threshold: float = 0.5
+) -> dict[str, Any]:
     """Return metrics by class for all photos of the truth and, for photo keys, by part of the key.
 
     All boxes of a photo without labels are missed. Labels of photos without truth are ignored.
@@ -106,17 +108,17 @@ def score(truth: Mapping[Name, Labels], labels: Mapping[Name, Labels], threshold
     Returns
     -------
     dict
-        `classes`: class -> metrics; `by`: group -> value -> class -> metrics. Metrics are those of `Counts.metrics`.
+        `classes`: class -> metrics; `by`: group -> value -> class -> metrics. Metrics: see `MatchCounts.metrics`.
     """
     if not 0 < threshold <= 1:
         raise LabelError(f"IoU threshold {threshold:g}, expected more than 0 and at most 1")
-    total = {name: Counts() for name in BOX_CLASSES}
-    groups: dict[str, dict[str, dict[str, Counts]]] = {group: {} for group in GROUPS}
+    total = {name: MatchCounts() for name in BOX_CLASSES}
+    groups: dict[str, dict[str, dict[str, MatchCounts]]] = {group: {} for group in KEY_GROUPS}
     for key in sorted(truth):
-        for name, counts in count_photo(truth[key], labels.get(key, Labels.none()), threshold).items():
+        for name, counts in count_photo(truth[key], labels.get(key, PhotoLabels.none()), threshold).items():
             total[name] += counts
             for group, value in _parts_of(key).items():
-                part = groups[group].setdefault(value, {n: Counts() for n in BOX_CLASSES})
+                part = groups[group].setdefault(value, {n: MatchCounts() for n in BOX_CLASSES})
                 part[name] += counts
     return {
         "threshold": threshold,
@@ -142,7 +144,7 @@ def score_folders(
     Returns
     -------
     dict
-        The result of `score`, and `files`: numbers of compared and missing files, and lists of skipped files.
+        The result of `score_boxes`, and `files`: numbers of compared and missing files, and lists of skipped files.
 
     Raises
     ------
@@ -207,10 +209,10 @@ def _score_files(
             labels, len(repeated), len(read_labels), repeated[0],
         )  # fmt: skip
     files = {"compared": len(read_truth), "missing_labels": len(missing), "unreadable_truth": unreadable}
-    return {**score(read_truth, read_labels, threshold), "files": files}
+    return {**score_boxes(read_truth, read_labels, threshold), "files": files}
 
 
-def _contains_truth(truth: Labels, labels: Labels) -> bool:
+def _contains_truth(truth: PhotoLabels, labels: PhotoLabels) -> bool:
     """Return whether every true box is exactly equal to a label, as for copied boxes."""
     copied = {(number, *box) for number, box in zip(labels.classes.tolist(), labels.boxes.tolist(), strict=True)}
     true = [(number, *box) for number, box in zip(truth.classes.tolist(), truth.boxes.tolist(), strict=True)]
@@ -219,10 +221,10 @@ def _contains_truth(truth: Labels, labels: Labels) -> bool:
 
 def _parts_of(name: PhotoKey | str) -> dict[str, str]:
     """Return the value of a photo for each group; empty for names that are no photo keys."""
-    return {group: value_of(name) for group, value_of in GROUPS.items()} if isinstance(name, PhotoKey) else {}
+    return {group: value_of(name) for group, value_of in KEY_GROUPS.items()} if isinstance(name, PhotoKey) else {}
 
 
-def box_reader(detections: bool = False) -> Callable[[Path], Labels]:
+def box_reader(detections: bool = False) -> Callable[[Path], PhotoLabels]:
     """Return a reader of YOLO box files that uses the class list of the folder.
 
     The reader raises a FormatError for a line that is not a box. With `detections`, a line may have a confidence, and
@@ -230,10 +232,10 @@ def box_reader(detections: bool = False) -> Callable[[Path], Labels]:
     """
     names = cache(yolo.class_names)
 
-    def read(path: Path) -> Labels:
+    def read(path: Path) -> PhotoLabels:
         if detections and yolo.has_polygons(path):
-            return Labels(*yolo.read_boxes_or_polygons(path))
-        return Labels(*yolo.read_boxes(path, names=names(path.parent), detections=detections))
+            return PhotoLabels(*yolo.read_boxes_or_polygons(path))
+        return PhotoLabels(*yolo.read_boxes(path, names=names(path.parent), detections=detections))
 
     return read
 
@@ -260,7 +262,7 @@ def _names(paths: list[Path], folder: Path) -> list[str]:
     return [path.relative_to(folder).as_posix() for path in paths]
 
 
-def _metrics(parts: Mapping[str, Counts]) -> dict[str, dict[str, float | int | None]]:
+def _metrics(parts: Mapping[str, MatchCounts]) -> dict[str, dict[str, float | int | None]]:
     return {name: counts.metrics() for name, counts in parts.items()}
 
 

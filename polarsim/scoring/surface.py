@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.geometry.casters import caster
+from polarsim.geometry.casters import make_caster
 from polarsim.geometry.rays import Caster
 
 _LIFT = 2e-3  # metres; offset of ray origins from the surface
@@ -37,7 +37,7 @@ class Surface:
 
     @cached_property
     def _rays(self) -> Caster:
-        return caster(self.vertices, self.faces)
+        return make_caster(self.vertices, self.faces)
 
     def sample(self, n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Return random points (n, 3), uniform by area, and the face (n,) of each point."""

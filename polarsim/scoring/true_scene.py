@@ -20,12 +20,12 @@ from polarsim.run_files.lamps import write_suns
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised, write_localised
 from polarsim.run_files.scene import mesh_files, read_terrain
 from polarsim.scoring.rock_pairs import pair_rocks
-from polarsim.scoring.true_surface import compare
+from polarsim.scoring.true_surface import compare_surfaces
 
 _CENTRES = ("rock", "x", "y", "z", "size_m")
 
 
-def write_truth(
+def write_true_scene(
     *,
     terrain: int,
     rocks: Path,
@@ -38,7 +38,7 @@ def write_truth(
 ) -> None:
     """Write the true `PosX.json`, `lamps.json` and meshes of a terrain in the frame of the run.
 
-    The frame is that in which the meshes of the run are aligned with the true surface (`true_surface.compare`). True
+    The frame aligns the meshes of the run with the true surface (`true_surface.compare_surfaces`). True
     rocks have the id of the matched rock of the run, so that they can be matched with labels; unmatched rocks have new
     ids.
 
@@ -52,7 +52,7 @@ def write_truth(
         Output folders.
     """
     scene = read_terrain(meshes, terrain)
-    truth_from_sandbox = compare(terrain, scene, located, truth, inventory).truth_from_sandbox
+    truth_from_sandbox = compare_surfaces(terrain, scene, located, truth, inventory).truth_from_sandbox
     sandbox_from_truth = truth_from_sandbox.inverse()
     true, found = (read_parquet(path, _CENTRES) for path in (truth / "rocks.parquet", rocks))
     found[["x", "y", "z"]] = truth_from_sandbox.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
@@ -68,9 +68,9 @@ def write_truth(
     with writing_folder(true_meshes) as folder:
         for rock, path in mesh_files(truth / "meshes", terrain).items():
             name = obj.ground_name(terrain) if rock == NO_ROCK else obj.rock_name(terrain, int(number[rock]))
-            mesh = obj.read(path)
+            mesh = obj.read_obj(path)
             moved = Mesh(sandbox_from_truth.apply(mesh.vertices), mesh.faces)
-            obj.write(folder / name, moved, Path(name).stem)
+            obj.write_obj(folder / name, moved, Path(name).stem)
 
 
 def thin_meshes(*, terrain: int, meshes: Path, thinned: Path) -> None:

@@ -111,7 +111,9 @@ class Comparison:
     by_cameras: Pose  # before the ICP
 
 
-def compare(terrain: int, scene: TerrainMesh, cameras: Path, truth: Path, inventory: Path | None) -> Comparison:
+def compare_surfaces(
+    terrain: int, scene: TerrainMesh, cameras: Path, truth: Path, inventory: Path | None
+) -> Comparison:
     """Align the meshes of a terrain with the true meshes by camera poses, then by a small rigid ICP of the ground.
 
     Only visible parts are compared: undersides of rocks, ground below rocks and a strip along the walls are excluded.

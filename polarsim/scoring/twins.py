@@ -16,10 +16,10 @@ from polarsim.formats.tables import key_columns, write_parquet
 from polarsim.photo import BLACK_LEVEL, PhotoKey
 from polarsim.run_files.pictures import pictures_at
 from polarsim.schemas.evaluation import TWIN_PAIRS
-from polarsim.scoring.labels import ALL, against, read_folder, read_truth, score_tasks
-from polarsim.scoring.metrics import Metric, summary, write_metrics
+from polarsim.scoring.labels import ALL, against, read_folder, read_true_labels, score_tasks
+from polarsim.scoring.metrics import Metric, summary_metric, write_metrics
 from polarsim.scoring.options import ScoringOptions
-from polarsim.tone import to_8bit, white_of
+from polarsim.tone import display_white_level, to_8bit
 
 LIT_DN = 40  # minimum signal above the black level; darker pixels are too noisy for a ratio
 FULL_DN = 4000  # maximum signal above the black level; brighter pixels are clipped
@@ -67,7 +67,7 @@ def score_twins(
     compared: list[dict[str, object]] = []
     if truth is not None:
         rendered = read_folder(boxes, terrain)
-        true = read_truth(truth, terrain, rendered, options)
+        true = read_true_labels(truth, terrain, rendered, options)
         tasks = {key: f"camera {key.camera}" for key in true}
         order = ("camera L", "camera R", ALL)
         for metric in score_tasks(true, rendered, tasks, order, against(truth), options):
@@ -105,12 +105,12 @@ def compare_pictures(photo_path: Path, twin_path: Path) -> TwinSimilarity:
     FormatError
         An image is unreadable, or the sizes differ.
     """
-    photo, twin = png.read(photo_path), png.read(twin_path)
+    photo, twin = png.read_png(photo_path), png.read_png(twin_path)
     if photo.shape != twin.shape:
         raise FormatError(f"{twin.shape[::-1]} pixels, expected {photo.shape[::-1]} as in the photo", path=twin_path)
     ratio = log_ratio(photo, twin)
     medians = (float(np.median(ratio)), float(np.median(np.abs(ratio)))) if ratio.size else (np.nan, np.nan)
-    return TwinSimilarity(ratio.size, *medians, similarity(photo, twin))
+    return TwinSimilarity(ratio.size, *medians, structural_similarity(photo, twin))
 
 
 def similarity_metrics(model: str, pairs: Sequence[TwinSimilarity]) -> list[Metric]:
@@ -118,7 +118,7 @@ def similarity_metrics(model: str, pairs: Sequence[TwinSimilarity]) -> list[Metr
     metrics: list[Metric] = []
     for name, unit in (("log2_twin_over_photo", "stops"), ("log2_difference", "stops"), ("ssim", "1")):
         values = np.array([getattr(pair, name) for pair in pairs], float)
-        metrics += summary(model, name, values, unit, "photos", p90=False)
+        metrics += summary_metric(model, name, values, unit, "photos", p90=False)
     return metrics
 
 
@@ -129,7 +129,7 @@ def log_ratio(photo: np.ndarray, twin: np.ndarray) -> np.ndarray:
     return np.log2(signals[1][good] / signals[0][good])
 
 
-def similarity(photo: np.ndarray, twin: np.ndarray) -> float:
+def structural_similarity(photo: np.ndarray, twin: np.ndarray) -> float:
     """Return the mean structural similarity (Wang et al., IEEE Trans. Image Process. 13 (2004) 600), uniform window.
 
     Both images are tone-mapped with the white point of the photo.
@@ -139,7 +139,7 @@ def similarity(photo: np.ndarray, twin: np.ndarray) -> float:
     def mean(picture: np.ndarray) -> np.ndarray:
         return cv2.blur(picture, (SSIM_WINDOW_PX, SSIM_WINDOW_PX), borderType=cv2.BORDER_REFLECT)
 
-    white = white_of(photo)
+    white = display_white_level(photo)
     first, second = (to_8bit(picture, white)[..., 0].astype(np.float32) for picture in (photo, twin))
     mean1, mean2 = mean(first), mean(second)
     variance1 = mean(first * first) - mean1**2

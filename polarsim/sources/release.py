@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from polarsim.download import alone
+from polarsim.download import exclusive_lock
 from polarsim.errors import FormatError
 from polarsim.formats import release
 from polarsim.grid import GridOptions
@@ -39,7 +39,7 @@ class ReleaseSource:
     def inputs(self, root: Path, terrain: int) -> list[Path]:
         """Return the meshes of rocks and ground."""
         ground = release.ground_file(root, terrain)
-        return [*release.mesh_files(root, terrain).values(), *([ground] if ground else [])]
+        return [*release.released_meshes(root, terrain).values(), *([ground] if ground else [])]
 
     def index(self, root: Path, terrain: int, positions: Sequence[str], grid: GridOptions) -> TerrainContent:  # noqa: ARG002
         """Return the inventory of a terrain, and no photos."""
@@ -52,7 +52,7 @@ class ReleaseSource:
         inventory = Inventory(
             terrain,
             "release",
-            meshes=path_texts(release.mesh_files(root, terrain)),
+            meshes=path_texts(release.released_meshes(root, terrain)),
             ground=ground.as_posix() if ground else "",
             cover_photos=path_texts(release.cover_photos(root, terrain)),
             stray=relative_names(root, stray),
@@ -69,7 +69,7 @@ class ReleaseSource:
 
     def arrange(self, unpacked: Path, root: Path) -> None:
         """Move the folders of the release into the root, unless they exist in the root."""
-        with alone(root):
+        with exclusive_lock(root):
             for name in _FOLDERS:
                 for folder in (*unpacked.glob(name), *unpacked.glob(f"*/{name}")):
                     if not (root / name).exists():

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.acquire.options import SeedOptions
-from polarsim.acquire.seeds import best_exposure, choose_seeds, copy_seeds, find_labels
+from polarsim.acquire.seeds import best_exposure, choose_seed_files, copy_seeds, find_labels
 from polarsim.errors import FormatError
 from polarsim.formats import yolo
 from polarsim.formats.release import polygon_folder
@@ -53,21 +53,21 @@ def test_a_single_seed_per_bracket_is_chosen_by_camera_light_and_azimuth(tmp_pat
         "03_C_off_30_L_0256",
     ]
     files = dict([*(write(tmp_path, name, 3) for name in names), *(write(tmp_path, name, 3) for name in others)])
-    chosen = choose_seeds(files, ["A", "B"], SeedOptions())
+    chosen = choose_seed_files(files, ["A", "B"], SeedOptions())
     assert [str(key) for key, _ in chosen] == sorted(names)
 
 
 def test_a_given_exposure_is_chosen_if_available(tmp_path):
     names = ["03_A_off_30_L_0064", "03_A_off_30_L_0256", "03_B_off_30_L_0256"]
     files = dict(write(tmp_path, name, 3) for name in names)
-    assert [str(key) for key, _ in choose_seeds(files, "ABC", SeedOptions(exposure=64))] == names[:1]
+    assert [str(key) for key, _ in choose_seed_files(files, "ABC", SeedOptions(exposure=64))] == names[:1]
 
 
 def test_an_invalid_line_of_a_candidate_is_an_error_with_file_and_line(tmp_path):
     files = dict([write(tmp_path, "03_A_off_30_L_0064", 3)])
     (tmp_path / "03_A_off_30_L_0064.txt").write_text("0 0.5 0.5 0.1 0.1\n0 0.5 0.5 0.1\n")
     with pytest.raises(FormatError, match=r"03_A_off_30_L_0064\.txt:2"):
-        choose_seeds(files, "ABC", SeedOptions())
+        choose_seed_files(files, "ABC", SeedOptions())
 
 
 def test_seeds_are_written_with_six_decimals_and_replace_earlier_files(tmp_path):
@@ -98,7 +98,7 @@ def test_seeds_may_be_polygons_without_boxes(tmp_path):
     folder = polygon_folder(tmp_path, 3)
     yolo.write_polygons(folder / f"{KEY}.txt", [(1, ground), (2, rock), (3, shadow)])
     files, _ = find_labels(tmp_path, 3)
-    copy_seeds(choose_seeds(files, ["A"], SeedOptions()), tmp_path / "seeds")
+    copy_seeds(choose_seed_files(files, ["A"], SeedOptions()), tmp_path / "seeds")
     classes, boxes = yolo.read_boxes(tmp_path / "seeds" / f"{KEY}.txt")
     assert classes.tolist() == [0, 1]
     np.testing.assert_allclose(boxes, [[100, 190, 160, 250], [150, 230, 1936, 260]], atol=0.01)
@@ -146,6 +146,6 @@ def test_class_numbers_of_seeds_are_defined_by_a_class_list(tmp_path, lines, fil
     (tmp_path / f"mine/{KEY}.txt").write_text(lines)
     (tmp_path / "mine" / file).write_text(content)
     files, _ = find_labels(tmp_path / "mine", 3)
-    copy_seeds(choose_seeds(files, ["A"], SeedOptions()), tmp_path / "seeds")
+    copy_seeds(choose_seed_files(files, ["A"], SeedOptions()), tmp_path / "seeds")
     classes, _ = yolo.read_boxes(tmp_path / f"seeds/{KEY}.txt")
     assert classes.tolist() == [0]  # a rock

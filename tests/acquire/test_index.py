@@ -12,7 +12,7 @@ from polarsim.acquire.seeds import find_labels
 from polarsim.errors import FormatError, LabelError, PolarsimError
 from polarsim.formats import nasa, png
 from polarsim.formats.tables import read_parquet
-from polarsim.geometry.stereo import rectified_left, stated_rig
+from polarsim.geometry.stereo import default_rig, rectified_left
 from polarsim.grid import GridOptions
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.run_files.inventory import read_inventory
@@ -54,7 +54,7 @@ def write(path, content):
 @pytest.fixture(scope="module")
 def photo(tmp_path_factory):
     path = tmp_path_factory.mktemp("photos") / "photo.png"
-    png.write(path, np.full((HEIGHT, WIDTH), 16, np.uint16))
+    png.write_png(path, np.full((HEIGHT, WIDTH), 16, np.uint16))
     return path
 
 
@@ -95,7 +95,7 @@ def test_a_release_with_a_single_seed_and_mesh_is_indexed(tmp_path, release):
     assert (out / "seeds/11_A_off_30_L_0256.txt").read_text() == BOX
     assert len(read_parquet(out / "photos.parquet")) == 0
     assert json.loads((out / "calibration.json").read_text())["source"] == "stated"
-    np.testing.assert_allclose(read_rig(out / "calibration.json").left.fx, stated_rig().left.fx)
+    np.testing.assert_allclose(read_rig(out / "calibration.json").left.fx, default_rig().left.fx)
 
 
 def test_stray_files_of_a_release_are_logged_once_and_skipped(tmp_path, release, caplog):

@@ -17,7 +17,7 @@ KEY = PhotoKey.parse("01_A_off_180_L_0256")
 @pytest.fixture(scope="module")
 def photo(tmp_path_factory):
     path = tmp_path_factory.mktemp("photos") / "CamL_1_0256.png"
-    png.write(path, np.full((HEIGHT, WIDTH), 16, np.uint16))
+    png.write_png(path, np.full((HEIGHT, WIDTH), 16, np.uint16))
     return path
 
 
@@ -32,7 +32,7 @@ def test_a_photo_is_described_by_its_size_bits_and_checksum(photo):
     ("shape", "kind"), [((HEIGHT, WIDTH), np.uint8), ((HEIGHT, WIDTH, 3), np.uint16), ((WIDTH, HEIGHT), np.uint16)]
 )
 def test_a_photo_of_another_size_or_depth_is_an_error(tmp_path, shape, kind):
-    png.write(tmp_path / "a.png", np.zeros(shape, kind))
+    png.write_png(tmp_path / "a.png", np.zeros(shape, kind))
     with pytest.raises(FormatError, match=r"a\.png"):
         describe_photo(tmp_path / "a.png")
 

@@ -13,11 +13,11 @@ from polarsim.acquire.stereo_check import check_calibration
 from polarsim.errors import FormatError
 from polarsim.formats import png
 from polarsim.geometry.poses import Pose
-from polarsim.geometry.stereo import StereoRig, stated_rig
+from polarsim.geometry.stereo import StereoRig, default_rig
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 
 LEFT = PhotoKey.parse("03_A_off_30_L_0256")
-RIG = stated_rig()
+RIG = default_rig()
 EXCHANGED = StereoRig(RIG.left, RIG.right, Pose(RIG.left_from_right.rotation, -RIG.left_from_right.translation))
 
 
@@ -45,8 +45,8 @@ def _cached_features():
 def photos(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pair")
     paths = {LEFT: folder / "left.png", LEFT.other_camera: folder / "right.png"}
-    png.write(paths[LEFT], rendered(RIG.left, Pose.identity()))
-    png.write(paths[LEFT.other_camera], rendered(RIG.right, RIG.left_from_right))
+    png.write_png(paths[LEFT], rendered(RIG.left, Pose.identity()))
+    png.write_png(paths[LEFT.other_camera], rendered(RIG.right, RIG.left_from_right))
     return paths
 
 
@@ -86,5 +86,5 @@ def test_the_stated_calibration_causes_a_warning_instead_of_an_error(photos, cap
 
 def test_photos_without_features_or_without_a_pair_are_not_checked(photos, tmp_path):
     check_calibration({LEFT: photos[LEFT]}, EXCHANGED, tmp_path)
-    png.write(tmp_path / "black.png", np.full((HEIGHT, WIDTH), 16, np.uint16))
+    png.write_png(tmp_path / "black.png", np.full((HEIGHT, WIDTH), 16, np.uint16))
     check_calibration(dict.fromkeys((LEFT, LEFT.other_camera), tmp_path / "black.png"), EXCHANGED, tmp_path)

@@ -75,7 +75,7 @@ def test_range_maps_agree_with_the_true_ground_and_cameras(made, position):
     points = points[np.isfinite(points).all(axis=1)].astype(float)
     sandbox = (localised.sandbox_from_left @ grid.left_from_rectified).apply(points)
     inside = sandbox[(np.abs(sandbox[:, :2]).max(axis=1) < 1.8)]
-    ground = obj.read(truth / "meshes" / obj.ground_name(TERRAIN)).vertices
+    ground = obj.read_obj(truth / "meshes" / obj.ground_name(TERRAIN)).vertices
     from scipy.spatial import cKDTree
 
     _, near = cKDTree(ground[:, :2]).query(inside[:, :2])
@@ -105,7 +105,7 @@ def test_truth_contains_lamps_rocks_and_meshes(made):
     meshes = obj.rock_files(truth / "meshes")
     assert sorted(meshes) == rocks["rock"].tolist() == list(range(1, 10))
     for row in rocks.itertuples():
-        vertices = obj.read(meshes[row.rock]).vertices
+        vertices = obj.read_obj(meshes[row.rock]).vertices
         np.testing.assert_allclose((vertices.min(axis=0) + vertices.max(axis=0)) / 2, [row.x, row.y, row.z], atol=1e-5)
         assert 0 < row.volume_m3 < np.prod(np.ptp(vertices, axis=0))
         assert 0 < row.height_m < 0.2
@@ -117,7 +117,7 @@ def test_true_labels_are_the_boxes_of_the_true_meshes(made):
     assert set(labels["key"]) == {str(key) for key in KEYS}
     assert set(labels["kind"]) == {"rock", "shadow"}
     localised = read_localised(truth / "cameras" / "PosA.json")
-    meshes = {rock: obj.read(path).vertices for rock, path in obj.rock_files(truth / "meshes").items()}
+    meshes = {rock: obj.read_obj(path).vertices for rock, path in obj.rock_files(truth / "meshes").items()}
     overlaps = []
     for row in labels[(labels["kind"] == "rock") & (labels["key"] == str(KEYS[0]))].itertuples():
         pixels = localised.project("L", meshes[row.rock])

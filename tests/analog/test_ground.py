@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from polarsim.analog.ground import CRATER_CENTRE, Ground, make_ground, pile_sand
+from polarsim.analog.ground import CRATER_CENTRE, HeightField, make_ground, pile_sand
 from polarsim.analog.presets import PRESETS
 from polarsim.analog.sandbox import HALL_FLOOR
 
@@ -45,7 +45,7 @@ def test_a_fresh_crater_is_a_bowl_two_metres_wide_with_a_raised_rim():
 
 def test_heights_between_nodes_are_bilinear():
     axis = np.linspace(-1, 1, 5)
-    plane = Ground(axis, 0.1 * axis[:, None] + 0.2 * axis[None, :])
+    plane = HeightField(axis, 0.1 * axis[:, None] + 0.2 * axis[None, :])
     np.testing.assert_allclose(plane.height_at(np.array([0.3]), np.array([-0.7])), [0.03 - 0.14])
 
 
@@ -58,7 +58,7 @@ def test_the_mesh_faces_up_and_keeps_the_heights():
 
 
 def test_sand_is_piled_around_a_rock_only():
-    flat = Ground(np.linspace(-1, 1, 201), np.zeros((201, 201)))
+    flat = HeightField(np.linspace(-1, 1, 201), np.zeros((201, 201)))
     piled = pile_sand(flat, np.random.default_rng(1), np.array([[0.2, 0.3]]), np.array([0.1]))
     foot = piled.height_at(np.array([0.3]), np.array([0.3]))[0]
     assert 0 < piled.heights.max() < 0.03

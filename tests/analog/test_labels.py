@@ -3,7 +3,7 @@ import pytest
 
 from polarsim.analog.annotator import annotate, annotate_rock
 from polarsim.analog.light import DiscLamp, visibility
-from polarsim.analog.regions import Region, contrast, rock_regions, shadow_regions
+from polarsim.analog.regions import VisibleRegion, region_contrast, rock_regions, shadow_regions
 
 BALL_RADIUS, BALL_HEIGHT = 0.15, 0.10  # metres, of the ball that conftest puts into the scene
 
@@ -11,7 +11,7 @@ LAMP = DiscLamp(np.array([0.0, 3.5, 0.9]), np.zeros(3), 0.03)
 
 
 def square(rock, x0, y0, size):
-    return Region(rock, (x0, y0, x0 + size, y0 + size), np.ones((size, size), bool))
+    return VisibleRegion(rock, (x0, y0, x0 + size, y0 + size), np.ones((size, size), bool))
 
 
 def test_the_region_of_a_rock_is_its_tight_box(ball_view):
@@ -53,9 +53,9 @@ def test_a_scene_without_rocks_has_no_shadows(ball_scene, ball_caster, ball_view
 def test_contrast_is_the_difference_to_the_surroundings():
     photo = np.full((1216, 1936), 500, np.uint16)
     photo[100:140, 200:240] = 100
-    assert contrast(square(1, 200, 100, 40), photo) == pytest.approx(-400)
+    assert region_contrast(square(1, 200, 100, 40), photo) == pytest.approx(-400)
     photo[0:40, 0:40] = 900
-    assert contrast(square(1, 0, 0, 40), photo) == pytest.approx(400)  # also at the corner of the photo
+    assert region_contrast(square(1, 0, 0, 40), photo) == pytest.approx(400)  # also at the corner of the photo
 
 
 BRIGHT = np.full((1216, 1936), 800, np.uint16)
@@ -99,8 +99,8 @@ def test_shadows_are_annotated_on_request_and_only_with_their_rocks():
 
 
 def test_the_width_of_a_region_is_the_side_of_its_largest_square():
-    line = Region(1, (5, 5, 45, 6), np.ones((1, 40), bool))
+    line = VisibleRegion(1, (5, 5, 45, 6), np.ones((1, 40), bool))
     assert line.width_px == 1
     wide = np.zeros((9, 40), bool)
     wide[4], wide[2:7, 10:15] = True, True
-    assert Region(1, (5, 5, 45, 14), wide).width_px == 5
+    assert VisibleRegion(1, (5, 5, 45, 14), wide).width_px == 5

@@ -4,10 +4,10 @@ import pytest
 from polarsim.analog.bounce import AMBIENT, gather_bounce
 from polarsim.analog.light import DiscLamp, direct, reflect, visibility
 from polarsim.analog.sandbox import GROUND_OBJECT
-from polarsim.analog.view import lens_directions, look, make_textures
+from polarsim.analog.view import lens_directions, make_textures, render_gbuffer
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.poses import looking
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.poses import camera_pose
+from polarsim.geometry.stereo import default_rig
 
 BALL_RADIUS, BALL_HEIGHT = 0.15, 0.10  # metres, of the ball that conftest puts into the scene
 
@@ -55,14 +55,14 @@ def test_irradiance_falls_with_the_square_of_the_distance():
 
 
 def test_interpolated_lens_directions_are_accurate_to_0_003_px():
-    lens = stated_rig().left
+    lens = default_rig().left
     exact = lens.pixel_directions(slice(None, None, 37), slice(None, None, 41))
     error = lens_directions(lens)[::37, ::41] - exact
     assert np.abs(error * lens.fx).max() < 0.003
 
 
 def test_pixels_of_a_view_project_back_to_themselves(ball_view, small_lens):
-    pose = looking(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(25))
+    pose = camera_pose(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(25))
     sand = ball_view.objects == GROUND_OBJECT
     np.testing.assert_allclose(ball_view.points[sand][:, 2], 0, atol=1e-5)
     row, column = np.argwhere(sand)[1000]
@@ -112,8 +112,8 @@ def test_equal_generators_give_equal_visibility(ball_view, ball_caster):
 
 
 def test_a_view_is_deterministic(ball_scene, ball_caster, ball_view, small_lens):
-    pose = looking(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(25))
+    pose = camera_pose(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(25))
     textures = make_textures(np.random.default_rng(2))
-    again = look(ball_scene, ball_caster, textures, Camera(pose, small_lens), 2)
+    again = render_gbuffer(ball_scene, ball_caster, textures, Camera(pose, small_lens), 2)
     np.testing.assert_array_equal(again.points, ball_view.points)
     np.testing.assert_array_equal(again.albedo, ball_view.albedo)

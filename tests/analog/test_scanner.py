@@ -4,7 +4,7 @@ import pytest
 from polarsim.analog import scanner
 from polarsim.analog.options import AnalogOptions
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.poses import Pose, camera_pose
 
 BALL_RADIUS = 0.15  # metres, radius of the ball in conftest
 
@@ -62,8 +62,8 @@ def test_grazing_and_dark_surfaces_have_fewer_returns():
 def test_a_map_of_an_exact_scan_shows_the_plane_at_its_depth(ball_scene, ball_caster):
     found = scanned(ball_scene, ball_caster, range_noise_mm=0.0)
     grid = Lens(500.0, 500.0, 240.0, 150.0, width=480, height=300)
-    sandbox_from_grid = looking(SCANNER.translation, np.pi, np.radians(25))
-    vertices, faces = scanner.surface(found, SCANNER.translation)
+    sandbox_from_grid = camera_pose(SCANNER.translation, np.pi, np.radians(25))
+    vertices, faces = scanner.join_points(found, SCANNER.translation)
     points = scanner.range_map([(sandbox_from_grid.inverse().apply(vertices), faces)], grid, 1)
     at = sandbox_from_grid.apply(points.astype(float))
     flat = on_sand(at)

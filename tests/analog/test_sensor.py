@@ -2,16 +2,16 @@ import numpy as np
 import pytest
 
 from polarsim.analog.light import DiscLamp
-from polarsim.analog.sensor import expose, lamp_glare, through_lens
+from polarsim.analog.sensor import blur_and_vignette, expose_raw, lamp_glare
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.poses import looking
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.poses import camera_pose
+from polarsim.geometry.stereo import default_rig
 
 FLAT = np.ones((300, 300), np.float32)
 
 
 def shoot(level, exposure_ms, seed=1):
-    return expose(level * FLAT, exposure_ms, 1.0, np.random.default_rng(seed), FLAT)
+    return expose_raw(level * FLAT, exposure_ms, 1.0, np.random.default_rng(seed), FLAT)
 
 
 def test_a_dark_photo_has_the_black_level_and_the_read_noise():
@@ -37,14 +37,14 @@ def test_values_are_proportional_to_exposure_until_they_clip_at_twelve_bits():
 def test_the_lens_darkens_corners_and_spreads_bright_light():
     image = np.full((400, 640), 0.01, np.float32)
     image[180:220, 300:340] = 100
-    seen = through_lens(image)
+    seen = blur_and_vignette(image)
     assert seen[2, 2] < 0.85 * seen[2, 320]  # vignetting
-    assert seen[200, 400] > 1.05 * through_lens(np.full_like(image, 0.01))[200, 400]  # glare
+    assert seen[200, 400] > 1.05 * blur_and_vignette(np.full_like(image, 0.01))[200, 400]  # glare
 
 
 def test_glare_of_a_visible_lamp_is_maximal_at_the_lamp():
-    lens = stated_rig().left
-    pose = looking(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(20))
+    lens = default_rig().left
+    pose = camera_pose(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(20))
     lamp = DiscLamp(np.array([-3.5, 0.5, 0.75]), np.zeros(3), 0.045)
     glare = lamp_glare(lamp, Camera(pose, lens), 0.002, np.random.default_rng(1))
     row, column = np.unravel_index(np.argmax(glare), glare.shape)
@@ -53,6 +53,6 @@ def test_glare_of_a_visible_lamp_is_maximal_at_the_lamp():
 
 
 def test_a_lamp_behind_the_camera_causes_no_glare():
-    pose = looking(np.array([0.0, 0.0, 1.5]), np.pi, np.radians(20))
+    pose = camera_pose(np.array([0.0, 0.0, 1.5]), np.pi, np.radians(20))
     lamp = DiscLamp(np.array([5.0, 0.5, 1.5]), np.zeros(3), 0.045)
-    assert not lamp_glare(lamp, Camera(pose, stated_rig().left), 0.002, np.random.default_rng(1)).any()
+    assert not lamp_glare(lamp, Camera(pose, default_rig().left), 0.002, np.random.default_rng(1)).any()

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from polarsim.annotate.export import TOOLS, export, opening
+from polarsim.annotate.export import TOOLS, export_photos, opening
 from polarsim.errors import ConfigError, LabelError
 from polarsim.formats import png, yolo
-from polarsim.formats.release import read_annotated
+from polarsim.formats.release import read_annotated_boxes
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, write_parquet
 from polarsim.photo import BOX_CLASSES, PhotoKey
 
@@ -30,7 +30,7 @@ def make_run(run: Path, drawn: dict[PhotoKey, list[tuple]]) -> Path:
     for terrain in sorted({key.terrain for key in drawn}):
         folder, photos, rows = f"Terrain{terrain:02d}", [], []
         for key in (key for key in drawn if key.terrain == terrain):
-            png.write(run / f"photos/{key}.png", PIXELS)
+            png.write_png(run / f"photos/{key}.png", PIXELS)
             photos.append(key_columns(key) | {"path": str(run / f"photos/{key}.png")})
             yolo.write_boxes(run / f"labels/boxes/{folder}/{key}.txt", np.zeros(0, int), np.zeros((0, 4)))
             for number, (kind, x, y, width, height) in enumerate(drawn[key], 1):
@@ -51,12 +51,12 @@ def names(folder: Path) -> set[str]:
 
 
 def test_the_export_for_labelimg_has_images_boxes_and_classes(tmp_path, run):
-    assert export(folder=tmp_path / "out", run=run, tool="labelimg") == len(KEYS)
+    assert export_photos(folder=tmp_path / "out", run=run, tool="labelimg") == len(KEYS)
     assert names(tmp_path / "out") == {f"{key}.{end}" for key in KEYS for end in ("png", "txt")} | {"classes.txt"}
     assert (tmp_path / "out/classes.txt").read_text() == "rock\nshadow\n"
     lines = (tmp_path / f"out/{KEYS[0]}.txt").read_text().splitlines()
     assert lines[0] == "0 0.064566 0.176809 0.025826 0.024671"  # 125/1936 215/1216 50/1936 30/1216
-    shown = png.read(tmp_path / f"out/{KEYS[0]}.png")
+    shown = png.read_png(tmp_path / f"out/{KEYS[0]}.png")
     assert shown.dtype == np.uint8
     assert shown.shape == PIXELS.shape
 
@@ -65,8 +65,8 @@ def test_the_export_for_labelimg_has_images_boxes_and_classes(tmp_path, run):
 @given(drawn=BOXES)
 def test_exported_boxes_read_back_with_an_error_below_a_hundredth_of_a_pixel(tmp_path_factory, drawn):
     folder = tmp_path_factory.mktemp("export")
-    export(folder=folder / "out", run=make_run(folder / "demo", {KEYS[0]: drawn, KEYS[1]: []}), tool="labelimg")
-    found = read_annotated(folder / "out")
+    export_photos(folder=folder / "out", run=make_run(folder / "demo", {KEYS[0]: drawn, KEYS[1]: []}), tool="labelimg")
+    found = read_annotated_boxes(folder / "out")
     assert list(found) == KEYS[:2]
     assert len(found[KEYS[1]][0]) == 0
     classes, boxes = found[KEYS[0]]
@@ -79,21 +79,21 @@ def test_exported_boxes_read_back_with_an_error_below_a_hundredth_of_a_pixel(tmp
 
 
 def test_terrains_are_selected_by_number_and_photos_by_pattern(tmp_path, run):
-    export(folder=tmp_path / "one", run=run, terrains=[3], tool="labelimg")
-    assert {key.terrain for key in read_annotated(tmp_path / "one")} == {3}
-    export(folder=tmp_path / "two", run=run, pattern="*_L_*", tool="labelimg")
-    assert {key.camera for key in read_annotated(tmp_path / "two")} == {"L"}
+    export_photos(folder=tmp_path / "one", run=run, terrains=[3], tool="labelimg")
+    assert {key.terrain for key in read_annotated_boxes(tmp_path / "one")} == {3}
+    export_photos(folder=tmp_path / "two", run=run, pattern="*_L_*", tool="labelimg")
+    assert {key.camera for key in read_annotated_boxes(tmp_path / "two")} == {"L"}
     with pytest.raises(LabelError, match="13_"):
-        export(folder=tmp_path / "three", run=run, pattern="13_*", tool="labelimg")
+        export_photos(folder=tmp_path / "three", run=run, pattern="13_*", tool="labelimg")
     assert not (tmp_path / "three").exists()
 
 
 def test_twins_can_be_exported_instead_of_photos(tmp_path, run):
     with pytest.raises(LabelError):
-        export(folder=tmp_path / "out", run=run, domain="hapke", tool="labelimg")
-    png.write(run / f"renders/hapke/Terrain03/{KEYS[2]}.png", np.full((38, 60), 4095, np.uint16))
-    assert export(folder=tmp_path / "out", run=run, domain="hapke", tool="labelimg") == 1
-    assert (png.read(tmp_path / f"out/{KEYS[2]}.png") == 255).all()
+        export_photos(folder=tmp_path / "out", run=run, domain="hapke", tool="labelimg")
+    png.write_png(run / f"renders/hapke/Terrain03/{KEYS[2]}.png", np.full((38, 60), 4095, np.uint16))
+    assert export_photos(folder=tmp_path / "out", run=run, domain="hapke", tool="labelimg") == 1
+    assert (png.read_png(tmp_path / f"out/{KEYS[2]}.png") == 255).all()
 
 
 @pytest.mark.parametrize("tool", TOOLS)
@@ -101,20 +101,20 @@ def test_a_folder_with_labels_is_not_overwritten(tmp_path, run, tool):
     (tmp_path / "out").mkdir()
     (tmp_path / "out/01_A_off_30_L_0256.txt").write_text("edited")
     with pytest.raises(ConfigError):
-        export(folder=tmp_path / "out", run=run, tool=tool)
+        export_photos(folder=tmp_path / "out", run=run, tool=tool)
     assert (tmp_path / "out/01_A_off_30_L_0256.txt").read_text() == "edited"
 
 
 def test_an_empty_folder_is_used_and_an_unknown_tool_is_an_error(tmp_path, run):
     (tmp_path / "out").mkdir()
-    export(folder=tmp_path / "out", run=run, tool="cvat")
+    export_photos(folder=tmp_path / "out", run=run, tool="cvat")
     assert names(tmp_path / "out")
     with pytest.raises(ConfigError):
-        export(folder=tmp_path / "other", run=run, tool="paint")
+        export_photos(folder=tmp_path / "other", run=run, tool="paint")
 
 
 def test_the_export_for_cvat_has_coco_and_labels_of_the_task(tmp_path, run):
-    export(folder=tmp_path / "out", run=run, tool="cvat")
+    export_photos(folder=tmp_path / "out", run=run, tool="cvat")
     pictures = {f"images/{key}.png" for key in KEYS}
     assert names(tmp_path / "out") == pictures | {"annotations/instances_default.json", "labels.json"}
     document = json.loads((tmp_path / "out/annotations/instances_default.json").read_text())
@@ -126,7 +126,7 @@ def test_the_export_for_cvat_has_coco_and_labels_of_the_task(tmp_path, run):
 
 def test_paths_for_label_studio_are_below_the_served_folder(tmp_path, run):
     folder = tmp_path / "to check"
-    export(folder=folder, run=run, tool="label-studio")
+    export_photos(folder=folder, run=run, tool="label-studio")
     assert names(folder) == {f"images/{key}.png" for key in KEYS} | {"tasks.json", "interface.xml"}
     for task in json.loads((folder / "tasks.json").read_text()):
         address, _, position = task["data"]["image"].partition("?d=")
@@ -138,6 +138,6 @@ def test_paths_for_label_studio_are_below_the_served_folder(tmp_path, run):
 @pytest.mark.parametrize("tool", TOOLS)
 def test_same_run_same_bytes(tmp_path, run, tool):
     for position in ("a", "b"):
-        export(folder=tmp_path / position / "out", run=run, tool=tool)
+        export_photos(folder=tmp_path / position / "out", run=run, tool=tool)
     for name in names(tmp_path / "a/out"):
         assert (tmp_path / "a/out" / name).read_bytes() == (tmp_path / "b/out" / name).read_bytes()

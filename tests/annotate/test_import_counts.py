@@ -571,7 +571,7 @@ def test_detections_read_back_from_coco_and_label_files(tmp_path, size):
     box = np.array([100, 100, 150, 130], float)
     found = coco.Annotation("shadow", -1, box, confidence=0.7312)
     image = {"id": 1, "file_name": f"../photos/{KEY}.png", "width": size[0], "height": size[1]}
-    coco.write_pictures(tmp_path / "found/coco.json", [(image, [found])], "Found by a detector")
+    coco.write_coco_images(tmp_path / "found/coco.json", [(image, [found])], "Found by a detector")
     yolo.write_boxes(tmp_path / f"found/labels/{KEY}.txt", np.array([1]), box[None], size, np.array([0.7312]))
     for source in ("coco.json", "labels"):
         done = import_labels(tmp_path / "found" / source, tmp_path / f"from {source}")
@@ -581,6 +581,6 @@ def test_detections_read_back_from_coco_and_label_files(tmp_path, size):
     with pytest.raises(FormatError, match="--format"):
         import_labels(tmp_path / "found", tmp_path / "both")
     image["file_name"] = "holiday.png"
-    coco.write_pictures(tmp_path / "other.json", [(image, [found])], "Found by a detector")
+    coco.write_coco_images(tmp_path / "other.json", [(image, [found])], "Found by a detector")
     with pytest.raises(FormatError, match=r"holiday\.png"):
         import_labels(tmp_path / "other.json", tmp_path / "other")

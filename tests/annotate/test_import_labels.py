@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.acquire.options import SeedOptions
-from polarsim.acquire.seeds import choose_seeds, find_labels
+from polarsim.acquire.seeds import choose_seed_files, find_labels
 from polarsim.annotate.export import label_studio_tasks
 from polarsim.annotate.import_labels import import_labels
 from polarsim.errors import ConfigError, FormatError
@@ -119,7 +119,7 @@ def test_an_export_becomes_corrections_that_the_labels_stage_reads(tmp_path, too
 def test_an_export_becomes_seeds_that_the_acquire_stage_chooses(tmp_path):
     import_labels(write_source(tmp_path / "export", "cvat"), tmp_path / "seeds")
     files, _ = find_labels(tmp_path / "seeds", 1)
-    assert [key for key, _ in choose_seeds(files, ["A"], SeedOptions())] == [KEY]
+    assert [key for key, _ in choose_seed_files(files, ["A"], SeedOptions())] == [KEY]
 
 
 @settings(max_examples=15)

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from polarsim.annotate.overlay import LINK, Marks, draw_labels
-from polarsim.annotate.show import show
+from polarsim.annotate.overlay import LINK, OverlayStyle, draw_labels
+from polarsim.annotate.show import write_preview
 from polarsim.errors import ConfigError, FormatError
 from polarsim.formats import png
 from polarsim.formats.tables import key_columns, label_table, write_parquet
 from polarsim.photo import BLACK_LEVEL, COLOURS, PhotoKey
-from polarsim.tone import to_8bit, white_of
+from polarsim.tone import display_white_level, to_8bit
 
 KEY = PhotoKey.parse("03_A_off_30_L_0256")
 OTHER = PhotoKey.parse("03_A_off_30_R_0256")
@@ -33,11 +33,11 @@ def count(pixels, kind):
 
 
 def test_a_photo_is_shown_with_only_the_labels_of_the_photo(tmp_path):
-    png.write(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
+    png.write_png(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
     rows = [label(), label("shadow", box=(100, 300, 380, 500)), label(key=OTHER, box=(1000, 800, 1400, 1100))]
     write_parquet(tmp_path / "labels.parquet", label_table(rows))
-    show(key=KEY, picture=tmp_path / "photo.png", labels=tmp_path / "labels.parquet", out=tmp_path / "out.png")
-    shown = png.read(tmp_path / "out.png")
+    write_preview(key=KEY, picture=tmp_path / "photo.png", labels=tmp_path / "labels.parquet", out=tmp_path / "out.png")
+    shown = png.read_png(tmp_path / "out.png")
     assert shown.dtype == np.uint8
     assert shown.shape[1] == 1936
     assert shown.shape[0] > 1216  # the legend is below, not on the picture
@@ -47,37 +47,37 @@ def test_a_photo_is_shown_with_only_the_labels_of_the_photo(tmp_path):
 
 
 def test_rows_and_table_make_the_same_bytes(tmp_path):
-    png.write(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
+    png.write_png(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
     rows = [label(confidence=0.4), label("shadow")]
     write_parquet(tmp_path / "labels.parquet", label_table(rows))
     for name, labels in (("a.png", rows), ("b.png", tmp_path / "labels.parquet")):
-        show(key=KEY, picture=tmp_path / "photo.png", labels=labels, out=tmp_path / name, scale=0.5)
+        write_preview(key=KEY, picture=tmp_path / "photo.png", labels=labels, out=tmp_path / name, scale=0.5)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
-    assert png.read(tmp_path / "a.png").shape[1] == 968
+    assert png.read_png(tmp_path / "a.png").shape[1] == 968
 
 
 def test_only_the_selected_kind_is_drawn(tmp_path):
-    png.write(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
-    show(
+    png.write_png(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
+    write_preview(
         key=KEY,
         picture=tmp_path / "photo.png",
         labels=[label(), label("shadow", box=(900, 300, 980, 500))],
         out=tmp_path / "o.png",
         kinds=("shadow",),
     )
-    shown = png.read(tmp_path / "o.png")
+    shown = png.read_png(tmp_path / "o.png")
     assert count(shown, "rock") == 0
     assert count(shown, "shadow") > 0
 
 
 def test_only_masks_of_selected_kinds_are_tinted(tmp_path):
-    png.write(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
+    png.write_png(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
     rock, shadow = np.zeros((1216, 1936), bool), np.zeros((1216, 1936), bool)
     rock[600:700, 100:200], shadow[600:700, 300:400] = True, True
     arguments = {"key": KEY, "picture": tmp_path / "photo.png", "labels": [], "masks": {"rock": rock, "shadow": shadow}}
-    show(**arguments, out=tmp_path / "both.png")
-    show(**arguments, out=tmp_path / "rocks.png", kinds=("rock",))
-    both, rocks = (png.read(tmp_path / name).astype(int) for name in ("both.png", "rocks.png"))
+    write_preview(**arguments, out=tmp_path / "both.png")
+    write_preview(**arguments, out=tmp_path / "rocks.png", kinds=("rock",))
+    both, rocks = (png.read_png(tmp_path / name).astype(int) for name in ("both.png", "rocks.png"))
     plain = both[650, 1000]
     assert plain[0] == plain[1] == plain[2]
     for pixel, kind in ((both[650, 150], "rock"), (both[650, 350], "shadow")):
@@ -88,7 +88,7 @@ def test_only_masks_of_selected_kinds_are_tinted(tmp_path):
 
 def linked(*labels):
     """Return the mask (h, w) of the lines from shadows to rocks on a black image."""
-    drawn = draw_labels(np.zeros((1216, 1936, 3), np.uint8), label_table(list(labels)), marks=Marks(links=True))
+    drawn = draw_labels(np.zeros((1216, 1936, 3), np.uint8), label_table(list(labels)), marks=OverlayStyle(links=True))
     return (drawn == LINK).all(axis=-1)
 
 
@@ -113,7 +113,7 @@ def test_shadows_without_rock_have_no_line():
 
 
 def test_labels_of_low_confidence_have_dashed_boxes():
-    marks = Marks(doubtful_below=0.5)
+    marks = OverlayStyle(doubtful_below=0.5)
     rows = [label(confidence=0.4), label(rock=8, confidence=0.6, box=(400, 600, 800, 800))]
     drawn = draw_labels(np.zeros((1216, 1936, 3), np.uint8), label_table(rows), marks=marks)
     doubtful, sure = ((drawn[y, 400:800] == COLOURS["rock"]).all(axis=-1) for y in (300, 600))
@@ -141,9 +141,9 @@ def test_labels_are_scaled_to_an_image_of_half_size():
 
 
 def test_a_photo_without_labels_is_shown(tmp_path):
-    png.write(tmp_path / "photo.png", np.full((1216, 1936), 16, np.uint16))
-    show(key=KEY, picture=tmp_path / "photo.png", labels=[], out=tmp_path / "out.png")
-    assert not png.read(tmp_path / "out.png")[:1216].any()
+    png.write_png(tmp_path / "photo.png", np.full((1216, 1936), 16, np.uint16))
+    write_preview(key=KEY, picture=tmp_path / "photo.png", labels=[], out=tmp_path / "out.png")
+    assert not png.read_png(tmp_path / "out.png")[:1216].any()
 
 
 @pytest.mark.parametrize(
@@ -155,17 +155,17 @@ def test_a_photo_without_labels_is_shown(tmp_path):
     ],
 )
 def test_an_invalid_input_is_a_one_line_error_without_output(tmp_path, change, error):
-    png.write(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
+    png.write_png(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
     arguments = {"key": KEY, "picture": tmp_path / "photo.png", "labels": [label()], "out": tmp_path / "out.png"}
     with pytest.raises(error) as caught:
-        show(**{**arguments, **change})
+        write_preview(**{**arguments, **change})
     assert "\n" not in str(caught.value)
     assert [path.name for path in tmp_path.iterdir()] == ["photo.png"]
 
 
 def test_a_missing_image_is_an_error(tmp_path):
     with pytest.raises(FormatError, match=r"none\.png"):
-        show(key=KEY, picture=tmp_path / "none.png", labels=[], out=tmp_path / "out.png")
+        write_preview(key=KEY, picture=tmp_path / "none.png", labels=[], out=tmp_path / "out.png")
 
 
 def test_tone_keeps_black_black_and_maps_white_to_white():
@@ -179,4 +179,4 @@ def test_a_dark_photo_remains_dark_and_8_bit_images_are_unchanged(rng):
     assert to_8bit(noise).max() < 90
     grey = rng.integers(0, 256, (5, 6)).astype(np.uint8)
     np.testing.assert_array_equal(to_8bit(grey)[..., 1], grey)
-    assert white_of(grey) == 255
+    assert display_white_level(grey) == 255

@@ -36,9 +36,9 @@ def run(tmp_path):
     photos = []
     for key in KEYS:
         if key.camera == "L":
-            png.write(tmp_path / f"{key}.png", np.full((1216, 1936), 500, np.uint16))
+            png.write_png(tmp_path / f"{key}.png", np.full((1216, 1936), 500, np.uint16))
             photos.append(key_columns(key) | {"path": str(tmp_path / f"{key}.png")})
-        png.write(run / f"renders/hapke/{folder}/{key}.png", np.full((1216, 1936), 500, np.uint16))
+        png.write_png(run / f"renders/hapke/{folder}/{key}.png", np.full((1216, 1936), 500, np.uint16))
     write_parquet(run / f"acquire/{folder}/photos.parquet", pd.DataFrame(photos, columns=list(PHOTO_COLUMNS)))
     write_json(run / f"acquire/{folder}/inventory.json", {"terrain": 3, "kind": "analog"})
     rows = [label(key, "rock", (500, 400, 700, 500)) for key in KEYS]
@@ -48,7 +48,7 @@ def run(tmp_path):
     yolo.write_polygons(run / f"labels/polygons/{folder}/{LEFT}.txt", REGIONS)
     ids = np.ones((1216, 1936), np.uint16)
     ids[400:500, 500:700], ids[400:500, 1100:1300] = 1007, 2007
-    png.write(run / f"renders/instances/{folder}/03_A_off_30_L.png", ids)
+    png.write_png(run / f"renders/instances/{folder}/03_A_off_30_L.png", ids)
     return run
 
 
@@ -56,7 +56,7 @@ def run(tmp_path):
 def test_masks_are_polygons_for_photos_and_instances_for_twins(tmp_path, run, domain):
     for name, masks in (("plain", False), ("filled", True)):
         show_of_run(key=LEFT, run=Run(run), domain=domain, out=tmp_path / f"{name}.png", masks=masks)
-    plain, filled = (png.read(tmp_path / f"{name}.png").astype(int) for name in ("plain", "filled"))
+    plain, filled = (png.read_png(tmp_path / f"{name}.png").astype(int) for name in ("plain", "filled"))
     grey = plain[1100, 1000]
     for position, kind in ((ROCK_AT, "rock"), (SHADOW_AT, "shadow")):
         dark = position[0] + 30, position[1] + 30  # next to the line from shadow to rock
@@ -67,11 +67,13 @@ def test_masks_are_polygons_for_photos_and_instances_for_twins(tmp_path, run, do
 def test_a_missing_photo_is_replaced_by_a_twin_not_by_a_cover_photo(tmp_path, run, caplog):
     right = next(key for key in KEYS if key.camera == "R")
     cover = tmp_path / "cover_photo_indexed_03_A.png"
-    png.write(cover, np.zeros((1216, 1936, 3), np.uint8))
+    png.write_png(cover, np.zeros((1216, 1936, 3), np.uint8))
     inventory = {"terrain": 3, "kind": "release", "cover_photos": {right.position: str(cover)}}
     write_json(run / "acquire/Terrain03/inventory.json", inventory)
     show_of_run(key=right, run=Run(run), domain="photo", out=tmp_path / "out.png")
-    assert png.read(tmp_path / "out.png")[1100, 1000].min() > 0  # not the black cover photo of another light and camera
+    assert (
+        png.read_png(tmp_path / "out.png")[1100, 1000].min() > 0
+    )  # not the black cover photo of another light and camera
     assert f"no photo {right}" in caplog.text
     (run / f"renders/hapke/Terrain03/{right}.png").unlink()
     with pytest.raises(LabelError):
@@ -87,16 +89,16 @@ def test_missing_images_and_polygons_are_errors(tmp_path, run):
 
 
 def test_a_contact_sheet_shows_photos_then_twins_then_grey(tmp_path, run):
-    png.write(tmp_path / f"{LEFT}.png", np.full((1216, 1936), 4000, np.uint16))  # all white; twins below are dark
+    png.write_png(tmp_path / f"{LEFT}.png", np.full((1216, 1936), 4000, np.uint16))  # all white; twins below are dark
     for path in (run / "renders/hapke/Terrain03").glob("*.png"):
-        png.write(path, np.full((1216, 1936), 16, np.uint16))
+        png.write_png(path, np.full((1216, 1936), 16, np.uint16))
     photos, twins = run / "acquire/Terrain03/photos.parquet", run / "renders/hapke/Terrain03"
     labels = run / "labels/tables/Terrain03.parquet"
     corners = {}
     for points in ([photos, twins], [photos]):
         figure = tmp_path / f"{len(points)}.png"
         draw_contact(keys=KEYS, labels=labels, pictures=points, figure=figure, width=800)
-        pixels = png.read(figure)
+        pixels = png.read_png(figure)
         left, right = pixels[200, 20], pixels[200, 780]  # of the tiles of the left and right camera
         corners[len(points)] = int(left[0]), int(right[0])
     assert corners[2] == (255, 0)
@@ -108,6 +110,8 @@ def test_the_legend_names_the_model_of_a_twin(tmp_path, run):
     shutil.copytree(run / "renders/hapke", run / "renders/principled")
     for domain in ("photo", "hapke", "principled"):
         show_of_run(key=LEFT, run=Run(run), domain=domain, out=tmp_path / f"{domain}.png")
-    photo, hapke, principled = (png.read(tmp_path / f"{name}.png")[1216:] for name in ("photo", "hapke", "principled"))
+    photo, hapke, principled = (
+        png.read_png(tmp_path / f"{name}.png")[1216:] for name in ("photo", "hapke", "principled")
+    )
     assert (hapke != principled).any()
     assert (hapke != photo).any()

@@ -9,14 +9,14 @@ from scipy.spatial import ConvexHull
 
 from polarsim.geometry import boxes
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.poses import Pose, looking
-from polarsim.geometry.stereo import StereoRig, rectified_left, stated_rig
+from polarsim.geometry.poses import Pose, camera_pose
+from polarsim.geometry.stereo import StereoRig, default_rig, rectified_left
 
 SCALE = 0.25  # of the photos on whose grid scenes are scanned
 TRUE_POSES = {  # decimetres and degrees off the survey, as real ones are
-    "A": looking(np.array([3.63, -0.40, 1.52]), np.radians(178.6), np.radians(25.2), np.radians(-0.6)),
-    "B": looking(np.array([6.15, -0.53, 1.57]), np.radians(178.4), np.radians(24.0), np.radians(1.1)),
-    "C": looking(np.array([0.86, -3.75, 1.56]), np.radians(103.9), np.radians(26.5), np.radians(1.3)),
+    "A": camera_pose(np.array([3.63, -0.40, 1.52]), np.radians(178.6), np.radians(25.2), np.radians(-0.6)),
+    "B": camera_pose(np.array([6.15, -0.53, 1.57]), np.radians(178.4), np.radians(24.0), np.radians(1.1)),
+    "C": camera_pose(np.array([0.86, -3.75, 1.56]), np.radians(103.9), np.radians(26.5), np.radians(1.3)),
 }
 
 
@@ -50,7 +50,7 @@ def annotated_boxes(
     """Return boxes (m, 4) as annotated by a person: edges off by `sd` px, whole pixels; NaN for rocks out of view."""
     made = []
     for mesh in meshes.values():
-        box = boxes.around(rig.left.project(pose.inverse().apply(mesh.vertices)))
+        box = boxes.box_around_points(rig.left.project(pose.inverse().apply(mesh.vertices)))
         cut = boxes.clip(box)
         seen = boxes.area(cut) > 0.5 * boxes.area(box)
         made.append(np.round(boxes.clip(cut + sd * rng.standard_normal(4))) if seen else np.full(4, np.nan))
@@ -110,7 +110,7 @@ def make_sandbox(seed: int, walls: bool = True) -> Sandbox:
             add(np.asarray(box.vertices) + corner, np.asarray(box.triangles))
     floor = np.array([[-8.0, -8, -0.5], [8, -8, -0.5], [8, 8, -0.5], [-8, 8, -0.5]])
     add(floor, np.array([[0, 1, 2], [0, 2, 3]]))
-    full = stated_rig()
+    full = default_rig()
     return Sandbox(scene, StereoRig(full.left.scaled(SCALE), full.right.scaled(SCALE), full.left_from_right))
 
 
@@ -156,5 +156,5 @@ def labelled() -> LabelledRocks:
     rng = np.random.default_rng(11)
     meshes = rocks(rng, 15)
     return LabelledRocks(
-        meshes, {p: annotated_boxes(meshes, stated_rig(), TRUE_POSES[p], rng, 2.0) for p in TRUE_POSES}
+        meshes, {p: annotated_boxes(meshes, default_rig(), TRUE_POSES[p], rng, 2.0) for p in TRUE_POSES}
     )

@@ -6,15 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.cameras.adjust import MatchedPoints, Priors, adjust
-from polarsim.geometry.poses import Pose, angle_between, looking
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.poses import Pose, angle_between, camera_pose
+from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.rigs import LocalisedRig
 
 PRIORS = Priors(0.003, np.radians(0.1), 0.0005, np.radians(0.02), 1.5, 1.5, 0.003)
 INDEPENDENT = 300
 TRUE = {
-    "A": LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans"),
-    "C": LocalisedRig(stated_rig(), looking(np.array([0.8, -3.6, 1.5]), np.radians(103), np.radians(27)), "scans"),
+    "A": LocalisedRig(default_rig(), camera_pose(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans"),
+    "C": LocalisedRig(default_rig(), camera_pose(np.array([0.8, -3.6, 1.5]), np.radians(103), np.radians(27)), "scans"),
 }
 
 
@@ -63,7 +63,7 @@ def test_disturbed_poses_come_back_among_outliers(seed):
 
 def test_a_calibration_that_is_off_is_mended_for_all_positions_alike():
     rng = np.random.default_rng(3)
-    rig = stated_rig()
+    rig = default_rig()
     bent = replace(rig.left, fx=rig.left.fx + 3, fy=rig.left.fy + 3, distortion=(-0.111, *rig.left.distortion[1:]))
     true = {p: replace(one, rig=replace(rig, left=bent)) for p, one in TRUE.items()}
     seen = sightings(true, rng, noise_px=0.1)

@@ -12,18 +12,18 @@ from polarsim.cameras.surveyed import (
     SHARED_PITCH_SD_DEG,
     USUAL_PITCH_DEG,
     USUAL_PITCH_SD_DEG,
-    likely_pose,
+    expected_survey_pose,
     offset_surveyed_pose,
     surveyed_pose,
 )
 from polarsim.errors import RegistrationError
-from polarsim.geometry.boxes import assign
+from polarsim.geometry.boxes import match_by_position_and_size
 from polarsim.geometry.outlines import outlines_of
-from polarsim.geometry.poses import Pose, angle_between, looking, yaw_pitch_roll
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.poses import Pose, angle_between, camera_pose, yaw_pitch_roll
+from polarsim.geometry.stereo import default_rig
 
 OPTIONS = LocalisationOptions()
-LENS = stated_rig().left
+LENS = default_rig().left
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -134,9 +134,9 @@ def test_candidate_centres_cover_the_stated_ranges():
 
 def test_boxes_are_matched_by_size_and_distance():
     rock = np.array([[100.0, 100, 140, 130]])
-    assert len(assign(rock, np.array([[60.0, 70, 180, 160]]), 40)[0]) == 0  # three times as large
-    assert len(assign(rock, np.array([[110.0, 105, 150, 135]]), 40)[0]) == 1
-    assert len(assign(rock, np.array([[150.0, 105, 190, 135]]), 40)[0]) == 0  # too far
+    assert len(match_by_position_and_size(rock, np.array([[60.0, 70, 180, 160]]), 40)[0]) == 0  # three times as large
+    assert len(match_by_position_and_size(rock, np.array([[110.0, 105, 150, 135]]), 40)[0]) == 1
+    assert len(match_by_position_and_size(rock, np.array([[150.0, 105, 190, 135]]), 40)[0]) == 0  # too far
 
 
 def test_the_jacobian_is_that_of_the_residuals(labelled, outlines, true_poses):
@@ -163,14 +163,14 @@ def test_an_unlocalised_position_gets_the_mean_offset_of_localised_positions():
 
 
 def test_a_position_without_evidence_gets_the_tilt_of_its_neighbour_or_the_usual_tilt():
-    steep = looking(surveyed_pose("A").translation, np.pi, np.radians(19.0))
+    steep = camera_pose(surveyed_pose("A").translation, np.pi, np.radians(19.0))
     for localised, pitch, sd in (
         ({"A": steep, "C": surveyed_pose("C")}, 19.0, SHARED_PITCH_SD_DEG),
         ({"C": steep}, USUAL_PITCH_DEG, USUAL_PITCH_SD_DEG),
         ({}, USUAL_PITCH_DEG, USUAL_PITCH_SD_DEG),
     ):
-        pose, found_sd = likely_pose("B", localised)
+        pose, found_sd = expected_survey_pose("B", localised)
         np.testing.assert_allclose(pose.translation, offset_surveyed_pose("B", localised).translation)
         np.testing.assert_allclose(np.degrees(yaw_pitch_roll(pose)), [180, pitch, 0], atol=1e-9)
         assert found_sd == sd
-    assert likely_pose("G", {"A": steep}) is None
+    assert expected_survey_pose("G", {"A": steep}) is None

@@ -12,10 +12,10 @@ from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.rounding import rounded
 from polarsim.errors import FormatError, RegistrationError
 from polarsim.formats import nasa, obj, yolo
-from polarsim.geometry.poses import angle_between, looking
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.poses import angle_between, camera_pose
+from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.inventory import Inventory, write_inventory
-from polarsim.run_files.rigs import SURVEYED, UNSURE, read_all_localised, write_rig
+from polarsim.run_files.rigs import SURVEYED, UNCERTAIN_LABELS, read_all_localised, write_rig
 from polarsim.schemas.stages import ALIGNMENT, MATCHES
 
 
@@ -69,7 +69,7 @@ def annotated(tmp_path, labelled):
     meshes = {}
     for rock, mesh in labelled.meshes.items():
         path = tmp_path / "meshes" / obj.rock_name(3, rock)
-        obj.write(path, mesh, path.stem)
+        obj.write_obj(path, mesh, path.stem)
         meshes[str(rock)] = str(path)
     (tmp_path / "seeds").mkdir()
     for position, boxes in (("A", labelled.seen("A")), ("B", labelled.seen("B")), ("C", labelled.seen("C")[:2])):
@@ -126,7 +126,7 @@ def test_a_single_scan_is_registered(tmp_path, scanned, sandbox, true_poses):
 
 def test_labels_and_meshes_localise_rigs(tmp_path, annotated, true_poses, labelled, caplog):
     with caplog.at_level(logging.WARNING):
-        localised = locate(tmp_path, annotated, stated_rig())
+        localised = locate(tmp_path, annotated, default_rig())
     assert {position: one.method for position, one in localised.items()} == {
         "A": "labels",
         "B": "labels",
@@ -148,18 +148,18 @@ def test_labels_and_meshes_localise_rigs(tmp_path, annotated, true_poses, labell
 
 def test_positions_without_any_pose_are_an_error_and_write_nothing(tmp_path):
     with pytest.raises(RegistrationError):
-        locate(tmp_path, Inventory(terrain=13, kind="release"), stated_rig(), "FG")
+        locate(tmp_path, Inventory(terrain=13, kind="release"), default_rig(), "FG")
     assert not (tmp_path / "cameras").exists()
     assert not list(tmp_path.glob(".cameras*"))
 
 
 def test_a_position_without_a_survey_is_left_to_photos(tmp_path, caplog):
-    assert set(locate(tmp_path, Inventory(terrain=6, kind="release"), stated_rig(), "AF")) == {"A"}
+    assert set(locate(tmp_path, Inventory(terrain=6, kind="release"), default_rig(), "AF")) == {"A"}
     assert "position F" in caplog.text
 
 
 def test_a_terrain_without_rocks_and_scans_gets_surveyed_poses(tmp_path):
-    localised = locate(tmp_path, Inventory(terrain=6, kind="release"), stated_rig())
+    localised = locate(tmp_path, Inventory(terrain=6, kind="release"), default_rig())
     assert {one.method for one in localised.values()} == {"survey"}
     assert localised["A"].sandbox_from_left.translation[0] == pytest.approx(3.541)
 
@@ -170,7 +170,7 @@ def test_labels_of_another_terrain_localise_no_position(tmp_path, annotated, rng
         boxes = np.column_stack([corner, corner + rng.uniform(30, 150, (14, 2))])
         yolo.write_boxes(tmp_path / "seeds" / f"03_{position}_off_30_L_0256.txt", np.zeros(14, int), boxes)
     with caplog.at_level(logging.WARNING):
-        localised = locate(tmp_path, annotated, stated_rig())
+        localised = locate(tmp_path, annotated, default_rig())
     assert all(one.unproven for one in localised.values())
     assert "labels and meshes localise no position" in caplog.text
     for position in "ABC":
@@ -184,8 +184,12 @@ def test_too_few_boxes_suggest_an_unconfirmed_pose(tmp_path, annotated, labelled
     boxes = np.concatenate([labelled.seen("A")[:5], stones])
     yolo.write_boxes(tmp_path / "seeds" / "03_A_off_30_L_0256.txt", np.zeros(len(boxes), int), boxes)
     with caplog.at_level(logging.WARNING):
-        localised = locate(tmp_path, annotated, stated_rig())
-    assert {position: one.method for position, one in localised.items()} == {"A": UNSURE, "B": "labels", "C": SURVEYED}
+        localised = locate(tmp_path, annotated, default_rig())
+    assert {position: one.method for position, one in localised.items()} == {
+        "A": UNCERTAIN_LABELS,
+        "B": "labels",
+        "C": SURVEYED,
+    }
     assert localised["A"].unproven
     assert not localised["B"].unproven
     assert localised["A"].metrics["share"] < MIN_FIT
@@ -198,11 +202,11 @@ def test_too_few_boxes_suggest_an_unconfirmed_pose(tmp_path, annotated, labelled
 def test_a_broken_seed_names_its_file_and_line(tmp_path, annotated):
     (tmp_path / "seeds" / "03_B_off_30_L_0256.txt").write_text("0 0.5 0.5 nonsense 0.1\n")
     with pytest.raises(FormatError, match=r"03_B_off_30_L_0256\.txt:1"):
-        locate(tmp_path, annotated, stated_rig())
+        locate(tmp_path, annotated, default_rig())
 
 
 def test_rounding_keeps_a_rotation_a_rotation():
-    pose = looking(np.array([3.6000004, -0.4, 1.5]), 3.1, 0.43, 0.01)
+    pose = camera_pose(np.array([3.6000004, -0.4, 1.5]), 3.1, 0.43, 0.01)
     kept = rounded(pose)
     np.testing.assert_allclose(kept.rotation @ kept.rotation.T, np.eye(3), atol=1e-14)
     assert angle_between(pose, kept) < 1e-7

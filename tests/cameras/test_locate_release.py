@@ -8,11 +8,11 @@ from polarsim.cameras.localisations import localise_all
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.errors import RegistrationError
 from polarsim.formats import obj, release, yolo
-from polarsim.geometry.boxes import assign, clip, iou
+from polarsim.geometry.boxes import clip, iou, match_by_position_and_size
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import surveyed_pose
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.stereo import default_rig
 from polarsim.photo import SUNS
 from polarsim.run_files.rigs import LocalisedRig
 
@@ -41,29 +41,29 @@ def best_boxes(root, terrain, position, camera):
     ],
 )
 def test_real_seeds_localise_the_rig(release_root, terrain, position, stood, least_left, least_right):
-    meshes = {rock: obj.read(path) for rock, path in release.mesh_files(release_root, terrain).items()}
+    meshes = {rock: obj.read_obj(path) for rock, path in release.released_meshes(release_root, terrain).items()}
     outlines = outlines_of(meshes)
     boxes = consensus_boxes(best_boxes(release_root, terrain, position, "L"))
     localisation = check_localisation(
-        localise_by_labels(boxes, outlines, stated_rig().left, surveyed_pose(position), OPTIONS)
+        localise_by_labels(boxes, outlines, default_rig().left, surveyed_pose(position), OPTIONS)
     )
     pose = localisation.fit.sandbox_from_left
     assert np.linalg.norm(pose.translation - stood) < 0.1  # their lens is 1 % longer: 4 to 6 cm in distance
     assert localisation.fit.iou.mean() >= least_left
     # The boxes of the right camera are not used by the fit.
-    rig = LocalisedRig(stated_rig(), pose)
+    rig = LocalisedRig(default_rig(), pose)
     right = clip(outlines.project(rig.camera("R")))
     annotated = consensus_boxes(best_boxes(release_root, terrain, position, "R"))
-    rows, columns = assign(right, annotated)
+    rows, columns = match_by_position_and_size(right, annotated)
     assert len(rows) >= len(localisation.fit.iou) - 1
     assert np.diag(iou(right[rows], annotated[columns])).mean() >= least_right
 
 
 @pytest.mark.release
 def test_real_seeds_of_another_position_and_mirrored_seeds_are_refused(release_root):
-    meshes = {rock: obj.read(path) for rock, path in release.mesh_files(release_root, 11).items()}
+    meshes = {rock: obj.read_obj(path) for rock, path in release.released_meshes(release_root, 11).items()}
     outlines = outlines_of(meshes)
-    lens = stated_rig().left
+    lens = default_rig().left
     own, other = (consensus_boxes(best_boxes(release_root, 11, position, "L")) for position in "AB")
     mirrored = (own * [-1, 1, -1, 1] + [lens.width, 0, lens.width, 0])[:, [2, 1, 0, 3]]
     for boxes in (other, mirrored):
@@ -74,10 +74,10 @@ def test_real_seeds_of_another_position_and_mirrored_seeds_are_refused(release_r
 @pytest.mark.release
 def test_every_position_of_a_terrain_with_displaced_rocks_is_localised(release_root):
     """Terrain 12: three published rocks are 5 cm off."""
-    meshes = {rock: obj.read(path) for rock, path in release.mesh_files(release_root, 12).items()}
+    meshes = {rock: obj.read_obj(path) for rock, path in release.released_meshes(release_root, 12).items()}
     outlines = outlines_of(meshes)
     seen = {position: consensus_boxes(best_boxes(release_root, 12, position, "L")) for position in "ABC"}
-    found = localise_all(seen, outlines, stated_rig().left, OPTIONS)
+    found = localise_all(seen, outlines, default_rig().left, OPTIONS)
     assert not found.refused
     assert all(localisation.share > 0.55 for localisation in found.localised.values())
     off = np.linalg.norm(found.translations.metres, axis=1)

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from polarsim.geometry.boxes import around
+from polarsim.geometry.boxes import box_around_points
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.outlines import outline, outlines_of, spread_directions
+from polarsim.geometry.outlines import outlines_of, rock_outline, spread_directions
 from polarsim.geometry.planes import level_from, robust_plane, tracked_plane
-from polarsim.geometry.poses import looking
+from polarsim.geometry.poses import camera_pose
 from polarsim.geometry.topology import largest_island
 
 CUBE = np.array([[x, y, z] for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (0.0, 0.1)])
@@ -32,11 +32,11 @@ def test_small_components_and_unused_vertices_are_ignored():
 
 def test_a_skirt_of_sand_does_not_widen_a_rock():
     outlines = outlines_of({7: skirted_cube(0.03)}, trim=0.004, trim_share=0.35)
-    camera = looking(np.array([3.0, 0, 1.0]), np.pi, np.radians(20))
+    camera = camera_pose(np.array([3.0, 0, 1.0]), np.pi, np.radians(20))
     lens = Lens(2000, 2000, 968, 608)
-    whole = around(lens.project(camera.inverse().apply(skirted_cube(0.03).vertices)))
-    cube = around(lens.project(camera.inverse().apply(CUBE)))
-    cube_above_rim = around(lens.project(camera.inverse().apply(CUBE[CUBE[:, 2] > 0.005])))
+    whole = box_around_points(lens.project(camera.inverse().apply(skirted_cube(0.03).vertices)))
+    cube = box_around_points(lens.project(camera.inverse().apply(CUBE)))
+    cube_above_rim = box_around_points(lens.project(camera.inverse().apply(CUBE[CUBE[:, 2] > 0.005])))
     projected = outlines.project(Camera(camera, lens))[0]
     np.testing.assert_allclose(projected[[0, 2]], cube_above_rim[[0, 2]], atol=1e-9)  # left and right: top of the cube
     np.testing.assert_allclose(projected[[1, 3]], whole[[1, 3]], atol=1e-9)  # top and bottom: all vertices
@@ -45,7 +45,7 @@ def test_a_skirt_of_sand_does_not_widen_a_rock():
 
 def test_trimming_removes_at_most_its_share_of_a_rock():
     # The upper 65 % remain, although the trim is higher than the rock.
-    _, upper = outline(skirted_cube(0.03), trim=1.0, trim_share=0.35)
+    _, upper = rock_outline(skirted_cube(0.03), trim=1.0, trim_share=0.35)
     np.testing.assert_array_equal(np.unique(upper[:, 2]), [0.1])
 
 
@@ -53,9 +53,9 @@ def test_outlines_give_the_box_of_all_vertices(rng):
     points = rng.standard_normal((500, 3)) * 0.05
     mesh = Mesh(points, np.column_stack([np.arange(498), np.arange(1, 499), np.arange(2, 500)]))
     outlines = outlines_of({1: mesh}, trim=0, trim_share=0)
-    camera = looking(np.array([3.0, 0.2, 1.0]), 3.1, 0.3, 0.1)
+    camera = camera_pose(np.array([3.0, 0.2, 1.0]), 3.1, 0.3, 0.1)
     lens = Lens(2000, 2000, 968, 608, (-0.1, 0.15, 0.0005, -0.001, 0))
-    everything = around(lens.project(camera.inverse().apply(points)))
+    everything = box_around_points(lens.project(camera.inverse().apply(points)))
     np.testing.assert_allclose(outlines.project(Camera(camera, lens))[0, [1, 3]], everything[[1, 3]], atol=1e-9)
     edges, makers = outlines.edges(Camera(camera, lens))
     pixels = lens.project(camera.inverse().apply(makers[0]))
@@ -64,7 +64,7 @@ def test_outlines_give_the_box_of_all_vertices(rng):
 
 def test_rocks_with_negative_depth_have_no_box():
     outlines = outlines_of({1: Mesh(CUBE, FACES)}, 0.004, 0.35)
-    away = looking(np.array([3.0, 0, 1]), 0.0, 0.3)
+    away = camera_pose(np.array([3.0, 0, 1]), 0.0, 0.3)
     assert np.isnan(outlines.project(Camera(away, Lens(2000, 2000, 968, 608)))).all()
 
 

@@ -16,15 +16,17 @@ from polarsim.cameras.shading import cast_view, surface_of
 from polarsim.formats import obj, png
 from polarsim.formats.colmap import CAMERA_ID
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.poses import Pose, angle_between, looking
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.poses import Pose, angle_between, camera_pose
+from polarsim.geometry.stereo import default_rig
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 from polarsim.run_files.lamps import FILE, read_suns, surveyed_suns
 from polarsim.run_files.rigs import SURVEYED, LocalisedRig, read_all_localised, write_localised
 from polarsim.run_files.scene import read_terrain
 from polarsim.survey import lamp_position
 
-TRUE = LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans", {"rmse_mm": 2.0})
+TRUE = LocalisedRig(
+    default_rig(), camera_pose(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans", {"rmse_mm": 2.0}
+)
 OFF = Pose.from_rotvec(np.radians([0.08, -0.06, 0.05]), np.array([0.002, -0.001, 0.002]))  # error of a registration
 LOCATED = replace(TRUE, sandbox_from_left=TRUE.sandbox_from_left @ OFF)
 SUNS = {"30": np.array([-0.02, 0.1, 0.05]), "270": np.array([0.08, 0.03, -0.06])}  # offsets from the survey, metres
@@ -53,7 +55,7 @@ def photograph(folder, position, rig, suns=SUNS, exposures=EXPOSURES, cameras="L
                 grey = share * 2500 * image / np.percentile(image, 98)
                 grey = BLACK_LEVEL + grey + rng.normal(0, 2 + 0.5 * np.sqrt(grey))
                 path = folder / "photos" / f"13_{position}_off_{azimuth}_{camera}_{ms:04d}.png"
-                png.write(path, np.clip(np.rint(grey), 0, WHITE_LEVEL).astype(np.uint16))
+                png.write_png(path, np.clip(np.rint(grey), 0, WHITE_LEVEL).astype(np.uint16))
                 rows.append({"key": path.stem, "path": str(path)})
     return rows
 
@@ -61,7 +63,7 @@ def photograph(folder, position, rig, suns=SUNS, exposures=EXPOSURES, cameras="L
 @pytest.fixture(scope="module")
 def photographed(tmp_path_factory):
     folder = tmp_path_factory.mktemp("photographed")
-    obj.write(folder / "meshes" / obj.ground_name(13), rough_ground(), "ground")
+    obj.write_obj(folder / "meshes" / obj.ground_name(13), rough_ground(), "ground")
     rows = photograph(folder, "A", TRUE)
     broken = folder / "photos" / "13_A_off_180_L_0256.png"
     broken.write_bytes(b"no picture")
@@ -95,7 +97,7 @@ def assert_same_files(folder):
 @pytest.fixture(scope="module")
 def refined(photographed, tmp_path_factory):
     folder = tmp_path_factory.mktemp("refined")
-    far = replace(TRUE, sandbox_from_left=looking(np.array([6.0, -0.4, 1.5]), np.pi, np.radians(20)))
+    far = replace(TRUE, sandbox_from_left=camera_pose(np.array([6.0, -0.4, 1.5]), np.pi, np.radians(20)))
     return refine(photographed, folder, {"A": LOCATED, "B": far}), folder
 
 
@@ -174,7 +176,9 @@ def test_a_surveyed_pose_is_not_refined(photographed, tmp_path):
 
 
 def test_photos_of_another_position_do_not_change_poses(photographed, tmp_path, caplog):
-    elsewhere = replace(TRUE, sandbox_from_left=looking(np.array([0.8, -3.6, 1.5]), np.radians(103), np.radians(27)))
+    elsewhere = replace(
+        TRUE, sandbox_from_left=camera_pose(np.array([0.8, -3.6, 1.5]), np.radians(103), np.radians(27))
+    )
     with caplog.at_level(logging.WARNING):
         localised = refine(photographed, tmp_path, {"A": elsewhere})
     assert localised["A"].method == "scans"
@@ -186,16 +190,16 @@ def test_photos_of_another_position_do_not_change_poses(photographed, tmp_path, 
 def test_shared_features_localise_positions(photographed, tmp_path, caplog):
     """As D to G of terrain 13: no scan, no survey, photos from nearly the same place; E only has a wrong survey."""
     stands = {
-        "D": looking(np.array([3.7, -0.25, 1.42]), np.pi + 0.02, np.radians(26)),
-        "E": looking(np.array([3.45, -0.5, 1.55]), np.pi - 0.03, np.radians(28)),
-        "C": looking(np.array([0.6, -3.6, 1.5]), np.radians(100), np.radians(26)),  # too far from A
+        "D": camera_pose(np.array([3.7, -0.25, 1.42]), np.pi + 0.02, np.radians(26)),
+        "E": camera_pose(np.array([3.45, -0.5, 1.55]), np.pi - 0.03, np.radians(28)),
+        "C": camera_pose(np.array([0.6, -3.6, 1.5]), np.radians(100), np.radians(26)),  # too far from A
     }
     true = {position: replace(TRUE, sandbox_from_left=pose) for position, pose in stands.items()}
     lit = {"30": SUNS["30"]}, {256: 1.0}, "L"
     rows = [row for position, rig in true.items() for row in photograph(photographed, position, rig, *lit)]
     known = pd.read_parquet(photographed / "photos.parquet")
     pd.concat([known, pd.DataFrame(rows)]).to_parquet(tmp_path / "photos.parquet")
-    guessed = LocalisedRig(TRUE.rig, looking(np.array([3.0, 0.5, 1.5]), np.pi, 0.4), SURVEYED)
+    guessed = LocalisedRig(TRUE.rig, camera_pose(np.array([3.0, 0.5, 1.5]), np.pi, 0.4), SURVEYED)
     found = refine(photographed, tmp_path, {"A": LOCATED, "E": guessed}, photos=tmp_path / "photos.parquet")
     assert sorted(found) == ["A", "D", "E"]
     for position in "DE":

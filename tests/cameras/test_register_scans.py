@@ -4,12 +4,12 @@ from scipy.spatial.transform import Rotation
 
 from polarsim.cameras import scans as registration
 from polarsim.cameras.heightmaps import agreement, correlate_rotations, height_map, relief_correlation
-from polarsim.cameras.icp import ScanSurface, align_jointly, covariances, measure, surface
+from polarsim.cameras.icp import ScanSurface, align_jointly, covariances, measure, thin_to_planes
 from polarsim.cameras.sandbox_frame import find_sandbox_frame
 from polarsim.cameras.scans import level_pose, register_scans
 from polarsim.cameras.surveyed import stations
 from polarsim.errors import RegistrationError
-from polarsim.geometry.poses import Pose, angle_between, looking
+from polarsim.geometry.poses import Pose, angle_between, camera_pose
 from polarsim.geometry.stereo import rectified_left
 
 from .conftest import make_sandbox
@@ -128,7 +128,7 @@ def test_scans_of_two_terrains_with_similar_relief_are_refused(scans, foreign):
 def test_a_scan_that_contradicts_two_scans_is_excluded(sandbox, scans, foreign):
     """The numbers of points do not matter."""
     left_from_rectified = rectified_left(sandbox.rig).left_from_rectified
-    beside = looking(np.array([3.5, 0.35, 1.5]), np.radians(182), np.radians(25))  # of a position without survey
+    beside = camera_pose(np.array([3.5, 0.35, 1.5]), np.radians(182), np.radians(25))  # of a position without survey
     third = sandbox.scan(beside, np.random.default_rng(2), 0.002)
     third = left_from_rectified.apply(third[np.isfinite(third).all(axis=-1)])
     for odd in "AC":
@@ -253,7 +253,7 @@ def noisy_copies(rng, noise):
             [x, y, 0.05 * np.sin(4 * x + 1) * np.cos(5 * y) + 0.02 * np.sin(11 * x) * np.sin(9 * y)]
         )
         beams = (points - eye) / np.linalg.norm(points - eye, axis=1, keepdims=True)
-        surfaces[name] = surface(points + noise * rng.normal(size=(len(x), 1)) * beams, eye, 0.02)
+        surfaces[name] = thin_to_planes(points + noise * rng.normal(size=(len(x), 1)) * beams, eye, 0.02)
     return surfaces
 
 

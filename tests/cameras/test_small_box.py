@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from polarsim.cameras.small_box import small_box_frame
-from polarsim.geometry.poses import Pose, angle_between, looking
+from polarsim.geometry.poses import Pose, angle_between, camera_pose
 
 HALF = 0.5  # metres
-BOX_FROM_LEFT = looking(np.array([2.0, -0.2, 1.25]), np.pi + 0.03, np.radians(30))
+BOX_FROM_LEFT = camera_pose(np.array([2.0, -0.2, 1.25]), np.pi + 0.03, np.radians(30))
 
 
 def box_on_a_floor(rng: np.random.Generator, half: float = HALF) -> np.ndarray:

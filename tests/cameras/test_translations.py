@@ -11,14 +11,14 @@ from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.translations import MAX_TRANSLATION, translated, translation_table
 from polarsim.geometry import boxes as box_geometry
 from polarsim.geometry.outlines import Outlines, outlines_of
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.rock_translations import FILE, read_translations
 
 from .conftest import TRUE_POSES, annotated_boxes
 
 OPTIONS = LocalisationOptions(rock_translation_sd_mm=10)
-LENS = stated_rig().left
+LENS = default_rig().left
 EDGE_PX = 0.7
 
 
@@ -36,7 +36,7 @@ def quick():
 def annotated(labelled):
     """Boxes of the rocks at their true positions, annotated accurately."""
     rng = np.random.default_rng(3)
-    return {p: annotated_boxes(labelled.meshes, stated_rig(), pose, rng, EDGE_PX) for p, pose in TRUE_POSES.items()}
+    return {p: annotated_boxes(labelled.meshes, default_rig(), pose, rng, EDGE_PX) for p, pose in TRUE_POSES.items()}
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def solution(labelled, annotated, off):
 
 def iou_in_right_photos(labelled, outlines, localisations):
     """Return the mean IoU with the boxes of the right photos, which no fit uses."""
-    rig, true = stated_rig(), outlines_of(labelled.meshes, 0.0, 0.0)
+    rig, true = default_rig(), outlines_of(labelled.meshes, 0.0, 0.0)
     found = []
     for position, localisation in localisations.items():
         poses = TRUE_POSES[position], localisation.fit.sandbox_from_left

@@ -23,7 +23,7 @@ def cover():
 @pytest.fixture
 def made_release(tmp_path, cover):
     """Release of terrain 1 with a cover photo at A and labels of both cameras under two lamps."""
-    png.write(tmp_path / "CoverPhotoOfIndices" / "cover_photo_indexed_01_A.png", cover)
+    png.write_png(tmp_path / "CoverPhotoOfIndices" / "cover_photo_indexed_01_A.png", cover)
     for side, offset in (("L", 0), ("R", 500)):
         for azimuth, shadow in SHADOWS.items():
             path = tmp_path / "Labels" / "Terrain01" / f"01_A_off_{azimuth}_{side}_0256.txt"

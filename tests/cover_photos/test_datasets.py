@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from polarsim.cover_photos.datasets import make_cover_dataset
-from polarsim.detect.dataset import read_pictures
+from polarsim.detect.dataset import dataset_images
 from polarsim.errors import DetectError, LabelError
 from polarsim.formats import png, yolo
 from polarsim.scenes.names import scene_name
@@ -17,7 +17,7 @@ def make_scenes(folder, terrain, scenes, lamps=3):
     for scene in range(scenes):
         for lamp in range(lamps):
             name = scene_name(terrain, scene, lamp)
-            png.write(folder / "images" / f"{name}.png", np.full((80, 128), scene, np.uint8))
+            png.write_png(folder / "images" / f"{name}.png", np.full((80, 128), scene, np.uint8))
             yolo.write_boxes(folder / "labels" / f"{name}.txt", [0], [[20, 20, 40, 40]], (128, 80))
     return folder
 
@@ -25,7 +25,7 @@ def make_scenes(folder, terrain, scenes, lamps=3):
 @pytest.fixture
 def covers(tmp_path):
     for key in (str(KEY), "03_A_off_30_R_0256"):
-        png.write(tmp_path / "photos" / f"{key}.png", np.zeros((80, 128), np.uint8))
+        png.write_png(tmp_path / "photos" / f"{key}.png", np.zeros((80, 128), np.uint8))
     return tmp_path / "photos"
 
 
@@ -35,10 +35,10 @@ def test_a_data_set_has_scenes_to_train_and_covers_to_test_without_labels(tmp_pa
         scenes={3: make_scenes(tmp_path / "T3", 3, 20), 4: make_scenes(tmp_path / "T4", 4, 10)},
         covers=covers, test=[1], dataset=dataset, seed=0,
     )  # fmt: skip
-    assert [len(read_pictures(dataset, part)) for part in ("train", "val", "test")] == [81, 9, 1]
-    assert read_pictures(dataset, "test") == [str(KEY)]
+    assert [len(dataset_images(dataset, part)) for part in ("train", "val", "test")] == [81, 9, 1]
+    assert dataset_images(dataset, "test") == [str(KEY)]
     assert not list((dataset / "labels" / "test").iterdir())
-    name = read_pictures(dataset, "train")[0]
+    name = dataset_images(dataset, "train")[0]
     assert (dataset / "labels/train" / f"{name}.txt").samefile(tmp_path / "T3/labels" / f"{name}.txt")
 
 

@@ -25,7 +25,7 @@ def read(root, keys=(), terrains=(1,)):
 
 def test_a_cover_is_read_without_strokes_and_with_its_published_boxes(made_release):
     assert read(made_release) == [str(KEY)]
-    photo = png.read(made_release / "photos" / f"{KEY}.png").astype(int)
+    photo = png.read_png(made_release / "photos" / f"{KEY}.png").astype(int)
     photo[300:400, 290:410] = SAND  # shadow and drawn box
     np.testing.assert_allclose(photo, SAND, atol=2)
     table = tables.read_parquet(made_release / "labels.parquet", tables.LABEL_COLUMNS)
@@ -70,7 +70,7 @@ def test_a_known_key_without_a_cover_photo_is_named(made_release, key):
 def test_a_cover_of_another_size_gives_the_same_photo_and_boxes(made_release, cover, scale):
     whole = read_cover(made_release / NAME)
     small = cv2.resize(cover, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    png.write(made_release / NAME, small)
+    png.write_png(made_release / NAME, small)
     found = read_cover(made_release / NAME)
     assert found.photo.shape == whole.photo.shape
     np.testing.assert_allclose(found.drawn, whole.drawn, atol=4)
@@ -88,7 +88,7 @@ def test_grey_of_any_depth_becomes_eight_bits(bits, levels):
 
 
 def test_a_grey_cover_is_matched_by_shadows(made_release, cover):
-    png.write(made_release / NAME, cover.min(axis=-1))
+    png.write_png(made_release / NAME, cover.min(axis=-1))
     assert not len(read_cover(made_release / NAME).drawn)
     assert read(made_release) == [str(KEY)]
 
@@ -96,7 +96,7 @@ def test_a_grey_cover_is_matched_by_shadows(made_release, cover):
 def test_an_invalid_cover_is_skipped_with_a_warning(made_release, cover, caplog):
     other = made_release / "CoverPhotoOfIndices" / "cover_photo_indexed_01_C.png"
     other.write_bytes(b"no picture")
-    png.write(made_release / "CoverPhotoOfIndices" / "cover_photo_indexed_01_B.png", cover[:, :900])
+    png.write_png(made_release / "CoverPhotoOfIndices" / "cover_photo_indexed_01_B.png", cover[:, :900])
     with caplog.at_level(logging.WARNING, "polarsim"):
         assert read(made_release) == [str(KEY)]
     assert [name for name in "ABC" if f"cover_photo_indexed_01_{name}.png" in caplog.text] == ["B", "C"]

@@ -203,7 +203,7 @@ def test_every_photo_has_a_panel_with_labels_and_confident_boxes(tmp_path):
     boxes = np.array([[100.0, 100, 900, 700]])
     keys = ["01_A_off_30_L_0256", "03_A_off_30_R_0256"]
     for key in keys:
-        png.write(tmp_path / "photos" / f"{key}.png", np.full((1216, 1936), 60, np.uint8))
+        png.write_png(tmp_path / "photos" / f"{key}.png", np.full((1216, 1936), 60, np.uint8))
     tables.write_parquet(
         tmp_path / "labels.parquet", tables.label_table([row for key in keys for row in label_rows_of(key, boxes)])
     )
@@ -218,7 +218,7 @@ def test_every_photo_has_a_panel_with_labels_and_confident_boxes(tmp_path):
         photos=tmp_path / "photos", labels=tmp_path / "labels.parquet", predictions=tmp_path / "found.parquet",
         figure=tmp_path / "covers.png", width=800,
     )  # fmt: skip
-    picture = png.read(tmp_path / "covers.png").astype(int)
+    picture = png.read_png(tmp_path / "covers.png").astype(int)
     blue = (picture[..., 2] > 200) & (picture[..., 0] < 60)
     orange = (picture[..., 0] > 200) & (picture[..., 2] < 60)
     assert blue[:, :400].sum() > 100
@@ -239,11 +239,11 @@ def test_scenes_are_drawn_with_labels_in_their_positions(tmp_path):
     for terrain in (1, 3):
         for scene in range(9):
             name = f"t{terrain:02d}_s{scene:03d}_l0"
-            png.write(tmp_path / str(terrain) / "images" / f"{name}.png", np.full((160, 256), 90, np.uint8))
+            png.write_png(tmp_path / str(terrain) / "images" / f"{name}.png", np.full((160, 256), 90, np.uint8))
             corners = np.array([[20.0, 20, 100, 70], [140, 90, 240, 150]])
             yolo.write_boxes(tmp_path / str(terrain) / "labels" / f"{name}.txt", np.array([0, 1]), corners, (256, 160))
     draw_scenes(scenes={t: tmp_path / str(t) for t in (1, 3)}, figure=tmp_path / "scenes.png", width=1024)
-    picture = png.read(tmp_path / "scenes.png").astype(int)
+    picture = png.read_png(tmp_path / "scenes.png").astype(int)
     orange = (picture[..., 0] > 200) & (picture[..., 2] < 60)
     blue = (picture[..., 2] > 200) & (picture[..., 0] < 110)
     for number in range(4):

@@ -12,8 +12,8 @@ from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
 from polarsim.formats import obj, png, tables
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.poses import looking
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.poses import camera_pose
+from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.schemas.covers import COVER_FOUND, COVER_SCORES
 from polarsim.schemas.detect import PREDICTIONS
@@ -73,10 +73,10 @@ def test_the_widths_of_a_fold_come_from_the_remaining_folds(folds, tmp_path):
 
 def test_boxes_outside_the_sand_are_dropped_before_the_choice_of_widths(folds, tmp_path):
     """The camera of fold 03 is pointed at the ceiling, so its boxes do not affect the choice."""
-    up = LocalisedRig(stated_rig(), looking(np.array([-3.2, 0, 1.0]), 0.0, np.radians(-80)), "labels")
+    up = LocalisedRig(default_rig(), camera_pose(np.array([-3.2, 0, 1.0]), 0.0, np.radians(-80)), "labels")
     write_localised(tmp_path / "Terrain03/PosA.json", up)
     triangle = Mesh(np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
-    obj.write(tmp_path / "Terrain03/terrain03_ground.obj", triangle, "ground")
+    obj.write_obj(tmp_path / "Terrain03/terrain03_ground.obj", triangle, "ground")
     folders = [tmp_path / "Terrain03"]
     widths, found = choose(folds | {"cameras": folders, "meshes": folders}, tmp_path)
     assert set(found["key"]) == {KEYS["01"], KEYS["04"]}
@@ -101,7 +101,7 @@ def test_predictions_include_the_training_width(tmp_path):
     detectors.write_detector(weights, detectors.Detector("compact", 96, 1, "scratch", network("compact").state_dict()))
     key = KEYS["01"]
     dataset = tmp_path / "dataset"
-    png.write(dataset / "images" / "test" / f"{key}.png", np.full((80, 128), 60, np.uint8))
+    png.write_png(dataset / "images" / "test" / f"{key}.png", np.full((80, 128), 60, np.uint8))
     tables.write_csv(dataset / "pictures.csv", pd.DataFrame({"key": [key], "part": ["test"]}))
     predict_multiscale(
         weights=weights, dataset=dataset, found=tmp_path / "found.parquet", widths=[64, 128],

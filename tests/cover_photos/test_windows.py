@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.cover_photos.datasets import make_fine_tuning_dataset
-from polarsim.cover_photos.photos import label_rows
+from polarsim.cover_photos.photos import annotation_rows
 from polarsim.cover_photos.windows import cut_windows
-from polarsim.detect.dataset import read_pictures
+from polarsim.detect.dataset import dataset_images
 from polarsim.detect.training_windows import draw_windows
 from polarsim.errors import DetectError, PolarsimError
 from polarsim.formats import png, tables, yolo
@@ -33,9 +33,9 @@ def covers(tmp_path):
     """Three labelled photos of two terrains with two bright rocks each."""
     rows = []
     for key in KEYS:
-        png.write(tmp_path / "photos" / f"{key}.png", photo_of(BOXES))
+        png.write_png(tmp_path / "photos" / f"{key}.png", photo_of(BOXES))
         yolo.write_boxes(tmp_path / f"{key}.txt", [0, 1], BOXES)
-        rows += label_rows(PhotoKey.parse(key), tmp_path / f"{key}.txt")
+        rows += annotation_rows(PhotoKey.parse(key), tmp_path / f"{key}.txt")
     tables.write_parquet(tmp_path / "labels.parquet", tables.label_table(rows))
     return {"photos": tmp_path / "photos", "labels": tmp_path / "labels.parquet"}
 
@@ -65,7 +65,7 @@ def test_windows_do_not_depend_on_the_location(covers, tmp_path):
     files = sorted(path.relative_to(tmp_path / "one") for path in (tmp_path / "one").rglob("*.*"))
     assert len(files) == 3 * 3 * len(KEYS)
     assert all((tmp_path / "one" / path).read_bytes() == (tmp_path / "two" / path).read_bytes() for path in files)
-    mask = class_masks.read(tmp_path / "one/masks" / f"{KEYS[0]}_w02.png")
+    mask = class_masks.read_class_mask(tmp_path / "one/masks" / f"{KEYS[0]}_w02.png")
     assert mask.shape == (40, 64)
     assert (mask == class_masks.IGNORED).all()
 
@@ -77,17 +77,17 @@ def test_no_window_of_a_tested_terrain_is_trained_on(covers, tmp_path, monkeypat
     dataset = tmp_path / "dataset"
     fine_tuning = {"windows": tmp_path / "windows", "dataset": dataset, "seed": 0}
     make_fine_tuning_dataset(scenes=scenes, test=[1], **fine_tuning)
-    names = [name for part in ("train", "val") for name in read_pictures(dataset, part)]
+    names = [name for part in ("train", "val") for name in dataset_images(dataset, part)]
     assert sum(name.startswith("t03_") for name in names) == 12
     assert sum(name.startswith(KEYS[2]) for name in names) == 10
     assert len(names) == 22  # none of terrain 1
-    assert not read_pictures(dataset, "test")
+    assert not dataset_images(dataset, "test")
     with pytest.raises(DetectError):
         make_fine_tuning_dataset(scenes=scenes, test=[3], **fine_tuning)
 
 
 def test_an_invalid_window_name_is_an_error(tmp_path):
-    png.write(tmp_path / "windows/images/photo.png", np.zeros((40, 64), np.uint8))
+    png.write_png(tmp_path / "windows/images/photo.png", np.zeros((40, 64), np.uint8))
     with pytest.raises(PolarsimError) as error:
         make_fine_tuning_dataset(
             scenes={3: make_scenes(tmp_path / "T3", 3, 4)}, windows=tmp_path / "windows", test=[1],

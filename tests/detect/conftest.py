@@ -59,7 +59,7 @@ def world(tmp_path_factory) -> Path:
     for key in KEYS:
         pixels, rows = blobs(key)
         path = root / "twins" / f"Terrain{key.terrain:02d}" / f"{key}.png"
-        png.write(path, pixels)
+        png.write_png(path, pixels)
         photos.append(tables.key_columns(key) | {"path": str(path)})
         labels += rows
     tables.write_parquet(root / "photos.parquet", pd.DataFrame(photos))

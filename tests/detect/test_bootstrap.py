@@ -7,7 +7,7 @@ from polarsim.detect import bootstrap
 from polarsim.detect.bootstrap_numba import resampled_precision
 from polarsim.detect.metrics import precision_at_recalls, rank
 from polarsim.errors import DetectError
-from polarsim.intervals import draws
+from polarsim.intervals import bootstrap_draws
 
 AREAS = [(0.0, np.inf), (0.0, 60.0**2), (60.0**2, np.inf)]
 
@@ -28,7 +28,7 @@ def case(rng, pictures):
 def test_a_replicate_equals_average_precision_with_weights(seed, pictures, units):
     rng = np.random.default_rng(seed)
     ranked = rank(*case(rng, pictures), areas=AREAS)
-    unit, drawn = rng.integers(0, units, pictures), draws(units, 20, seed % 97)
+    unit, drawn = rng.integers(0, units, pictures), bootstrap_draws(units, 20, seed % 97)
     for area in range(len(AREAS)):
         expected = [precision_at_recalls(ranked, area, weights[unit]).mean(axis=1) for weights in drawn]
         np.testing.assert_allclose(resampled_precision(ranked, area, unit, drawn), expected, atol=1e-12)

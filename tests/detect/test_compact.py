@@ -21,13 +21,13 @@ from polarsim.detect.train import train_detector
 from polarsim.errors import DetectError
 from polarsim.formats import obj, tables
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.poses import looking
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.poses import camera_pose
+from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 
 torch = pytest.importorskip("torch")
 
-from polarsim.detect.detectors.compact.loss import assign, losses  # noqa: E402
+from polarsim.detect.detectors.compact.loss import assign_labels, losses  # noqa: E402
 from polarsim.detect.detectors.compact.network import STRIDE  # noqa: E402
 from polarsim.detect.detectors.compact.pictures import TrainingImage, augment  # noqa: E402
 from polarsim.detect.detectors.compact.weights import decode_boxes, network  # noqa: E402
@@ -173,9 +173,9 @@ def test_predictions_are_well_formed_and_find_the_blobs(dataset, matched, tmp_pa
 
 def test_boxes_outside_the_sand_are_dropped_with_known_poses(dataset, matched, tmp_path):
     """A camera that is pointed at the ceiling shows no sand."""
-    up = LocalisedRig(stated_rig(), looking(np.array([-3.2, 0, 1.0]), 0.0, np.radians(-80)), "labels")
+    up = LocalisedRig(default_rig(), camera_pose(np.array([-3.2, 0, 1.0]), 0.0, np.radians(-80)), "labels")
     triangle = np.array([[-1.0, -1, 0], [1, -1, 0], [0, 1, 0]])
-    obj.write(tmp_path / "Terrain01/terrain01_ground.obj", Mesh(triangle, np.array([[0, 1, 2]])), "ground")
+    obj.write_obj(tmp_path / "Terrain01/terrain01_ground.obj", Mesh(triangle, np.array([[0, 1, 2]])), "ground")
     for position in "ABCDEFG":
         write_localised(tmp_path / f"Terrain01/Pos{position}.json", up)
     for folders, name in (([], "all"), ([tmp_path / "Terrain01"], "on_sand")):
@@ -237,7 +237,7 @@ def test_mosaic_is_refused_because_compact_has_none():
 def test_a_cell_is_assigned_to_the_smallest_label_of_a_class():
     classes = torch.tensor([0, 0, 1])
     boxes = torch.tensor([[0.0, 0, 32, 32], [12, 12, 20, 20], [0, 0, 32, 32]])
-    owner = assign(classes, boxes, (2, 8, 8))  # cells of 4 px, centres at 2, 6, 10, ...
+    owner = assign_labels(classes, boxes, (2, 8, 8))  # cells of 4 px, centres at 2, 6, 10, ...
     centre = (owner[1] == 2).nonzero()
     assert centre.min() == 2  # centres 10 to 22 are within a quarter of 32 px from the centre of the box
     assert centre.max() == 5
@@ -250,7 +250,7 @@ def test_a_cell_is_assigned_to_the_smallest_label_of_a_class():
 def test_a_single_label_is_assigned_to_the_cell_of_its_centre(sides):
     for x, y, width, height in sides:
         box = torch.tensor([[x, y, x + width, y + height]])
-        owner = assign(torch.tensor([1]), box, (2, 32, 32))
+        owner = assign_labels(torch.tensor([1]), box, (2, 32, 32))
         column, row = (int((low + side / 2) / STRIDE) for low, side in ((x, width), (y, height)))
         assert owner[1, row, column] == 0
         assert (owner[0] == -1).all()
@@ -259,7 +259,7 @@ def test_a_single_label_is_assigned_to_the_cell_of_its_centre(sides):
 def test_correct_boxes_have_no_loss():
     boxes = torch.tensor([4.0, 4, 12, 16]).view(1, 1, 4, 1, 1).repeat(1, 1, 1, 8, 8)
     labels = [(torch.tensor([0]), torch.tensor([[4.0, 4, 12, 16]]))]
-    owned = assign(*labels[0], (1, 8, 8)) == 0
+    owned = assign_labels(*labels[0], (1, 8, 8)) == 0
     logits = torch.where(owned, 30.0, -30.0)[None]
     assert float(sum(losses(logits, boxes, labels))) == pytest.approx(0, abs=1e-6)
     class_loss, box_loss = losses(-logits, boxes + 100, labels)

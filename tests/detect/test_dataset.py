@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from polarsim.detect.dataset import count_left_out, make_dataset, mix_datasets, read_pictures, share_pictures
+from polarsim.detect.dataset import count_left_out, dataset_images, make_dataset, mix_datasets, share_pictures
 from polarsim.detect.options import PicturesOptions, SplitOptions
 from polarsim.detect.pictures import convert_photos
 from polarsim.detect.split import draw_split, split_photos
@@ -40,13 +40,13 @@ def made(world, few, tmp_path):
 def test_every_image_is_in_its_part_with_labels(few, made):
     folder = made()
     for key, part in draw_split(few, "photo", SPLIT).items():
-        assert png.read(folder / "images" / part / f"{key}.png").shape == (100, 160)  # 1216 / 1936 of 160 is 100.5
+        assert png.read_png(folder / "images" / part / f"{key}.png").shape == (100, 160)  # 1216 / 1936 of 160 is 100.5
         assert (folder / "labels" / part / f"{key}.txt").is_file()
 
 
 def test_labels_are_those_of_the_table(made, world):
     folder = made()
-    key = read_pictures(folder, "test")[0]
+    key = dataset_images(folder, "test")[0]
     classes, boxes = yolo.read_boxes(folder / "labels" / "test" / f"{key}.txt")
     rows = tables.read_parquet(world / "labels.parquet")
     rows = rows[rows["key"] == key]
@@ -57,8 +57,8 @@ def test_labels_are_those_of_the_table(made, world):
 
 def test_a_bright_blob_is_where_its_label_says(made):
     folder = made()
-    key = read_pictures(folder, "train")[0]
-    picture = png.read(folder / "images" / "train" / f"{key}.png")
+    key = dataset_images(folder, "train")[0]
+    picture = png.read_png(folder / "images" / "train" / f"{key}.png")
     classes, boxes = yolo.read_boxes(folder / "labels" / "train" / f"{key}.txt")
     for kind, box in zip(classes, boxes * 160 / 1936, strict=True):
         inside = picture[round(box[1]) + 1 : round(box[3]) - 1, round(box[0]) + 1 : round(box[2]) - 1]
@@ -82,7 +82,7 @@ def test_a_missing_image_is_skipped_with_a_warning(few, made, world, tmp_path, c
     photos = tables.read_parquet(world / "photos.parquet")
     tables.write_parquet(tmp_path / "fewer.parquet", photos.iloc[1:])
     folder = made(pictures=tmp_path / "fewer.parquet")
-    listed = {key for part in ("train", "val", "test") for key in read_pictures(folder, part)}
+    listed = {key for part in ("train", "val", "test") for key in dataset_images(folder, part)}
     assert listed == {str(key) for key in few[1:]}
     assert "1 of 8" in caplog.text
 
@@ -97,7 +97,7 @@ def test_a_photo_without_labels_gets_an_empty_file(few, made, world, tmp_path):
 
 def test_pictures_are_stored_no_larger_than_the_photo(few, made):
     folder = made(OPTIONS.model_copy(update={"stored_px": 5000}), keys=few[:4])
-    assert png.read(next(folder.glob("images/train/*.png"))).shape == (1216, 1936)
+    assert png.read_png(next(folder.glob("images/train/*.png"))).shape == (1216, 1936)
 
 
 def test_a_domain_without_pictures_is_refused(made, tmp_path):
@@ -156,7 +156,7 @@ def test_data_sets_of_two_splits_have_one_picture(share, converted, keys):
 def test_no_view_of_the_test_part_is_trained_on(share, by):
     folder = share("real", by)
     views = {
-        part: {PhotoKey.parse(key).view for key in read_pictures(folder, part)} for part in ("train", "val", "test")
+        part: {PhotoKey.parse(key).view for key in dataset_images(folder, part)} for part in ("train", "val", "test")
     }
     assert views["test"]
     assert not views["test"] & (views["train"] | views["val"])
@@ -179,7 +179,7 @@ def test_a_split_with_shared_units_is_an_error(converted, keys, tmp_path):
 def test_a_corrupt_picture_is_counted_in_its_part(share, keys):
     folder = share("hapke")
     part = draw_split(keys, "photo", SPLIT)[keys[0]]
-    assert str(keys[0]) not in read_pictures(folder, part)
+    assert str(keys[0]) not in dataset_images(folder, part)
     assert read_json(folder / "dataset.json")["left_out"] == {"train": 0, "val": 0, "test": 0} | {part: 1}
     assert [count_left_out(folder, [one]) for one in ("train", "val", "test")] == [
         int(one == part) for one in ("train", "val", "test")
@@ -208,9 +208,9 @@ def mix(share, tmp_path):
 def test_a_mix_has_images_in_proportion_to_the_weights(mix, share, real, hapke):
     weights = {"real": real, "hapke": hapke}
     folder = mix(weights)
-    names = read_pictures(folder, "train")
+    names = dataset_images(folder, "train")
     for domain, weight in weights.items():
-        whole = len(read_pictures(share(domain), "train"))
+        whole = len(dataset_images(share(domain), "train"))
         assert sum(name.startswith(f"{domain}-") for name in names) == round(weight * whole)
     assert len(set(names)) == len(names)
 
@@ -219,19 +219,19 @@ def test_a_mix_has_only_training_images_of_its_domains(mix, share, converted, ke
     folder = mix({"real": 2, "hapke": 0.5})
     tested = {str(key) for key, part in draw_split(keys, "photo", SPLIT).items() if part == "test"}
     for part in ("train", "val"):
-        for name in read_pictures(folder, part):
+        for name in dataset_images(folder, part):
             domain, key = name.split("-")[:2]
             for kind, ending in (("images", "png"), ("labels", "txt")):
                 assert (folder / kind / part / f"{name}.{ending}").samefile(
                     converted / domain / kind / f"{key}.{ending}"
                 )
             assert key not in tested
-    assert read_pictures(folder, "test") == []
+    assert dataset_images(folder, "test") == []
 
 
 def test_a_weight_of_two_takes_every_picture_twice(mix, share):
-    names = read_pictures(mix({"real": 2}), "train")
-    keys = read_pictures(share("real"), "train")
+    names = dataset_images(mix({"real": 2}), "train")
+    keys = dataset_images(share("real"), "train")
     assert names == sorted([*(f"real-{key}" for key in keys), *(f"real-{key}-2" for key in keys)])
 
 

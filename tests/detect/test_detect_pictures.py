@@ -12,10 +12,10 @@ from typer.testing import CliRunner
 
 from polarsim.cli import app
 from polarsim.detect import detectors, tone
-from polarsim.detect.detect_pictures import find_in_pictures, prediction_options, read_any
-from polarsim.detect.inference_widths import ClassSizes, InferenceWidths
+from polarsim.detect.detect_pictures import detect_in_images, prediction_options, read_any
+from polarsim.detect.inference_widths import ClassInferenceWidths, InferenceWidths
 from polarsim.detect.options import PACKAGED, PredictionOptions
-from polarsim.detect.predict import detect
+from polarsim.detect.predict import predict_images
 from polarsim.errors import DetectError, PolarsimError
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.images import resize_longer_side
@@ -67,7 +67,7 @@ def test_boxes_are_in_pixels_of_each_picture_whatever_its_size_depth_and_colour(
     cv2.imwrite(str(folder / "deep.tif"), picture(depth=np.uint16))
     (folder / "empty.jpg").touch()
     (folder / "broken.png").write_bytes((folder / "whole.png").read_bytes()[:200])
-    found = find_in_pictures(
+    found = detect_in_images(
         pictures=[folder], weights=[weights], out=tmp_path / "out", options=PredictionOptions(), threads=1
     )
     assert found["picture"].tolist() == [
@@ -105,7 +105,7 @@ def test_boxes_follow_the_exif_orientation(weights, block_finder, tmp_path):
         stored[name].getexif()[0x0112] = orientation
     for name, image in stored.items():
         image.save(folder / f"{name}.png", exif=image.getexif())
-    found = find_in_pictures(
+    found = detect_in_images(
         pictures=[folder], weights=[weights], out=tmp_path / "out", options=PredictionOptions(), threads=1
     )
     assert sorted(found["picture"]) == sorted(f"{name}.png" for name in stored)
@@ -117,7 +117,7 @@ def test_boxes_follow_the_exif_orientation(weights, block_finder, tmp_path):
 
 def test_images_of_large_cameras_are_searched(weights, block_finder, tmp_path):
     cv2.imwrite(str(tmp_path / "a.jpg"), picture((6000, 3750)))
-    found = find_in_pictures(
+    found = detect_in_images(
         pictures=[tmp_path / "a.jpg"], weights=[weights], out=tmp_path / "out", options=PredictionOptions(), threads=1,
         draw=False,
     )  # fmt: skip
@@ -141,7 +141,7 @@ def test_boxes_of_several_detectors_are_merged(weights, tmp_path, monkeypatch):
     other = weights.with_name("other.pt")
     other.write_bytes(weights.read_bytes())
     cv2.imwrite(str(tmp_path / "one.png"), picture())
-    found = find_in_pictures(
+    found = detect_in_images(
         pictures=[tmp_path / "one.png"], weights=[weights, other], out=tmp_path / "out", options=PredictionOptions(),
         threads=1,
     )  # fmt: skip
@@ -156,7 +156,7 @@ def test_merging_a_detector_with_itself_changes_nothing(tmp_path):
     copy = tmp_path / "copy.pt"
     copy.write_bytes(PACKAGED.read_bytes())
     alone, twice = (
-        find_in_pictures(
+        detect_in_images(
             pictures=[tmp_path / "one.png"], weights=weights, out=tmp_path / str(len(weights)),
             options=prediction_options(["640"], [], "cpu"), threads=1, confidence=0.05,
         )
@@ -168,7 +168,7 @@ def test_merging_a_detector_with_itself_changes_nothing(tmp_path):
 
 def test_unusable_input_is_a_one_line_error_without_output(weights, tmp_path):
     def run(*pictures, out=tmp_path / "out"):
-        find_in_pictures(pictures=pictures, weights=[weights], out=out, options=PredictionOptions(), threads=1)
+        detect_in_images(pictures=pictures, weights=[weights], out=out, options=PredictionOptions(), threads=1)
 
     (tmp_path / "text.png").write_text("no picture")
     (tmp_path / "empty").mkdir()
@@ -199,7 +199,9 @@ def test_an_image_of_a_different_aspect_ratio_is_not_stretched():
     pixels = np.zeros((1080, 1920), np.uint8)
     pixels[600:700, 400:520] = 255
 
-    (found,) = detect(brightest, [pixels], ClassSizes.same(InferenceWidths((960,))), 0.5, (1920, 1080))
+    (found,) = predict_images(
+        brightest, [pixels], ClassInferenceWidths.same(InferenceWidths((960,))), 0.5, (1920, 1080)
+    )
     np.testing.assert_allclose(found[0, :4], [400, 600, 520, 700], atol=2.1)
 
 
@@ -241,10 +243,10 @@ def test_bfloat16_and_float32_detect_the_same_objects():
     """Confident rocks of the packaged detector agree within one pixel on the image of lumps."""
     options = prediction_options([], [], "cpu")
     loaded = detectors.load_detector(detectors.read_detector(PACKAGED), PACKAGED.parent, options, 1)
-    sizes, pictures = ClassSizes.same(InferenceWidths((960,))), [lit_lumps()]
+    sizes, pictures = ClassInferenceWidths.same(InferenceWidths((960,))), [lit_lumps()]
     with torch.autocast("cpu", torch.bfloat16):
-        (fast,) = detect(loaded, pictures, sizes, 0.5, (968, 608))
-    (exact,) = detect(loaded, pictures, sizes, 0.5, (968, 608))
+        (fast,) = predict_images(loaded, pictures, sizes, 0.5, (968, 608))
+    (exact,) = predict_images(loaded, pictures, sizes, 0.5, (968, 608))
     sure = exact[(exact[:, 4] > 0.5) & (exact[:, 5] == BOX_CLASSES.index(ROCK))]
     assert len(sure) == len(CENTRES)
     overlap = iou(sure[:, :4], fast[:, :4]) * (sure[:, None, 5] == fast[:, 5])
@@ -290,7 +292,7 @@ def test_rocks_of_an_underexposed_picture_are_found(darker, tmp_path):
     """The packaged detector finds every lump at a quarter and an eighth of the brightness."""
     cv2.imwrite(str(tmp_path / "dark.png"), lit_lumps() // darker)
     options = prediction_options(["960"], [], "cpu")
-    found = find_in_pictures(
+    found = detect_in_images(
         pictures=[tmp_path / "dark.png"], weights=[PACKAGED], out=tmp_path / "out", options=options, threads=1,
         confidence=0.5,
     )  # fmt: skip
@@ -308,7 +310,7 @@ def test_a_failed_drawing_leaves_no_output(weights, block_finder, tmp_path, monk
     monkeypatch.setattr("polarsim.detect.detect_pictures.write_bytes", full)
     cv2.imwrite(str(tmp_path / "one.png"), picture())
     with pytest.raises((OSError, PolarsimError)):
-        find_in_pictures(
+        detect_in_images(
             pictures=[tmp_path / "one.png"], weights=[weights], out=tmp_path / "out", options=PredictionOptions(),
             threads=1,
         )  # fmt: skip

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from polarsim.detect.frame import frame
+from polarsim.detect.frame import letterbox
 
 
 @pytest.mark.parametrize(("height", "width", "imgsz"), [(201, 320, 320), (221, 352, 352), (1216, 1936, 320)])
 def test_a_framed_picture_has_whole_strides_and_lies_in_the_centre(height, width, imgsz):
-    pixels, (left, top), _ = frame(np.full((height, width), 7, np.uint8), imgsz)
+    pixels, (left, top), _ = letterbox(np.full((height, width), 7, np.uint8), imgsz)
     rows, columns = np.flatnonzero((pixels == 7).any(axis=1)), np.flatnonzero((pixels == 7).any(axis=0))
     assert pixels.shape[0] % 32 == pixels.shape[1] % 32 == 0
     assert pixels.shape[1] == imgsz
@@ -17,7 +17,7 @@ def test_a_framed_picture_has_whole_strides_and_lies_in_the_centre(height, width
 def test_a_point_in_a_framed_picture_leads_back_to_the_photo(rng):
     photo = np.zeros((1216, 1936), np.uint8)
     photo[600:640, 1000:1100] = 255
-    pixels, offset, scale = frame(photo, 640)
+    pixels, offset, scale = letterbox(photo, 640)
     rows, columns = np.nonzero(pixels == 255)
     low = (np.array([columns.min(), rows.min()]) - offset) * scale
     high = (np.array([columns.max(), rows.max()]) + 1 - offset) * scale
@@ -27,6 +27,6 @@ def test_a_point_in_a_framed_picture_leads_back_to_the_photo(rng):
 def test_a_smaller_picture_has_less_grain(rng):
     """A reduction by 4 averages 16 pixels, so grain of standard deviation 40 is reduced to 10."""
     photo = np.clip(rng.normal(128, 40, (1216, 1936)), 0, 255).astype(np.uint8)
-    pixels, (left, top), _ = frame(photo, 484)
+    pixels, (left, top), _ = letterbox(photo, 484)
     inside = pixels[round(top) : round(top) + 304, round(left) : round(left) + 484]
     assert inside.std() == pytest.approx(10, rel=0.1)

@@ -4,10 +4,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from polarsim.detect.inference_widths import ClassSizes, InferenceWidths, choose_sizes, merge
+from polarsim.detect.inference_widths import ClassInferenceWidths, InferenceWidths, choose_sizes, merge
 from polarsim.detect.options import PredictionOptions
 
-BOTH = ClassSizes.same(InferenceWidths((512, 896), (64.0,)))
+BOTH = ClassInferenceWidths.same(InferenceWidths((512, 896), (64.0,)))
 
 
 def rows(*sides, confidence=0.5, left=0.0, kind=0):
@@ -53,7 +53,7 @@ def test_widths_are_chosen_by_average_precision():
     labels = [(np.array([0, 0]), rows(20, 300)[:, :4])]
     found = {512: [rows(20, 300)[1:]], 896: [rows(20, 300)[:1]]}
     assert choose_sizes(labels, found, 0.5, 300).widths == [512, 896]
-    assert choose_sizes(labels, {512: [rows(20, 300)], 896: [rows(5)]}, 0.5, 300) == ClassSizes.same(
+    assert choose_sizes(labels, {512: [rows(20, 300)], 896: [rows(5)]}, 0.5, 300) == ClassInferenceWidths.same(
         InferenceWidths((512,))
     )
 
@@ -66,7 +66,7 @@ def test_each_class_has_separate_widths():
     wrong = rows(250, left=5000, confidence=0.9, kind=1)
     found = {512: [np.vstack([shadow])], 896: [np.vstack([rock, wrong])]}
     sizes = choose_sizes(labels, found, 0.5, 300)
-    assert sizes == ClassSizes((InferenceWidths((896,)), InferenceWidths((512,))))
+    assert sizes == ClassInferenceWidths((InferenceWidths((896,)), InferenceWidths((512,))))
     merged = merge({width: rows[0] for width, rows in found.items()}, sizes, 0.5, 300)
     assert sorted(merged[:, 5]) == [0, 1]
     assert wrong[0, 0] not in merged[:, 0]
@@ -81,9 +81,9 @@ def test_inconsistent_widths_and_gates_are_an_error(given):
 
 
 def test_widths_of_the_options_apply_to_every_class():
-    named = ClassSizes.named(PredictionOptions(widths=[512, 1024], gates_px=[48]))
-    assert named == ClassSizes.same(InferenceWidths((512, 1024), (48.0,)))
-    assert ClassSizes.named(PredictionOptions()) is None
+    named = ClassInferenceWidths.named(PredictionOptions(widths=[512, 1024], gates_px=[48]))
+    assert named == ClassInferenceWidths.same(InferenceWidths((512, 1024), (48.0,)))
+    assert ClassInferenceWidths.named(PredictionOptions()) is None
 
 
 def test_images_are_not_upscaled():

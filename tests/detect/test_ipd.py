@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.detect import ipd
-from polarsim.detect.ipd import Rules, instance_performance, pair, rock_means
+from polarsim.detect.ipd import IpdRules, instance_performance, pair_rock_labels, rock_means
 from polarsim.errors import DetectError
 
 # arXiv 2309.12397: IOU_mean of Table 1 in two domains, and the IPD of Table 2.
@@ -21,7 +21,7 @@ PAPER = [
 ]
 
 
-PHOTOS = Rules(unit="photo")  # the names in these tests are not photo keys
+PHOTOS = IpdRules(unit="photo")  # the names in these tests are not photo keys
 instance_performance_difference = partial(ipd.instance_performance_difference, rules=PHOTOS)
 
 
@@ -79,16 +79,16 @@ def test_ipd_is_symmetric_and_at_most_the_absolute_ipd(first, second):
 def test_only_rocks_known_in_both_domains_are_pairs():
     first = performances(("a", 1, 0.9), ("a", 2, 0.5), ("c", 1, 0.4), ("a", -1, 0.3))
     second = performances(("a", 1, 0.7), ("b", 2, 0.8), ("c", 2, 0.2), ("a", -1, 0.1))
-    assert pair(first, second)[["key", "rock"]].to_numpy().tolist() == [["a", 1]]
+    assert pair_rock_labels(first, second)[["key", "rock"]].to_numpy().tolist() == [["a", 1]]
 
 
 def test_a_shadow_is_not_paired_with_a_rock():
-    assert pair(FIRST, performances(("a", 1, 0.7), kind="shadow")).empty
+    assert pair_rock_labels(FIRST, performances(("a", 1, 0.7), kind="shadow")).empty
 
 
 def test_the_best_of_several_labels_of_a_rock_is_used():
     twice = performances(("a", 1, 0.2), ("a", 1, 0.6))
-    assert pair(twice, FIRST)["first"].tolist() == [0.6]
+    assert pair_rock_labels(twice, FIRST)["first"].tolist() == [0.6]
 
 
 def test_no_pairs_give_no_number():
@@ -143,7 +143,7 @@ def test_an_undetected_rock_counts_zero_or_is_excluded():
     first, second = performances(("a", 1, 0.9), ("b", 1, 0.6)), performances(("a", 1, 0.0), ("b", 1, 0.5))
     found = instance_performance_difference(first, second)
     assert (found.pairs, found.ipd) == (2, pytest.approx((0.9 + 0.1) / 2))
-    found = instance_performance_difference(first, second, rules=Rules(undetected="left_out", unit="photo"))
+    found = instance_performance_difference(first, second, rules=IpdRules(undetected="left_out", unit="photo"))
     assert (found.pairs, found.ipd) == (1, pytest.approx(0.1))
 
 
@@ -151,19 +151,19 @@ def test_an_unpaired_rock_is_excluded_or_counts_zero():
     first, second = performances(("a", 1, 0.9), ("b", 1, 0.6)), performances(("a", 1, 0.7), ("c", 1, 0.5))
     found = instance_performance_difference(first, second)
     assert (found.pairs, found.ipd) == (1, pytest.approx(0.2))
-    found = instance_performance_difference(first, second, rules=Rules(unpaired="zero", unit="photo"))
+    found = instance_performance_difference(first, second, rules=IpdRules(unpaired="zero", unit="photo"))
     assert (found.pairs, found.ipd) == (3, pytest.approx((0.2 + 0.6 - 0.5) / 3))
     assert found.ipd_abs == pytest.approx((0.2 + 0.6 + 0.5) / 3)
 
 
 def test_an_undetected_unpaired_rock_is_excluded_by_rule_undetected():
     first, second = performances(("a", 1, 0.0), ("b", 1, 0.6)), performances(("b", 1, 0.5))
-    rules = Rules(undetected="left_out", unpaired="zero", unit="photo")
-    assert pair(first, second, rules)["key"].tolist() == ["b"]
+    rules = IpdRules(undetected="left_out", unpaired="zero", unit="photo")
+    assert pair_rock_labels(first, second, rules)["key"].tolist() == ["b"]
 
 
 def test_a_performance_of_nan_is_missing():
-    assert pair(performances(("a", 1, np.nan), ("b", 1, 0.5)), performances(("a", 1, 0.5), ("b", 1, 0.5)))[
+    assert pair_rock_labels(performances(("a", 1, np.nan), ("b", 1, 0.5)), performances(("a", 1, 0.5), ("b", 1, 0.5)))[
         "key"
     ].tolist() == ["b"]
 
@@ -173,7 +173,7 @@ def test_intervals_over_views_are_wider_if_photos_of_a_view_agree():
     shift = {"A": 0.1, "B": 0.3, "C": 0.5}
     first = performances(*[(key, 1, 0.9) for key in keys])
     second = performances(*[(key, 1, 0.9 - shift[key[3]]) for key in keys])
-    views = instance_performance_difference(first, second, rules=Rules())
+    views = instance_performance_difference(first, second, rules=IpdRules())
     photos = instance_performance_difference(first, second)
     assert (views.units, photos.units) == (6, 24)
     assert views.ipd == photos.ipd == pytest.approx(0.3)
@@ -184,19 +184,21 @@ def test_intervals_over_views_are_wider_if_photos_of_a_view_agree():
 
 def test_one_view_has_no_interval():
     first = performances(("01_A_off_180_L_0256", 1, 0.9), ("01_A_off_180_L_0512", 1, 0.8))
-    found = instance_performance_difference(first, first.assign(iou=0.5), rules=Rules())
+    found = instance_performance_difference(first, first.assign(iou=0.5), rules=IpdRules())
     assert found.ipd == pytest.approx(0.35)
     assert np.isnan([found.ipd_low, found.ipd_high, found.ipd_abs_low, found.ipd_abs_high]).all()
 
 
 def test_names_that_are_no_photo_keys_have_no_view():
     with pytest.raises(DetectError):
-        instance_performance_difference(FIRST, SECOND, rules=Rules())
+        instance_performance_difference(FIRST, SECOND, rules=IpdRules())
 
 
 def test_a_rocks_row_is_the_mean_over_its_photos():
     keys = ("03_A_off_180_L_0256", "03_A_off_180_R_0256")
-    pairs = pair(performances((keys[0], 7, 0.9), (keys[1], 7, 0.7)), performances((keys[0], 7, 0.5), (keys[1], 7, 0.1)))
+    pairs = pair_rock_labels(
+        performances((keys[0], 7, 0.9), (keys[1], 7, 0.7)), performances((keys[0], 7, 0.5), (keys[1], 7, 0.1))
+    )
     row = rock_means(pairs).iloc[0]
     assert row[["terrain", "rock", "kind", "photos"]].tolist() == [3, 7, "rock", 2]
     assert row[["iou_first", "iou_second", "difference"]].tolist() == pytest.approx([0.8, 0.3, 0.5])

@@ -10,8 +10,8 @@ import pytest
 from pydantic import ValidationError
 
 from polarsim.detect import detectors
-from polarsim.detect.dataset import entry_of, read_pictures, write_dataset
-from polarsim.detect.detect_pictures import find_in_pictures, prediction_options
+from polarsim.detect.dataset import dataset_images, image_entry, write_yolo_dataset
+from polarsim.detect.detect_pictures import detect_in_images, prediction_options
 from polarsim.detect.masks import class_mask, segment_pictures, within_boxes
 from polarsim.detect.options import PACKAGED, PredictionOptions, TrainingOptions
 from polarsim.detect.train import train_detector
@@ -49,14 +49,14 @@ def dataset(tmp_path_factory):
     entries = []
     for number in range(14):
         picture, mask, boxes = scene(random)
-        png.write(folder / f"made/images/{number}.png", picture)
-        class_masks.write(folder / f"made/masks/{number}.png", mask)
+        png.write_png(folder / f"made/images/{number}.png", picture)
+        class_masks.write_class_mask(folder / f"made/masks/{number}.png", mask)
         yolo.write_boxes(folder / f"made/labels/{number}.txt", [0, 1], boxes, SIZE)
         entries.append(
-            entry_of(folder / "made", str(number), "train" if number < 8 else "val" if number < 12 else "test")
+            image_entry(folder / "made", str(number), "train" if number < 8 else "val" if number < 12 else "test")
         )
     (folder / "dataset").mkdir()
-    write_dataset("made", folder / "dataset", entries, folder / "dataset", {})
+    write_yolo_dataset("made", folder / "dataset", entries, folder / "dataset", {})
     return folder / "dataset"
 
 
@@ -79,11 +79,13 @@ def test_the_loss_decreases_and_masks_agree_with_the_images(dataset, weights, tm
     assert curve["train_mask_loss"].iloc[-1] < 0.5 * curve["train_mask_loss"].iloc[0]
     assert curve["val_mask_iou"].iloc[-1] > 0.6
     segment_pictures(weights=[weights], dataset=dataset, masks=tmp_path / "masks", options=PREDICTION, threads=1)
-    for name in read_pictures(dataset, "test"):
-        seen = class_masks.read(tmp_path / f"masks/{name}.png")
+    for name in dataset_images(dataset, "test"):
+        seen = class_masks.read_class_mask(tmp_path / f"masks/{name}.png")
         assert seen.shape == (HEIGHT, WIDTH)
         shown = cv2.resize(
-            class_masks.read(dataset / f"masks/test/{name}.png"), (WIDTH, HEIGHT), interpolation=cv2.INTER_NEAREST
+            class_masks.read_class_mask(dataset / f"masks/test/{name}.png"),
+            (WIDTH, HEIGHT),
+            interpolation=cv2.INTER_NEAREST,
         )
         assert np.mean(seen == shown) > 0.9
 
@@ -132,12 +134,12 @@ def test_yolo_is_refused():
 
 
 def test_a_detector_without_a_head_is_refused_before_anything_is_written(tmp_path):
-    png.write(tmp_path / "a.png", np.zeros((40, 64), np.uint8))
+    png.write_png(tmp_path / "a.png", np.zeros((40, 64), np.uint8))
     packaged = detectors.read_detector(PACKAGED)
     state = network("compact", packaged.state, masks=False).state_dict()
     detectors.write_detector(tmp_path / "rocks.pt", replace(packaged, state=state))
     with pytest.raises(DetectError, match=r"rocks\.pt"):
-        find_in_pictures(
+        detect_in_images(
             pictures=[tmp_path / "a.png"], weights=[tmp_path / "rocks.pt"], out=tmp_path / "out",
             options=prediction_options([], [], "cpu"), threads=1, masks=True,
         )  # fmt: skip
@@ -148,18 +150,18 @@ def test_external_images_get_masks_of_equal_size(weights, tmp_path, monkeypatch)
     picture, mask, boxes = scene(np.random.default_rng(5))
     found = np.column_stack([boxes * np.tile([150 / SIZE[0], 94 / SIZE[1]], 2), [0.95, 0.95], [0, 1]])
     # After this short training, few boxes are detected.
-    monkeypatch.setattr("polarsim.detect.detect_pictures.detect", lambda *_: iter([found]))
+    monkeypatch.setattr("polarsim.detect.detect_pictures.predict_images", lambda *_: iter([found]))
     large = cv2.resize(picture, (150, 94), interpolation=cv2.INTER_LINEAR)
-    png.write(tmp_path / "a.png", large)
-    png.write(tmp_path / "b.png", large.astype(np.uint16) * 257)
-    find_in_pictures(
+    png.write_png(tmp_path / "a.png", large)
+    png.write_png(tmp_path / "b.png", large.astype(np.uint16) * 257)
+    detect_in_images(
         pictures=[tmp_path / "a.png", tmp_path / "b.png"], weights=[weights, weights], out=tmp_path / "out",
         options=prediction_options([], [], "cpu"), threads=1, confidence=0.9, masks=True,
     )  # fmt: skip
     shown = cv2.resize(mask, (150, 94), interpolation=cv2.INTER_NEAREST)
-    first = class_masks.read(tmp_path / "out/masks/a.png")
+    first = class_masks.read_class_mask(tmp_path / "out/masks/a.png")
     assert np.mean(first == shown) > 0.9
-    assert class_masks.read(tmp_path / "out/masks/b.png").shape == first.shape
+    assert class_masks.read_class_mask(tmp_path / "out/masks/b.png").shape == first.shape
     drawn = cv2.imread(str(tmp_path / "out/pictures/a.jpg")).astype(int)
     yellow = drawn[..., 2] - drawn[..., 0]  # red over blue
     assert yellow[first == ROCK].mean() > yellow[first == GROUND].mean() + 20

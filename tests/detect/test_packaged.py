@@ -40,7 +40,7 @@ def test_the_rover_detector_is_small_and_has_a_card():
 
 @pytest.mark.slow
 def test_the_default_detector_finds_lit_lumps_with_shadows(tmp_path):
-    png.write(tmp_path / "sand.png", lit_lumps())
+    png.write_png(tmp_path / "sand.png", lit_lumps())
     done = typer.testing.CliRunner().invoke(app, ["detect", str(tmp_path / "sand.png"), "--out", str(tmp_path / "out")])
     assert done.exit_code == 0, done.output
     found = json.loads((tmp_path / "out/coco.json").read_text())

@@ -30,5 +30,5 @@ def test_a_packed_data_set_contains_images_and_no_absolute_path(world, keys, tmp
         assert pictures
         for picture in pictures:
             assert not picture.is_symlink()
-            assert png.read(picture).size
+            assert png.read_png(picture).size
             assert (there / "labels" / part / f"{picture.stem}.txt").is_file()

@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.detect.dataset import read_pictures, share_pictures
+from polarsim.detect.dataset import dataset_images, share_pictures
 from polarsim.detect.options import PicturesOptions, SplitOptions
 from polarsim.detect.pictures import convert_photos, convert_views, picture_paths, read_states
 from polarsim.detect.split import split_photos
@@ -65,11 +65,11 @@ def spoil_bit(path):
 
 
 def spoil_size(path):
-    png.write(path, np.full((20, 30), 100, np.uint16))
+    png.write_png(path, np.full((20, 30), 100, np.uint16))
 
 
 def spoil_depth(path):
-    png.write(path, np.full((1216, 1936), 100, np.uint8))
+    png.write_png(path, np.full((1216, 1936), 100, np.uint8))
 
 
 def spoil_kind(path):
@@ -131,7 +131,7 @@ def views(tmp_path):
                 name = f"{scene}_cam-{camera}_lamp_off_hapke_{exposure:04d}"
                 rows.append({"name": name, "scene": scene, "camera": f"cam-{camera}", "exposure_ms": exposure})
                 pixels = np.full(SIZE[::-1], 16 + 4 * exposure, np.uint16)
-                png.write(root / "images" / f"{name}.png", pixels)
+                png.write_png(root / "images" / f"{name}.png", pixels)
                 yolo.write_boxes(root / "labels" / f"{name}.txt", [0], [[64, 48, 128, 96]], SIZE)
                 (root / "sidecars").mkdir(exist_ok=True)
                 sections = [{"terrain": terrain} for terrain in terrains]
@@ -163,8 +163,8 @@ def shared_views(views, keys, tmp_path):
 
 def test_novel_views_of_any_size_keep_their_labels(shared_views):
     folder = shared_views("photo")
-    name = read_pictures(folder, "train")[0]
-    assert png.read(folder / "images" / "train" / f"{name}.png").shape == (120, 160)
+    name = dataset_images(folder, "train")[0]
+    assert png.read_png(folder / "images" / "train" / f"{name}.png").shape == (120, 160)
     classes, found = yolo.read_boxes(folder / "labels" / "train" / f"{name}.txt", SIZE)
     assert classes.tolist() == [0]
     np.testing.assert_allclose(found, [[64, 48, 128, 96]], atol=0.01)
@@ -172,15 +172,17 @@ def test_novel_views_of_any_size_keep_their_labels(shared_views):
 
 def test_all_novel_views_of_a_camera_are_in_one_part(shared_views):
     folder = shared_views("view")
-    cameras = {part: {name[: name.index("_lamp")] for name in read_pictures(folder, part)} for part in ("train", "val")}
+    cameras = {
+        part: {name[: name.index("_lamp")] for name in dataset_images(folder, part)} for part in ("train", "val")
+    }
     assert not cameras["train"] & cameras["val"]
     assert len(cameras["train"] | cameras["val"]) == 12
-    assert read_pictures(folder, "test") == []
+    assert dataset_images(folder, "test") == []
 
 
 def test_novel_views_of_a_test_terrain_are_excluded(shared_views):
     folder = shared_views("terrain", test_terrains=(4,))
-    assert {name.split("_")[0] for part in ("train", "val") for name in read_pictures(folder, part)} == {"near"}
+    assert {name.split("_")[0] for part in ("train", "val") for name in dataset_images(folder, part)} == {"near"}
 
 
 def test_a_view_with_an_invalid_label_file_is_skipped(views, tmp_path, caplog):
@@ -204,17 +206,17 @@ def test_masks_of_photos_and_twins_are_converted(world, keys, tmp_path):
     tables.write_parquet(tmp_path / "labels.parquet", table[table["rock"] != 5])
     folder = tmp_path / f"Terrain{photos[0].terrain:02d}"
     for key in photos:
-        png.write(folder / f"{str(key).rpartition('_')[0]}.png", instance_map(key))
+        png.write_png(folder / f"{str(key).rpartition('_')[0]}.png", instance_map(key))
     grey = np.full((HEIGHT, WIDTH), GREY_VALUES["ground"], np.uint8)
     grey[:608, :968], grey[608:, :968], grey[:, 1500:] = (GREY_VALUES[kind] for kind in (ROCK, SHADOW, "background"))
-    png.write(folder / f"{photos[0]}.png", grey)
+    png.write_png(folder / f"{photos[0]}.png", grey)
     convert_photos(
         domain="hapke", pictures=world / "twins", labels=tmp_path / "labels.parquet", keys=photos,
         folder=tmp_path / "made", options=OPTIONS, masks=[folder],
     )  # fmt: skip
     for key in photos:
-        mask = class_masks.read(tmp_path / f"made/masks/{key}.png")
-        assert mask.shape == png.read(tmp_path / f"made/images/{key}.png").shape
+        mask = class_masks.read_class_mask(tmp_path / f"made/masks/{key}.png")
+        assert mask.shape == png.read_png(tmp_path / f"made/images/{key}.png").shape
         whole = class_masks.of_grey_map(grey) if key == photos[0] else class_mask(key)
         shares = [[np.mean(one == number) for number in (0, 1, 2, class_masks.IGNORED)] for one in (mask, whole)]
         np.testing.assert_allclose(*shares, atol=0.005)

@@ -11,17 +11,17 @@ from hypothesis import strategies as st
 from polarsim.detect.options import ComparisonOptions, StereoOptions
 from polarsim.detect.stereo import score as score_module
 from polarsim.detect.stereo.compare import compare_stereo
-from polarsim.detect.stereo.match import match
+from polarsim.detect.stereo.match import match_stereo
 from polarsim.detect.stereo.measure import measure_stereo
 from polarsim.detect.stereo.rectify import rectify
-from polarsim.detect.stereo.score import rock_performance, score
+from polarsim.detect.stereo.score import rock_performance, score_depth
 from polarsim.detect.stereo.truth import DepthTruth, depth_truth
 from polarsim.errors import DetectError
 from polarsim.formats import obj, png, tables
-from polarsim.geometry.casters import caster
+from polarsim.geometry.casters import make_caster
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.poses import looking
-from polarsim.geometry.stereo import StereoRig, stated_rig
+from polarsim.geometry.poses import camera_pose
+from polarsim.geometry.stereo import StereoRig, default_rig
 from polarsim.photo import NO_ROCK, PhotoKey
 from polarsim.report.stereo_table import tabulate_stereo
 from polarsim.run_files.rigs import LocalisedRig, write_localised
@@ -29,8 +29,8 @@ from polarsim.run_files.scene import TerrainMesh, read_terrain
 
 SCALE = 0.25
 OPTIONS = StereoOptions(scale=SCALE)
-RIG = stated_rig()
-LOCALISED = LocalisedRig(RIG, looking(np.array([-3.2, 0.0, 1.5]), 0.0, np.radians(26)))
+RIG = default_rig()
+LOCALISED = LocalisedRig(RIG, camera_pose(np.array([-3.2, 0.0, 1.5]), 0.0, np.radians(26)))
 GROUND = Mesh(np.array([[-9.0, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
 BOX = Mesh(
     np.array([[x, y, z] for x in (0.0, 0.5) for y in (-0.3, 0.3) for z in (-0.1, 0.4)]),
@@ -43,8 +43,8 @@ BOX = Mesh(
 @pytest.fixture(scope="module")
 def meshes(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("meshes")
-    obj.write(folder / "terrain01_ground.obj", GROUND, "ground")
-    obj.write(folder / "terrain01_rock7.obj", BOX, "rock7")
+    obj.write_obj(folder / "terrain01_ground.obj", GROUND, "ground")
+    obj.write_obj(folder / "terrain01_rock7.obj", BOX, "rock7")
     return folder
 
 
@@ -61,7 +61,7 @@ def picture(mesh: TerrainMesh, camera: str) -> np.ndarray:
     lens, pose = RIG.lens(camera).scaled(SCALE), LOCALISED.sandbox_from(camera)
     directions = pose.rotate(lens.pixel_directions().reshape(-1, 3))
     origins = np.broadcast_to(pose.translation, directions.shape)
-    distance, _ = caster(mesh.vertices, mesh.faces).nearest(origins, directions)
+    distance, _ = make_caster(mesh.vertices, mesh.faces).nearest(origins, directions)
     distance = np.where(np.isfinite(distance), distance, 50)
     value = grey(origins + distance[:, None] * directions)
     return np.clip(128 + 18 * value, 1, 255).astype(np.uint8).reshape(lens.shape)
@@ -72,7 +72,7 @@ def scene(meshes):
     """Mesh, rectification, reference depth, left and right image."""
     mesh = read_terrain(meshes, 1)
     rig = rectify(RIG, SCALE)
-    truth = depth_truth(mesh, caster(mesh.vertices, mesh.faces), LOCALISED, rig)
+    truth = depth_truth(mesh, make_caster(mesh.vertices, mesh.faces), LOCALISED, rig)
     return mesh, rig, truth, picture(mesh, "L"), picture(mesh, "R")
 
 
@@ -119,7 +119,7 @@ def test_the_reference_depth_of_plane_box_and_occlusion(scene):
 
 def test_depth_of_a_textured_scene_is_right_and_without_bias(scene):
     _, rig, truth, left, right = scene
-    depth = match(left, right, rig, 1.5, 12)
+    depth = match_stereo(left, right, rig, 1.5, 12)
     asked = truth.shared & (truth.depth < 6)
     error = (rig.disparity(depth) - rig.disparity(truth.depth))[asked]
     assert np.isfinite(error).mean() > 0.9
@@ -137,7 +137,7 @@ def test_a_missing_depth_is_bad_and_hidden_pixels_are_ignored(monkeypatch):
         np.array([[True, True, True, True, False, False]]),
     )
     depth = np.array([[2.01, 2.05, np.nan, 1.97, 1, 9]])
-    figures = score(depth, truth)
+    figures = score_depth(depth, truth)
     assert figures["pixels"] == 4
     assert figures["valid_share"] == 0.75
     assert figures["median_abs_error_mm"] == pytest.approx(30)
@@ -159,7 +159,7 @@ def test_a_domain_and_its_copy_have_equal_metrics(scene, meshes, tmp_path):
             key = PhotoKey(1, "A", "off", "30", camera, exposure)
             photo = np.clip(cv2.resize(pixels.astype(np.float32), (1936, 1216)) * exposure / 64, 0, 4079) + 16
             path = tmp_path / "twins" / "Terrain01" / f"{key}.png"
-            png.write(path, photo.astype(np.uint16))
+            png.write_png(path, photo.astype(np.uint16))
             rows.append(tables.key_columns(key) | {"path": str(path)})
     tables.write_parquet(tmp_path / "photos.parquet", pd.DataFrame(rows))
     alone = PhotoKey(1, "A", "off", "180", "L", 256)
@@ -227,7 +227,7 @@ def test_nothing_is_matched_outside_the_right_image(scene):
     left[:, :60], right[:, :20] = 1, 1
     left[40:60, 5:30] = 90
     right[:, 0] = 90
-    depth = match(left, right, rig, 1.5, 12)
+    depth = match_stereo(left, right, rig, 1.5, 12)
     row, column = np.nonzero(np.isfinite(depth))
     assert len(row)
     assert (rig.disparity(depth[row, column]) <= column + 1e-3).all()

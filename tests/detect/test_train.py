@@ -11,7 +11,7 @@ import pytest
 
 from polarsim.detect import detectors
 from polarsim.detect import train as train_module
-from polarsim.detect.dataset import make_dataset, read_pictures
+from polarsim.detect.dataset import dataset_images, make_dataset
 from polarsim.detect.detectors.families import MAX_BOXES
 from polarsim.detect.detectors.yolo.library import ultralytics
 from polarsim.detect.evaluate import Evaluation, evaluate
@@ -88,7 +88,7 @@ def test_checkpoints_and_settings_are_deleted(matched):
 def test_predictions_are_well_formed(matched):
     table = tables.read_parquet(matched / "real_on_real.parquet")
     assert list(table.columns) == list(PREDICTION_COLUMNS)
-    assert set(table["key"]) <= set(read_pictures(matched / "real", "test"))
+    assert set(table["key"]) <= set(dataset_images(matched / "real", "test"))
     assert set(table["kind"]) <= {"rock", "shadow"}
     assert table["confidence"].between(PREDICTION.confidence, 1).all()
     assert ((table["x0"] >= 0) & (table["x0"] < table["x1"]) & (table["x1"] <= 1936)).all()
@@ -186,8 +186,8 @@ def test_predictions_agree_with_the_ultralytics_predictor(matched):
     model.model = library.DetectionModel("yolov5n.yaml", nc=2, verbose=False)
     model.model.load_state_dict({name: value.float() for name, value in detector.state.items()})
     model.model.names = {0: "rock", 1: "shadow"}
-    key = read_pictures(matched / "real", "test")[0]
-    picture = png.read(matched / "real" / "images" / "test" / f"{key}.png")
+    key = dataset_images(matched / "real", "test")[0]
+    picture = png.read_png(matched / "real" / "images" / "test" / f"{key}.png")
     found = model.predict(
         picture[..., None].repeat(3, axis=2), imgsz=96, conf=0.001, iou=PREDICTION.nms_iou, verbose=False
     )[0].boxes
@@ -270,5 +270,5 @@ def test_newer_models_train_and_predict_by_name(matched, tmp_path, model):
         threads=1,
     )
     table = tables.read_parquet(tmp_path / "found.parquet")
-    assert set(table["key"]) == set(read_pictures(matched / "real", "test"))
+    assert set(table["key"]) == set(dataset_images(matched / "real", "test"))
     assert table.groupby("key").size().max() <= MAX_BOXES

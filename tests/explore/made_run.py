@@ -9,8 +9,8 @@ from polarsim.formats import obj, png, yolo
 from polarsim.formats.files import write_json
 from polarsim.formats.npz import write_arrays
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, write_csv, write_parquet
-from polarsim.geometry.poses import looking
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.poses import camera_pose
+from polarsim.geometry.stereo import default_rig
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey, photo_grid
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.schemas.detect import PREDICTIONS
@@ -27,7 +27,7 @@ KEYS = [
 SEED = PhotoKey.parse("03_A_off_30_L_0256")
 EDGES = ("x0", "y0", "x1", "y1")
 MESHES = {number: make_cube((x, y, side / 4), side) for number, ((x, y), side) in ROCKS.items()}
-RIG = LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(25)), "scans", {})
+RIG = LocalisedRig(default_rig(), camera_pose(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(25)), "scans", {})
 
 
 def boxes_of(key: PhotoKey) -> dict[tuple[str, int], np.ndarray]:
@@ -68,12 +68,12 @@ def make_run(results: Path, name: str = "made") -> Path:
     photos = []
     for key in KEYS:
         path = results / "photos" / f"{key}.png"
-        png.write(path, picture(key, 2.0))
+        png.write_png(path, picture(key, 2.0))
         photos.append(
             {**key_columns(key), "width": WIDTH, "height": HEIGHT, "bits": 16, "sha256": "", "path": str(path)}
         )
         for model, gain in zip(MODELS, (1.8, 2.4), strict=True):
-            png.write(run / f"renders/{model}/{FOLDER}/{key}.png", picture(key, gain))
+            png.write_png(run / f"renders/{model}/{FOLDER}/{key}.png", picture(key, gain))
         classes = np.array([BOX_CLASSES.index(kind) for kind, _ in boxes_of(key)])
         yolo.write_boxes(run / f"labels/boxes/{FOLDER}/{key}.txt", classes, np.array(list(boxes_of(key).values())))
     write_parquet(run / f"acquire/{FOLDER}/photos.parquet", pd.DataFrame(photos, columns=list(PHOTO_COLUMNS)))
@@ -97,16 +97,16 @@ def _write_masks(run: Path) -> None:
         yolo.write_polygons(run / f"labels/polygons/{FOLDER}/{key}.txt", rings)
         path = run / f"renders/instances/{FOLDER}/{str(key).rpartition('_')[0]}.png"
         if not path.exists():
-            png.write(path, ids)
+            png.write_png(path, ids)
 
 
 def _write_terrain(run: Path) -> None:
     write_localised(run / f"cameras/{FOLDER}/PosA.json", RIG)
     meshes = run / f"meshes/{FOLDER}"
-    obj.write(meshes / obj.ground_name(TERRAIN), make_sand(), "ground")
+    obj.write_obj(meshes / obj.ground_name(TERRAIN), make_sand(), "ground")
     rows, offsets = [], []
     for rock, mesh in MESHES.items():
-        obj.write(meshes / obj.rock_name(TERRAIN, rock), mesh, f"rock{rock}")
+        obj.write_obj(meshes / obj.rock_name(TERRAIN, rock), mesh, f"rock{rock}")
         (x, y), side = ROCKS[rock]
         rows.append({"rock": rock, "x": x, "y": y, "z": side / 4, "size_m": side, "source": "scan"})
         offsets += [{"rock": rock, "x": a, "y": b, "z": c, "offset_mm": 3.0 * rock} for a, b, c in mesh.vertices]
@@ -153,5 +153,7 @@ def _write_drive(folder: Path) -> None:
     poses = trace.iloc[::50].reset_index(drop=True).assign(frame=range(4))
     write_parquet(folder / "front_left/poses.parquet", poses[["frame", "time_s", "x_m", "y_m"]])
     for frame in range(3):
-        png.write(folder / f"front_left/1_hapke_0064/{frame:05d}.png", np.full((60, 96), 500 * (frame + 1), np.uint16))
+        png.write_png(
+            folder / f"front_left/1_hapke_0064/{frame:05d}.png", np.full((60, 96), 500 * (frame + 1), np.uint16)
+        )
     write_json(folder / "drive.json", {})

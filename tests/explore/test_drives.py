@@ -39,7 +39,7 @@ def test_on_the_map_north_is_up_and_slopes_to_the_north_west_are_bright(tmp_path
         tmp_path / "world/ground.npz", x0_m=np.float64(0), y0_m=np.float64(0), cell_m=np.float64(0.05), level_m=hill
     )
     (tmp_path / "map.jpg").write_bytes(drive_pictures(tmp_path)["map.jpg"]())
-    shade = png.read(tmp_path / "map.jpg").astype(float)
+    shade = png.read_png(tmp_path / "map.jpg").astype(float)
     assert shade.shape == (41, 81)
     row, column = 40 - 28, 60  # its top
     assert shade[row - 4, column - 4] > shade[row + 4, column + 4] + 60

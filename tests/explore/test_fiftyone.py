@@ -31,7 +31,7 @@ def test_every_sample_has_an_image_and_metadata(samples):
     assert (first["tags"], first["score"], first["exposure_ms"]) == (["dark"], 0.9, KEYS[0].exposure_ms)
     assert {row["_media_type"] for row in rows} == {"image"}
     for row in rows[:3]:
-        assert png.read(folder / row["filepath"]).shape[1] == 242
+        assert png.read_png(folder / row["filepath"]).shape[1] == 242
     about = json.loads((folder / "metadata.json").read_text())
     assert (about["media_type"], about["info"]["run"]) == ("image", "made")
 

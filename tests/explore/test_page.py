@@ -15,7 +15,7 @@ import pytest
 
 from polarsim.explore.corrections import Corrections
 from polarsim.explore.server import server
-from polarsim.explore.site import site, write_site
+from polarsim.explore.site import page_of_run, write_site
 from polarsim.labels.seeds import read_corrections
 from polarsim.photo import HEIGHT, PhotoKey
 from polarsim.run_files.run import Run
@@ -45,7 +45,7 @@ def is_wrong(message) -> bool:
 @contextmanager
 def served(run: Path):
     opened = Run.at(run)
-    with server(site(opened, 484), corrections=Corrections(opened)) as running:
+    with server(page_of_run(opened, 484), corrections=Corrections(opened)) as running:
         thread = threading.Thread(target=running.serve_forever, daemon=True)
         thread.start()
         yield f"http://127.0.0.1:{running.server_address[1]}/"

@@ -7,7 +7,7 @@ import pytest
 
 from polarsim.errors import ConfigError
 from polarsim.explore.server import TYPES
-from polarsim.explore.site import page_files, site, write_site
+from polarsim.explore.site import page_files, page_of_run, write_site
 from polarsim.formats import png
 from polarsim.run_files.run import Run
 
@@ -50,7 +50,7 @@ def test_third_party_files_have_a_licence(page):
 
 
 def test_a_written_page_equals_the_served_page(made, tmp_path):
-    files = site(Run.at(made), 320)
+    files = page_of_run(Run.at(made), 320)
     count = write_site(Run.at(made), tmp_path / "page", 320)
     written = {str(path.relative_to(tmp_path / "page")) for path in (tmp_path / "page").rglob("*") if path.is_file()}
     assert written == set(files)
@@ -69,11 +69,14 @@ def test_existing_files_are_not_overwritten(made, tmp_path):
 
 def test_images_preserve_ratios_of_light(made, tmp_path):
     """The tone curve is fixed: half the light gives a code lower by a factor of 2 ** (1 / 2.2)."""
-    files, key = site(Run.at(made), 242), next(key for key in KEYS if key.exposure_ms == 64 and key.azimuth == "30")
+    files, key = (
+        page_of_run(Run.at(made), 242),
+        next(key for key in KEYS if key.exposure_ms == 64 and key.azimuth == "30"),
+    )
     values = {}
     for domain, gain in (("photo", 2.0), ("hapke", 1.8)):
         (tmp_path / "a.jpg").write_bytes(files[f"data/pictures/{domain}/{key}.jpg"]())
-        values[domain] = (png.read(tmp_path / "a.jpg")[5, 5] / 255) ** 2.2 * 4079
+        values[domain] = (png.read_png(tmp_path / "a.jpg")[5, 5] / 255) ** 2.2 * 4079
         assert values[domain] == pytest.approx(gain * 64, rel=0.03)
 
 

@@ -12,7 +12,7 @@ from polarsim.errors import ConfigError
 from polarsim.explore.outlines import of_twins
 from polarsim.explore.site import overview
 from polarsim.explore.tables import facts_of_rocks, picture_table, shown_predictions
-from polarsim.explore.terrain import clustered, surroundings, thinned_terrain
+from polarsim.explore.terrain import clustered, terrain_setup, thinned_terrain
 from polarsim.formats import arrow
 from polarsim.geometry.polygons import signed_area
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
@@ -122,7 +122,7 @@ def test_vertices_of_a_grid_cell_are_replaced_by_their_mean():
 
 
 def test_cameras_have_the_localised_poses(made):
-    around = surroundings(Run.at(made), 3)
+    around = terrain_setup(Run.at(made), 3)
     left = next(one for one in around["cameras"] if one["camera"] == "L")
     pose = np.array(left["sandbox_from_camera"]).reshape(4, 4)
     np.testing.assert_allclose(pose, RIG.sandbox_from("L").matrix, atol=1e-4)
@@ -150,4 +150,4 @@ def test_the_table_of_all_of_nasas_photos_is_small():
         table[name] = 1
     for name in ("score", "confidence", "least_confidence"):
         table[name] = 0.5
-    assert len(arrow.encode(table)) < 1 << 20
+    assert len(arrow.encode_arrow(table)) < 1 << 20

@@ -10,7 +10,7 @@ TABLE = pd.DataFrame(
 
 
 def test_columns_read_back_as_narrow_numbers_and_texts():
-    back = pa.ipc.open_file(arrow.encode(TABLE)).read_pandas()
+    back = pa.ipc.open_file(arrow.encode_arrow(TABLE)).read_pandas()
     assert back["key"].tolist() == ["b", "a", "b"]
     assert back["rock"].dtype == np.int32
     assert back["iou"].dtype == np.float32
@@ -19,14 +19,14 @@ def test_columns_read_back_as_narrow_numbers_and_texts():
 
 
 def test_a_table_is_a_single_batch_without_nulls():
-    file = pa.ipc.open_file(arrow.encode(TABLE))
+    file = pa.ipc.open_file(arrow.encode_arrow(TABLE))
     assert file.num_record_batches == 1
     assert all(column.null_count == 0 for column in file.read_all().columns)
 
 
 def test_the_same_rows_are_the_same_bytes():
-    assert arrow.encode(TABLE) == arrow.encode(TABLE.copy())
+    assert arrow.encode_arrow(TABLE) == arrow.encode_arrow(TABLE.copy())
 
 
 def test_a_table_without_rows_keeps_its_columns():
-    assert list(pa.ipc.open_file(arrow.encode(TABLE.iloc[:0])).read_pandas().columns) == list(TABLE.columns)
+    assert list(pa.ipc.open_file(arrow.encode_arrow(TABLE.iloc[:0])).read_pandas().columns) == list(TABLE.columns)

@@ -20,7 +20,7 @@ KEY, OTHER = PhotoKey.parse("01_A_off_30_L_0256"), PhotoKey.parse("01_A_off_30_R
 
 
 def block(left: int, top: int, width: int, height: int) -> tuple[np.ndarray, rle.Rle]:
-    return np.array([left, top, left + width, top + height], float), rle.encode(np.ones((height, width)), left, top)
+    return np.array([left, top, left + width, top + height], float), rle.encode_rle(np.ones((height, width)), left, top)
 
 
 PHOTOS = {
@@ -102,12 +102,12 @@ def annotations(draw):
     box = np.array([left, top, left + draw(st.floats(2, 6)), top + draw(st.floats(2, 6))])
     known = draw(st.booleans())
     whole = np.pad(mask, ((0, 0), (0, 1)), constant_values=True)  # a column more is hidden
-    amodal = Amodal(rle.encode(whole, left, top), box + np.eye(4)[2]) if draw(st.booleans()) else None
+    amodal = Amodal(rle.encode_rle(whole, left, top), box + np.eye(4)[2]) if draw(st.booleans()) else None
     return Annotation(
         draw(st.sampled_from([ROCK, SHADOW])),
         draw(st.integers(-1, 2000)),
         box,
-        rle.encode(mask, left, top) if known else None,
+        rle.encode_rle(mask, left, top) if known else None,
         draw(st.sampled_from(["seed", "fused", "projected", "cast", ""])),
         draw(st.floats(0, 1)),
         amodal,
@@ -130,7 +130,7 @@ def test_annotations_read_back(tmp_path_factory, photos):
 
 
 def test_amodal_fields_are_written_only_if_known(tmp_path):
-    seen, whole = rle.encode(np.ones((20, 30)), 100, 200), rle.encode(np.ones((20, 40)), 100, 200)
+    seen, whole = rle.encode_rle(np.ones((20, 30)), 100, 200), rle.encode_rle(np.ones((20, 40)), 100, 200)
     box, whole_box = np.array([100.0, 200, 130, 220]), np.array([100.0, 200, 140, 220])
     labels = [Annotation(ROCK, 7, box, seen, amodal=Amodal(whole, whole_box)), Annotation(ROCK, 8, box, seen)]
     write_coco(tmp_path / "a.json", {KEY: labels})
@@ -155,7 +155,7 @@ def test_masks_may_be_written_as_polygons(tmp_path):
     y, x = np.mgrid[:60, :80] + 0.5
     ring = ((x - 40) / 38) ** 2 + ((y - 30) / 28) ** 2 < 1  # with a hole, less a corner
     ring &= ~((np.abs(x - 40) < 9) & (np.abs(y - 30) < 7)) & (x + y > 40)
-    write_coco(tmp_path / "a.json", {KEY: [Annotation(ROCK, 3, np.array([0.0, 0, 80, 60]), rle.encode(ring))]}, 0.6)
+    write_coco(tmp_path / "a.json", {KEY: [Annotation(ROCK, 3, np.array([0.0, 0, 80, 60]), rle.encode_rle(ring))]}, 0.6)
     (row,) = opened(tmp_path / "a.json").dataset["annotations"]
     areas = [cv2.contourArea(np.array(points, np.float32).reshape(-1, 2)) for points in row["segmentation"]]
     assert areas == sorted(areas, reverse=True)

@@ -7,14 +7,14 @@ from hypothesis import strategies as st
 from polarsim.errors import FormatError
 from polarsim.formats.colmap import write_model
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose, looking
-from polarsim.geometry.stereo import StereoRig, stated_rig
+from polarsim.geometry.poses import Pose, camera_pose
+from polarsim.geometry.stereo import StereoRig, default_rig
 from polarsim.run_files.rigs import LocalisedRig
 
 RIGHT_OF_LEFT = Pose.from_rotvec(np.array([-0.007, -0.004, 0.002]), np.array([0.3, 0.001, -0.006]))
 LOCALISED = {
-    "A": LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, 0.44, -0.01)),
-    "C": LocalisedRig(stated_rig(), looking(np.array([0.8, -3.8, 1.5]), 1.8, 0.45, 0.03)),
+    "A": LocalisedRig(default_rig(), camera_pose(np.array([3.6, -0.4, 1.5]), np.pi, 0.44, -0.01)),
+    "C": LocalisedRig(default_rig(), camera_pose(np.array([0.8, -3.8, 1.5]), 1.8, 0.45, 0.03)),
 }
 
 
@@ -29,8 +29,8 @@ def number(low, high):
     st.tuples(*[number(-0.2, 0.2)] * 5),
 )
 def test_a_model_reads_back(tmp_path_factory, position, lens, distortion):
-    rig = StereoRig(Lens(*lens, distortion), stated_rig().right, RIGHT_OF_LEFT)
-    localised = LocalisedRig(rig, looking(np.array(position[:3]), *position[3:]))
+    rig = StereoRig(Lens(*lens, distortion), default_rig().right, RIGHT_OF_LEFT)
+    localised = LocalisedRig(rig, camera_pose(np.array(position[:3]), *position[3:]))
     folder = tmp_path_factory.mktemp("model") / "colmap"
     write_model(folder, {"B": localised})
     model = pycolmap.Reconstruction(str(folder))
@@ -72,7 +72,7 @@ def test_the_same_rigs_give_the_same_bytes(tmp_path):
 
 
 def test_positions_with_different_rigs_are_an_error(tmp_path):
-    other = StereoRig(stated_rig().left, stated_rig().right, RIGHT_OF_LEFT)
+    other = StereoRig(default_rig().left, default_rig().right, RIGHT_OF_LEFT)
     with pytest.raises(FormatError) as error:
         write_model(
             tmp_path / "colmap", {"A": LOCALISED["A"], "B": LocalisedRig(other, LOCALISED["A"].sandbox_from_left)}

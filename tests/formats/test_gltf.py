@@ -11,7 +11,7 @@ ROCK = Mesh(np.asarray(BODY.vertices) + np.array([0.3, 0.2, 0.05]), np.asarray(B
 
 def test_a_terrain_is_upright_and_has_named_parts(tmp_path):
     support = np.linspace(0, 1, len(ROCK.vertices))
-    gltf.write(tmp_path / gltf.name(7), {gltf.GROUND: GROUND, "rock4": ROCK}, {"rock4": support})
+    gltf.write_glb(tmp_path / gltf.name(7), {gltf.GROUND_NODE: GROUND, "rock4": ROCK}, {"rock4": support})
     scene = trimesh.load(tmp_path / "terrain07.glb", process=False)
     assert set(scene.graph.nodes_geometry) == {"ground", "rock4"}
     rock = scene.geometry["rock4"]
@@ -23,5 +23,5 @@ def test_a_terrain_is_upright_and_has_named_parts(tmp_path):
 
 def test_the_same_terrain_gives_the_same_bytes(tmp_path):
     for name in ("a.glb", "b.glb"):
-        gltf.write(tmp_path / name, {gltf.GROUND: GROUND, "rock1": ROCK}, {})
+        gltf.write_glb(tmp_path / name, {gltf.GROUND_NODE: GROUND, "rock1": ROCK}, {})
     assert (tmp_path / "a.glb").read_bytes() == (tmp_path / "b.glb").read_bytes()

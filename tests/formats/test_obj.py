@@ -19,7 +19,7 @@ PLAIN = "o rock\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\n"
 def read_text(tmp_path, text):
     path = tmp_path / "rock.obj"
     path.write_text(text)
-    return obj.read(path)
+    return obj.read_obj(path)
 
 
 @settings(deadline=None)  # the first file that is read loads pandas
@@ -29,14 +29,14 @@ def read_text(tmp_path, text):
 )
 def test_a_mesh_reads_back_with_an_error_below_a_micrometre(tmp_path_factory, vertices, faces):
     path = tmp_path_factory.mktemp("obj") / "rock.obj"
-    obj.write(path, Mesh(vertices, faces), "rock")
-    back = obj.read(path)
+    obj.write_obj(path, Mesh(vertices, faces), "rock")
+    back = obj.read_obj(path)
     np.testing.assert_allclose(back.vertices, vertices, atol=5.1e-7)
     np.testing.assert_array_equal(back.faces, faces)
 
 
 def test_trimesh_reads_the_same_triangles(tmp_path):
-    obj.write(tmp_path / "rock.obj", TETRAHEDRON, "rock")
+    obj.write_obj(tmp_path / "rock.obj", TETRAHEDRON, "rock")
     other = trimesh.load(tmp_path / "rock.obj", process=False)
     np.testing.assert_allclose(other.triangles, TETRAHEDRON.vertices[TETRAHEDRON.faces])
     assert other.volume == pytest.approx(1 / 6)
@@ -100,7 +100,7 @@ def test_all_notations_of_a_mesh_give_the_same_mesh(tmp_path_factory, files):
     meshes = []
     for name, content in zip(("plain", "other"), files, strict=True):
         (folder / f"{name}.obj").write_bytes(content)
-        meshes.append(obj.read(folder / f"{name}.obj"))
+        meshes.append(obj.read_obj(folder / f"{name}.obj"))
     assert obj._plain_triangles(files[0]) is not None
     np.testing.assert_array_equal(meshes[1].vertices, meshes[0].vertices)
     np.testing.assert_array_equal(meshes[1].faces, meshes[0].faces)
@@ -149,7 +149,7 @@ def test_an_invalid_file_is_an_error_with_line_and_reason(tmp_path, text):
 
 def test_a_missing_file_is_an_error(tmp_path):
     with pytest.raises(FormatError, match=r"terrain01_rock1\.obj"):
-        obj.read(tmp_path / "terrain01_rock1.obj")
+        obj.read_obj(tmp_path / "terrain01_rock1.obj")
 
 
 @pytest.mark.release
@@ -159,8 +159,8 @@ def test_the_fast_reader_agrees_with_the_reference(release_root):
     assert quick
     for path in quick[:4]:
         slow = obj._any_faces(path, path.read_bytes())
-        np.testing.assert_array_equal(obj.read(path).vertices, slow.vertices)
-        np.testing.assert_array_equal(obj.read(path).faces, slow.faces)
+        np.testing.assert_array_equal(obj.read_obj(path).vertices, slow.vertices)
+        np.testing.assert_array_equal(obj.read_obj(path).faces, slow.faces)
 
 
 def test_the_full_mesh_is_preferred_to_the_decimated_mesh(tmp_path):

@@ -15,8 +15,8 @@ def cloud_of(rng, count):
 @pytest.mark.parametrize("count", [0, 1, 500])
 def test_a_cloud_reads_back(rng, tmp_path, count):
     cloud = cloud_of(rng, count)
-    ply.write(tmp_path / "rock1.ply", cloud)
-    back = ply.read(tmp_path / "rock1.ply")
+    ply.write_ply(tmp_path / "rock1.ply", cloud)
+    back = ply.read_ply(tmp_path / "rock1.ply")
     np.testing.assert_allclose(back.points, cloud.points, rtol=1e-6)  # float32
     np.testing.assert_allclose(back.normals, cloud.normals, atol=1e-6)
     assert back.points.shape == (count, 3)
@@ -24,7 +24,7 @@ def test_a_cloud_reads_back(rng, tmp_path, count):
 
 def test_open3d_reads_the_same_points_and_normals(rng, tmp_path):
     cloud = cloud_of(rng, 40)
-    ply.write(tmp_path / "rock1.ply", cloud)
+    ply.write_ply(tmp_path / "rock1.ply", cloud)
     read = open3d.io.read_point_cloud(str(tmp_path / "rock1.ply"))
     np.testing.assert_allclose(np.asarray(read.points), cloud.points, rtol=1e-6)
     np.testing.assert_allclose(np.asarray(read.normals), cloud.normals, atol=1e-6)
@@ -32,10 +32,10 @@ def test_open3d_reads_the_same_points_and_normals(rng, tmp_path):
 
 def test_a_truncated_file_is_an_error(rng, tmp_path):
     path = tmp_path / "rock1.ply"
-    ply.write(path, cloud_of(rng, 10))
+    ply.write_ply(path, cloud_of(rng, 10))
     path.write_bytes(path.read_bytes()[:-5])
     with pytest.raises(FormatError, match=r"rock1\.ply"):
-        ply.read(path)
+        ply.read_ply(path)
 
 
 @pytest.mark.parametrize(
@@ -50,17 +50,17 @@ def test_other_files_are_errors(tmp_path, content):
     path = tmp_path / "rock1.ply"
     path.write_bytes(content)
     with pytest.raises(FormatError):
-        ply.read(path)
+        ply.read_ply(path)
 
 
 def test_a_missing_file_is_an_error(tmp_path):
     with pytest.raises(FormatError, match=r"rock9\.ply"):
-        ply.read(tmp_path / "rock9.ply")
+        ply.read_ply(tmp_path / "rock9.ply")
 
 
 def test_a_value_that_is_not_finite_is_an_error(rng, tmp_path):
     cloud = cloud_of(rng, 3)
     cloud.points[1, 2] = np.nan
-    ply.write(tmp_path / "rock1.ply", cloud)
+    ply.write_ply(tmp_path / "rock1.ply", cloud)
     with pytest.raises(FormatError):
-        ply.read(tmp_path / "rock1.ply")
+        ply.read_ply(tmp_path / "rock1.ply")

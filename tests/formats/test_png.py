@@ -44,20 +44,20 @@ def test_a_16_bit_image_written_by_hand_is_read(tmp_path, ramp):
 @pytest.mark.parametrize(("kind", "shape"), [("uint16", (16, 24)), ("uint8", (16, 24)), ("uint8", (16, 24, 3))])
 def test_images_read_back_exactly(tmp_path, rng, kind, shape):
     pixels = rng.integers(0, np.iinfo(kind).max, shape, dtype=kind, endpoint=True)
-    png.write(tmp_path / "a.png", pixels)
-    np.testing.assert_array_equal(png.read(tmp_path / "a.png"), pixels)
+    png.write_png(tmp_path / "a.png", pixels)
+    np.testing.assert_array_equal(png.read_png(tmp_path / "a.png"), pixels)
 
 
 def test_colours_are_in_the_order_red_green_blue(tmp_path):
     red = np.zeros((4, 4, 3), np.uint8)
     red[..., 0] = 255
     (tmp_path / "a.png").write_bytes(written_by_hand(red, 8, 2))
-    np.testing.assert_array_equal(png.read(tmp_path / "a.png"), red)
+    np.testing.assert_array_equal(png.read_png(tmp_path / "a.png"), red)
 
 
 def test_the_same_pixels_give_the_same_bytes(tmp_path, ramp):
-    png.write(tmp_path / "a.png", ramp)
-    png.write(tmp_path / "b.png", ramp)
+    png.write_png(tmp_path / "a.png", ramp)
+    png.write_png(tmp_path / "b.png", ramp)
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
@@ -69,11 +69,11 @@ def repeated_rows(seed: int = 0) -> list[np.ndarray]:
 
 def test_threads_with_different_stacks_give_the_same_bytes():
     images = repeated_rows()
-    expected = [png.encode(image) for image in images]
+    expected = [png.encode_png(image) for image in images]
     found, done = [], threading.Event()
 
     def encode_and_wait():
-        found.append([png.encode(image) for image in images])
+        found.append([png.encode_png(image) for image in images])
         done.wait()
 
     former = threading.stack_size(1 << 18)  # the stream of ISA-L needs 80 KB
@@ -95,7 +95,7 @@ def test_fresh_processes_give_the_same_bytes():
         "import numpy as np, sys; from polarsim.formats import png\n"
         "sys.stdout.buffer.write(png.encode(np.tile(np.arange(5, dtype=np.uint8), (4, 1))))"
     )
-    expected = png.encode(np.tile(np.arange(5, dtype=np.uint8), (4, 1)))
+    expected = png.encode_png(np.tile(np.arange(5, dtype=np.uint8), (4, 1)))
     for _ in range(3):
         assert subprocess.run([sys.executable, "-c", call], check=True, capture_output=True).stdout == expected
 
@@ -105,7 +105,7 @@ def test_fresh_processes_give_the_same_bytes():
 def test_encoded_images_decode_to_their_pixels(height, width, kind, seed):
     rng = np.random.default_rng(seed)
     pixels = rng.integers(0, rng.integers(1, np.iinfo(kind).max), (height, width), kind, endpoint=True)
-    with Image.open(io.BytesIO(png.encode(pixels))) as image:
+    with Image.open(io.BytesIO(png.encode_png(pixels))) as image:
         np.testing.assert_array_equal(np.asarray(image), pixels)
 
 
@@ -119,7 +119,7 @@ def test_encoded_images_decode_to_their_pixels(height, width, kind, seed):
     ],
 )
 def test_a_photo_of_another_size_or_depth_is_an_error(tmp_path, pixels):
-    png.write(tmp_path / "a.png", pixels)
+    png.write_png(tmp_path / "a.png", pixels)
     with pytest.raises(FormatError, match=r"a\.png"):
         png.read_photo(tmp_path / "a.png", SMALL)
 
@@ -128,13 +128,13 @@ def test_a_missing_and_an_invalid_image_are_errors(tmp_path):
     (tmp_path / "text.png").write_text("no picture")
     for name in ("none.png", "text.png"):
         with pytest.raises(FormatError, match=name):
-            png.read(tmp_path / name)
+            png.read_png(tmp_path / name)
 
 
 def test_an_image_that_cannot_be_written_is_a_one_line_error(tmp_path, ramp):
     (tmp_path / "file").write_text("")
     with pytest.raises(PolarsimError, match=r"file/a\.png"):
-        png.write(tmp_path / "file" / "a.png", ramp)
+        png.write_png(tmp_path / "file" / "a.png", ramp)
 
 
 @pytest.mark.parametrize(("bits", "colour", "channels"), [(16, 0, 1), (8, 0, 1), (8, 2, 3), (16, 6, 4)])
@@ -144,7 +144,7 @@ def test_the_header_states_size_bits_and_channels(bits, colour, channels):
 
 
 def test_the_header_of_a_written_photo_equals_nasas(tmp_path):
-    png.write(tmp_path / "a.png", np.full((HEIGHT, WIDTH), 16, np.uint16))
+    png.write_png(tmp_path / "a.png", np.full((HEIGHT, WIDTH), 16, np.uint16))
     assert png.parse_header((tmp_path / "a.png").read_bytes()) == png.Header(1936, 1216, 16, 1)
 
 
@@ -187,7 +187,7 @@ def test_images_are_upright_as_viewers_show_them(tmp_path, rng, name, orientatio
         if name.endswith((".jpg", ".webp")):
             options.update({"quality": 100, "subsampling": 0} if name.endswith(".jpg") else {"lossless": True})
         Image.fromarray(stored).save(tmp_path / name, **options)
-        pixels = png.read(tmp_path / name)
+        pixels = png.read_png(tmp_path / name)
         assert png.size(tmp_path / name) == (pixels.shape[1], pixels.shape[0])
         shown = pixels if pixels.ndim == stored.ndim else pixels[..., 0]  # WebP has no grey
         np.testing.assert_allclose(shown.astype(int), TURNS[orientation](stored).astype(int), atol=3)
@@ -202,7 +202,7 @@ def test_an_orientation_after_the_pixels_is_applied(tmp_path):
     exif[0x0112] = 6
     end = content.index(b"IEND") - 4
     (tmp_path / "a.png").write_bytes(content[:end] + chunk(b"eXIf", exif.tobytes()[6:]) + content[end:])
-    pixels = png.read(tmp_path / "a.png")
+    pixels = png.read_png(tmp_path / "a.png")
     assert png.size(tmp_path / "a.png") == (pixels.shape[1], pixels.shape[0]) == (3, 4)
 
 
@@ -210,7 +210,7 @@ def test_an_orientation_after_the_pixels_is_applied(tmp_path):
 def test_images_of_large_cameras_are_read(tmp_path, name):
     Image.fromarray(np.full((4000, 6000), 90, np.uint8)).save(tmp_path / name)
     assert png.size(tmp_path / name) == (6000, 4000)
-    assert png.read(tmp_path / name).shape == (4000, 6000)
+    assert png.read_png(tmp_path / name).shape == (4000, 6000)
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.tif"])
@@ -218,7 +218,7 @@ def test_images_above_the_limit_are_errors(tmp_path, monkeypatch, name):
     monkeypatch.setattr(png, "MAX_PIXELS", 100)
     Image.fromarray(np.zeros((10, 11), np.uint8)).save(tmp_path / name)
     with pytest.raises(FormatError):
-        png.read(tmp_path / name)
+        png.read_png(tmp_path / name)
 
 
 @pytest.mark.parametrize(
@@ -227,4 +227,4 @@ def test_images_above_the_limit_are_errors(tmp_path, monkeypatch, name):
 def test_an_image_with_damaged_exif_is_read_as_stored(tmp_path, exif):
     Image.fromarray(np.zeros((12, 16), np.uint8)).save(tmp_path / "a.jpg", exif=exif)
     assert png.size(tmp_path / "a.jpg") == (16, 12)
-    assert png.read(tmp_path / "a.jpg").shape == (12, 16)
+    assert png.read_png(tmp_path / "a.jpg").shape == (12, 16)

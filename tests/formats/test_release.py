@@ -37,7 +37,7 @@ def test_only_exact_names_are_label_files(tmp_path):
 def test_a_missing_folder_has_no_files(tmp_path):
     assert release.label_files(tmp_path, 1) == {}
     assert release.polygon_files(tmp_path, 1) == {}
-    assert release.mesh_files(tmp_path, 1) == {}
+    assert release.released_meshes(tmp_path, 1) == {}
     assert release.cover_photos(tmp_path, 1) == {}
     assert release.ground_file(tmp_path, 1) is None
     assert release.stray_files(tmp_path, 1) == []
@@ -56,7 +56,7 @@ def test_full_meshes_are_preferred_and_other_names_are_strays(tmp_path):
     names = ["rock2.obj", "rock2_decimate-005.obj", "rock10_decimate-005.obj", "ground.obj"]
     make(tmp_path, *(f"{folder}/terrain01_{name}" for name in names), content=TRIANGLE)
     make(tmp_path, f"{folder}/terrain02_rock3.obj", f"{folder}/terrain01_rock2 copy.obj", content=TRIANGLE)
-    found = release.mesh_files(tmp_path, 1)
+    found = release.released_meshes(tmp_path, 1)
     assert {rock: path.name for rock, path in found.items()} == {
         2: "terrain01_rock2.obj",
         10: "terrain01_rock10_decimate-005.obj",
@@ -107,4 +107,4 @@ def test_the_published_folders_have_the_known_numbers_of_files(release_root):
     }  # fmt: skip
     strays = [path.name for path in release.stray_files(release_root, 4)]
     assert len(strays) == 58 + 2  # .DS_Store and 04_A_on_180_R_1028.txt
-    assert len(release.mesh_files(release_root, 1)) == 15
+    assert len(release.released_meshes(release_root, 1)) == 15

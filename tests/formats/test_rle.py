@@ -22,7 +22,7 @@ def of_coco(mask: np.ndarray) -> str:
 @settings(deadline=None)
 @given(mask=any_mask)
 def test_runs_equal_those_of_pycocotools(mask):
-    assert rle.encode(mask, size=mask.shape[::-1]).counts == of_coco(mask)
+    assert rle.encode_rle(mask, size=mask.shape[::-1]).counts == of_coco(mask)
 
 
 @settings(deadline=None)
@@ -30,7 +30,7 @@ def test_runs_equal_those_of_pycocotools(mask):
 def test_a_part_of_a_photo_has_the_same_runs_as_the_photo(mask, left, top):
     whole = np.zeros((1216, 1936), bool)
     whole[top : top + mask.shape[0], left : left + mask.shape[1]] = mask
-    assert rle.encode(mask, left, top).counts == of_coco(whole)
+    assert rle.encode_rle(mask, left, top).counts == of_coco(whole)
 
 
 @settings(deadline=None)
@@ -44,7 +44,7 @@ def test_runs_of_pycocotools_decode_to_the_mask(mask):
 def test_long_runs_need_several_characters():
     mask = np.zeros((1216, 1936), bool)
     mask[:, 300:1700] = True
-    found = rle.encode(mask)
+    found = rle.encode_rle(mask)
     assert found.counts == of_coco(mask)
     assert found.area == 1216 * 1400
 

@@ -12,7 +12,7 @@ from polarsim.errors import PolarsimError
 from polarsim.formats import nasa, obj, tables, yolo
 from polarsim.formats.files import decode_text, read_json
 from polarsim.formats.yaml_files import read_yaml
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.stereo import default_rig
 from polarsim.rocks.overrides import read_overrides
 
 UNICODE = ("utf-8", "utf-8-sig", "utf-16", "utf-32", "utf-16-le-mark", "utf-16-be-mark")
@@ -25,7 +25,7 @@ def encoded(text: str, encoding: str) -> bytes:
 
 
 def calibration(folder) -> str:
-    nasa.write_calibration(folder / "plain", stated_rig())
+    nasa.write_calibration(folder / "plain", default_rig())
     return "# Kalibrierung fürs Gelände\n" + (folder / "plain").read_text()
 
 
@@ -34,7 +34,7 @@ READERS = {  # file name, text, reader
     "detections": ("a.txt", lambda _: "0 0.5 0.5 0.1 0.1 0.25\n", yolo.read_detections),
     "polygons": ("a.txt", lambda _: "0 0.1 0.1 0.2 0.1 0.2 0.2\n", yolo.read_polygons),
     "classes": ("classes.txt", lambda _: "rock\nshadow\nKrater für später\n", lambda p: yolo.class_names(p.parent)),
-    "mesh": ("a.obj", lambda _: "o Würfel\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", obj.read),
+    "mesh": ("a.obj", lambda _: "o Würfel\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", obj.read_obj),
     "cloud": ("a.xyz", lambda _: "# Höhe\n1 2 3\n4 5 6\n", nasa.read_cloud),
     "calibration": ("stereo.calibration", calibration, nasa.read_calibration),
     "yaml": ("a.yaml", lambda _: "# größer\nname: Würfel\nsize: [1, 2]\n", read_yaml),

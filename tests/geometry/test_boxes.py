@@ -7,19 +7,19 @@ from hypothesis import strategies as st
 
 from polarsim.geometry.boxes import (
     area,
-    around,
-    around_ellipse,
-    assign,
-    centres,
+    box_around_points,
+    box_centres,
+    box_of_ellipse,
+    box_of_mask,
     clip,
     iou,
     largest_covered_share,
-    match,
-    match_nearest,
-    of_mask,
-    pairs,
-    turned,
-    window,
+    match_by_distance,
+    match_by_iou,
+    match_by_position_and_size,
+    match_pairs,
+    pixel_window,
+    rotated_box,
 )
 
 SQUARE = np.array([[0.0, 0, 10, 10]])
@@ -56,7 +56,7 @@ OVERLAP = np.array([[1.0, 0.6], [0.6, 0.0]])  # the best pair leaves row 1 unmat
 
 
 def distances(boxes, others):
-    return np.linalg.norm(centres(boxes)[:, None] - centres(others)[None], axis=-1)
+    return np.linalg.norm(box_centres(boxes)[:, None] - box_centres(others)[None], axis=-1)
 
 
 @pytest.mark.parametrize(
@@ -64,31 +64,35 @@ def distances(boxes, others):
     [("most", {(0, 1), (1, 0)}), ("sum", {(0, 1), (1, 0)}), ("greedy", {(0, 0)})],
 )
 def test_objectives_prefer_many_pairs_or_good_pairs(objective, found):
-    rows, columns = pairs(OVERLAP, OVERLAP > 0, objective)
+    rows, columns = match_pairs(OVERLAP, OVERLAP > 0, objective)
     assert set(zip(rows.tolist(), columns.tolist(), strict=True)) == found
 
 
 @pytest.mark.parametrize(("objective", "count"), [("most", 2), ("sum", 1)])
 def test_the_largest_sum_may_be_a_single_pair(objective, count):
     score = np.array([[1.0, 0.4], [0.4, 0.0]])
-    assert len(pairs(score, score > 0, objective)[0]) == count
+    assert len(match_pairs(score, score > 0, objective)[0]) == count
 
 
 @pytest.mark.parametrize("objective", ["most", "sum", "greedy"])
 @pytest.mark.parametrize("shape", [(0, 3), (3, 0), (2, 2)])
 def test_nothing_allowed_gives_no_pairs(objective, shape):
-    rows, columns = pairs(np.full(shape, np.nan), np.zeros(shape, bool), objective)
+    rows, columns = match_pairs(np.full(shape, np.nan), np.zeros(shape, bool), objective)
     assert len(rows) == len(columns) == 0
 
 
 MATCHERS = {  # matching function, maximised score, and allowed pairs
-    "match": (lambda a, b: match(iou(a, b)), iou, lambda a, b: iou(a, b) >= 0.5),
+    "match": (lambda a, b: match_by_iou(iou(a, b)), iou, lambda a, b: iou(a, b) >= 0.5),
     "match_nearest": (
-        lambda a, b: match_nearest(a, b, 40),
+        lambda a, b: match_by_distance(a, b, 40),
         lambda a, b: iou(a, b) - distances(a, b) / 40,
         lambda a, b: (distances(a, b) <= 40) | (iou(a, b) >= 0.2),
     ),
-    "assign": (lambda a, b: assign(a, b, 40), lambda a, b: -distances(a, b) / 40 + iou(a, b) / 2, None),
+    "assign": (
+        lambda a, b: match_by_position_and_size(a, b, 40),
+        lambda a, b: -distances(a, b) / 40 + iou(a, b) / 2,
+        None,
+    ),
 }
 
 
@@ -118,21 +122,21 @@ def test_boxes_are_cut_at_the_border_of_the_photo():
 
 
 def test_a_box_around_points_holds_them_tightly():
-    np.testing.assert_array_equal(around(np.array([[3.0, 7], [1, 9], [2, 8]])), [1, 7, 3, 9])
+    np.testing.assert_array_equal(box_around_points(np.array([[3.0, 7], [1, 9], [2, 8]])), [1, 7, 3, 9])
 
 
 def test_the_box_of_one_pixel_is_one_pixel_wide():
     mask = np.zeros((5, 8), bool)
     mask[2, 3] = True
-    np.testing.assert_array_equal(of_mask(mask), [3, 2, 4, 3])
-    assert of_mask(np.zeros((5, 8), bool)) is None
+    np.testing.assert_array_equal(box_of_mask(mask), [3, 2, 4, 3])
+    assert box_of_mask(np.zeros((5, 8), bool)) is None
 
 
 @given(st.lists(st.floats(-60, 160), min_size=4, max_size=4), st.floats(0, 20))
 def test_a_window_contains_the_pixels_that_an_enlarged_box_touches(edges, margin):
     width, height = 80, 100
     box = np.array([*np.minimum(edges[:2], edges[2:]), *np.maximum(edges[:2], edges[2:])])
-    rows, columns = window(box, np.full(2, margin), width, height)
+    rows, columns = pixel_window(box, np.full(2, margin), width, height)
     x, y = np.meshgrid(np.arange(width), np.arange(height))  # pixels extend from x to x + 1
     (x0, y0), (x1, y1) = box[:2] - margin, box[2:] + margin
     touched = (x + 1 > x0) & (x < x1) & (y + 1 > y0) & (y < y1)
@@ -148,10 +152,10 @@ LENGTHS, ANGLES = st.floats(1, 500), st.floats(-720, 720)
 def test_a_turned_box_is_the_box_around_its_turned_corners(left, top, width, height, angle):
     corners = np.array([[0, 0], [width, 0], [width, height], [0, height]]) - [width / 2, height / 2]
     cos, sin = np.cos(np.radians(angle)), np.sin(np.radians(angle))
-    expected = around(corners @ np.array([[cos, sin], [-sin, cos]]) + [left + width / 2, top + height / 2])
+    expected = box_around_points(corners @ np.array([[cos, sin], [-sin, cos]]) + [left + width / 2, top + height / 2])
     box = np.array([left, top, left + width, top + height])
-    np.testing.assert_allclose(turned(box, angle), expected, atol=1e-6)
-    np.testing.assert_allclose(turned(box, -angle), expected, atol=1e-6)
+    np.testing.assert_allclose(rotated_box(box, angle), expected, atol=1e-6)
+    np.testing.assert_allclose(rotated_box(box, -angle), expected, atol=1e-6)
 
 
 @given(centre=st.tuples(LENGTHS, LENGTHS), radii=st.tuples(LENGTHS, LENGTHS), angle=ANGLES)
@@ -159,6 +163,6 @@ def test_the_box_around_an_ellipse_holds_its_points_and_touches_them(centre, rad
     around_it = np.radians(np.arange(0, 360, 0.1))
     points = np.stack([radii[0] * np.cos(around_it), radii[1] * np.sin(around_it)], axis=1)
     cos, sin = np.cos(np.radians(angle)), np.sin(np.radians(angle))
-    expected = around(points @ np.array([[cos, sin], [-sin, cos]]) + centre)
-    box = around_ellipse(np.array(centre), np.array(radii), angle)
+    expected = box_around_points(points @ np.array([[cos, sin], [-sin, cos]]) + centre)
+    box = box_of_ellipse(np.array(centre), np.array(radii), angle)
     np.testing.assert_allclose(box, expected, atol=1e-3 * max(radii))

@@ -39,7 +39,7 @@ def points(code):
 @given(triangles())
 def test_every_triangle_is_once_in_a_small_leaf_with_tight_boxes(scene):
     vertices, faces = scene
-    tree, again = bvh.built(vertices, faces), bvh.built(vertices, faces)
+    tree, again = bvh.build_tree(vertices, faces), bvh.build_tree(vertices, faces)
     nodes = list(walked(tree))
     in_leaves = np.concatenate([points(code) for *_, code in nodes if code < 0])
     np.testing.assert_array_equal(np.sort(in_leaves), np.arange(len(faces)))
@@ -61,9 +61,9 @@ def test_too_deep_trees_are_halved(monkeypatch):
     centres = 2.0 ** -np.arange(count)[:, None] * 1e30  # each cut separates few triangles
     vertices = (centres[:, None] * np.array([[1, 0, 0], [1.1, 0, 0], [1, 0.1, 0]])).reshape(-1, 3)
     faces = np.arange(3 * count).reshape(-1, 3)
-    deep = max(depth for depth, *_ in walked(bvh.built(vertices, faces)))
+    deep = max(depth for depth, *_ in walked(bvh.build_tree(vertices, faces)))
     monkeypatch.setattr(bvh, "LEVELS", 8)
-    shallow = max(depth for depth, *_ in walked(bvh.built(vertices, faces)))
+    shallow = max(depth for depth, *_ in walked(bvh.build_tree(vertices, faces)))
     assert shallow <= 8 < deep
 
 
@@ -71,11 +71,11 @@ def test_a_cut_separates_distant_triangles():
     near = np.random.default_rng(0).uniform(0, 1, (30, 3))
     vertices = np.concatenate([near, near + np.array([100, 0, 0])])
     faces = np.random.default_rng(1).permutation(np.arange(60).reshape(-1, 3))
-    tree = bvh.built(vertices, faces)
+    tree = bvh.build_tree(vertices, faces)
     assert sorted(tree.boxes[0, [0, 2], 0] > 50) == [False, True]
     assert sorted(tree.boxes[0, [1, 3], 0] > 50) == [False, True]
 
 
 def test_an_empty_mesh_is_refused():
     with pytest.raises(ValueError, match="triangles"):
-        bvh.built(np.zeros((0, 3)), np.zeros((0, 3), int))
+        bvh.build_tree(np.zeros((0, 3)), np.zeros((0, 3), int))

@@ -3,10 +3,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.poses import looking
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.poses import camera_pose
+from polarsim.geometry.stereo import default_rig
 
-CAMERA = Camera(looking(np.array([-3.0, 0.2, 1.4]), 0.1, 0.4, 0.05), stated_rig().left)
+CAMERA = Camera(camera_pose(np.array([-3.0, 0.2, 1.4]), 0.1, 0.4, 0.05), default_rig().left)
 
 
 @given(st.floats(0, 1936), st.floats(0, 1216), st.floats(0.5, 9))

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from polarsim.geometry.epipolar import epipolar_distances, triangulated_depth
 from polarsim.geometry.poses import Pose
-from polarsim.geometry.stereo import StereoRig, stated_rig
+from polarsim.geometry.stereo import StereoRig, default_rig
 
 
 def images_of(points, rig):
@@ -19,7 +19,7 @@ def images_of(points, rig):
 @given(seed=st.integers(0, 2**32 - 1), rotvec=st.tuples(*[st.floats(-0.05, 0.05)] * 3))
 def test_images_of_a_point_are_on_its_epipolar_lines_and_give_its_depth(seed, rotvec):
     rng = np.random.default_rng(seed)
-    rig = replace(stated_rig(), left_from_right=Pose.from_rotvec(np.array(rotvec), np.array([0.3, 0.01, -0.005])))
+    rig = replace(default_rig(), left_from_right=Pose.from_rotvec(np.array(rotvec), np.array([0.3, 0.01, -0.005])))
     points = rng.uniform((-1, -0.6, 2), (1, 0.6, 6), (50, 3))
     left, right = images_of(points, rig)
     np.testing.assert_allclose(epipolar_distances(rig, left, right), 0, atol=1e-6)
@@ -27,7 +27,7 @@ def test_images_of_a_point_are_on_its_epipolar_lines_and_give_its_depth(seed, ro
 
 
 def test_the_distance_of_a_pinhole_pair_is_the_vertical_offset_over_the_root_of_two():
-    lens = replace(stated_rig().left, distortion=(0.0,) * 5, fx=2000.0, fy=2000.0)
+    lens = replace(default_rig().left, distortion=(0.0,) * 5, fx=2000.0, fy=2000.0)
     rig = StereoRig(lens, lens, Pose(np.eye(3), np.array([0.3, 0, 0])))
     left, right = images_of(np.array([[0.2, 0.1, 3.0]]), rig)
     distance = epipolar_distances(rig, left, right + np.array([0, 4]))
@@ -35,6 +35,6 @@ def test_the_distance_of_a_pinhole_pair_is_the_vertical_offset_over_the_root_of_
 
 
 def test_exchanged_images_have_negative_depth():
-    rig = stated_rig()
+    rig = default_rig()
     left, right = images_of(np.random.default_rng(0).uniform((-1, -0.6, 2), (1, 0.6, 6), (50, 3)), rig)
     assert (triangulated_depth(rig, right, left) < 0).all()

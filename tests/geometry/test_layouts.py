@@ -23,14 +23,14 @@ from polarsim.geometry import (
     vectors,
 )
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.casters import caster
-from polarsim.geometry.meshes import Mesh, subdivided
+from polarsim.geometry.casters import make_caster
+from polarsim.geometry.meshes import Mesh, subdivide_smoothly
 from polarsim.geometry.poses import Pose
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.stereo import default_rig
 from polarsim.photo import BLACK_LEVEL
 
-LENS = stated_rig().left
-POSE = poses.looking(np.array([-2.0, 0.5, 2.0]), 0.3, 0.5)
+LENS = default_rig().left
+POSE = poses.camera_pose(np.array([-2.0, 0.5, 2.0]), 0.3, 0.5)
 CAMERA = Camera(POSE, LENS)
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
 
@@ -116,7 +116,7 @@ def of_match(engine):
 
 def cast(engine):
     def results(vertices, faces, origins, directions):
-        surface = caster(vertices, faces, engine)
+        surface = make_caster(vertices, faces, engine)
         return (
             surface.nearest(origins, directions),
             surface.intersect(origins, directions),
@@ -151,26 +151,26 @@ CASES = {  # a function, and by argument: values and types that hold them exactl
         (st.just(np.array([[0.0, -1, 0, 5], [1, 0, 0, 6], [0, 0, 1, 7]])), WHOLE[:4]),
     ),
     "fit_pose": (lambda source: poses.fit_pose(source, source[:, [1, 2, 0]]).matrix, (SOLID, FLOATS)),
-    "looking": (lambda centre: poses.looking(centre, 0.3, 0.1).matrix, (st.just(np.array([1.0, 2, 3])), WHOLE)),
+    "looking": (lambda centre: poses.camera_pose(centre, 0.3, 0.1).matrix, (st.just(np.array([1.0, 2, 3])), WHOLE)),
     "vectors": (
         lambda first, second: (
             vectors.dot(first, second),
             vectors.length(first),
-            vectors.unit(first),
+            vectors.normalise(first),
             vectors.cross(first, second),
-            vectors.scaled(first, second[:, 0]),
-            vectors.moved(first, second, second[:, 1]),
+            vectors.scale_vectors(first, second[:, 0]),
+            vectors.points_along(first, second, second[:, 1]),
         ),
         (PAIR.map(lambda pair: pair[0]), FLOATS),
         (PAIR.map(lambda pair: pair[1]), FLOATS),
     ),
     "boxes.one": (
-        lambda own: (boxes.area(own), boxes.centres(own), boxes.clip(own, 100, 200)),
+        lambda own: (boxes.area(own), boxes.box_centres(own), boxes.clip(own, 100, 200)),
         (BOXES, WHOLE),
     ),
-    "boxes.around": (boxes.around, (RING, WHOLE)),
+    "boxes.around": (boxes.box_around_points, (RING, WHOLE)),
     "boxes.window": (
-        lambda own, margin: [boxes.window(box, margin, 100, 120) for box in own],
+        lambda own, margin: [boxes.pixel_window(box, margin, 100, 120) for box in own],
         (BOXES, WHOLE),
         (st.just(np.array([3.0, 4.0])), WHOLE),
     ),
@@ -179,18 +179,21 @@ CASES = {  # a function, and by argument: values and types that hold them exactl
             boxes.iou(one, other),
             boxes.largest_iou(one, other),
             boxes.largest_covered_share(one, other),
-            boxes.match(boxes.iou(one, other)),
+            boxes.match_by_iou(boxes.iou(one, other)),
         ),
         (BOXES, WHOLE),
         (BOXES, WHOLE),
     ),
-    "boxes.assign": (boxes.assign, (LARGER_BOXES, WHOLE), (LARGER_BOXES, WHOLE)),
-    "boxes.match": (lambda overlap: (boxes.match(overlap), boxes.match_sum(overlap)), (OVERLAP, FLOATS)),
-    "boxes.of_mask": (boxes.of_mask, (MASK, [np.bool_, np.uint8])),
+    "boxes.assign": (boxes.match_by_position_and_size, (LARGER_BOXES, WHOLE), (LARGER_BOXES, WHOLE)),
+    "boxes.match": (
+        lambda overlap: (boxes.match_by_iou(overlap), boxes.match_by_summed_iou(overlap)),
+        (OVERLAP, FLOATS),
+    ),
+    "boxes.of_mask": (boxes.box_of_mask, (MASK, [np.bool_, np.uint8])),
     "consensus": (
         lambda one, other: (
             consensus.consensus_boxes([one, other]),
-            consensus.rocks_called_shadows(one, other, [other, one]),
+            consensus.find_rocks_labelled_shadow(one, other, [other, one]),
         ),
         (BOXES, WHOLE),
         (BOXES, WHOLE),
@@ -198,7 +201,7 @@ CASES = {  # a function, and by argument: values and types that hold them exactl
     "matching": (of_match(matching), (OVERLAP, FLOATS), (MASK, FLAGS)),
     "matching_numba": (of_match(matching_numba), (OVERLAP, FLOATS), (MASK, FLAGS)),
     "masks": (
-        lambda truth, found: masks.iou(masks.confusion(truth, found, 3)),
+        lambda truth, found: masks.class_iou(masks.confusion_matrix(truth, found, 3)),
         (CLASSES, [np.uint8, *INDICES]),
         (CLASSES.map(lambda found: np.minimum(found, 2)), [np.uint8, *INDICES]),
     ),
@@ -219,12 +222,15 @@ CASES = {  # a function, and by argument: values and types that hold them exactl
         (MASK, FLAGS),
     ),
     "outlines": (
-        lambda vertices, faces: (outlines.outline(Mesh(vertices, faces), 0.01, 0.35), outlines.hull_points(vertices)),
+        lambda vertices, faces: (
+            outlines.rock_outline(Mesh(vertices, faces), 0.01, 0.35),
+            outlines.hull_corners(vertices),
+        ),
         (SOLID, FLOATS),
         (st.just(TETRAHEDRON), INDICES),
     ),
     "meshes": (
-        lambda vertices, faces: (Mesh(vertices, faces).normals(), subdivided(Mesh(vertices, faces))),
+        lambda vertices, faces: (Mesh(vertices, faces).normals(), subdivide_smoothly(Mesh(vertices, faces))),
         (CORNERS, FLOATS),
         (FACES, INDICES),
     ),
@@ -239,11 +245,13 @@ CASES = {  # a function, and by argument: values and types that hold them exactl
         (FACES, INDICES),
     ),
     "hull_faces": (topology.hull_faces, (SOLID, FLOATS)),
-    "bvh": (bvh.built, (CORNERS, FLOATS), (st.just(TETRAHEDRON), INDICES)),
+    "bvh": (bvh.build_tree, (CORNERS, FLOATS), (st.just(TETRAHEDRON), INDICES)),
     "rays.numpy": (cast("numpy"), (CORNERS, FLOATS), (FACES, INDICES), (ORIGINS, FLOATS), None),
     "rays.embree": (cast("embree"), (CORNERS, FLOATS), (FACES, INDICES), (ORIGINS, FLOATS), None),
     "patches": (
-        lambda shaded, photo, usable: patches.find(shaded, photo, usable, patches.Window(4, 3, 3, 0.5, 1.0)),
+        lambda shaded, photo, usable: patches.match_windows(
+            shaded, photo, usable, patches.MatchingOptions(4, 3, 3, 0.5, 1.0)
+        ),
         (st.just(PHOTO - BLACK_LEVEL), FLOATS),
         (st.just(PHOTO), FLOATS),
         (st.just(PHOTO > 0), FLAGS),

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.stereo import default_rig
 
 MATRIX = np.array([[2068.44, 0, 964.405], [0, 2064.29, 593.512], [0, 0, 1]])
 TERMS = np.array([-0.108441, 0.158389, 0.000537106, -0.00127904, 0.01])
@@ -19,7 +19,7 @@ def test_projection_equals_opencv_plus_half_a_pixel(rng):
 
 @given(st.floats(0, 1936), st.floats(0, 1216))
 def test_directions_invert_the_projection(u, v):
-    lens = stated_rig().left
+    lens = default_rig().left
     pixel = np.array([[u, v]])
     np.testing.assert_allclose(lens.project(3.7 * lens.directions(pixel)), pixel, atol=1e-8)
 
@@ -32,11 +32,11 @@ def test_the_centre_of_the_first_pixel_is_at_half_a_pixel():
 
 
 def test_points_with_negative_depth_have_no_pixel():
-    assert np.isnan(stated_rig().left.project(np.array([[0.1, 0.1, -1.0], [0, 0, 0]]))).all()
+    assert np.isnan(default_rig().left.project(np.array([[0.1, 0.1, -1.0], [0, 0, 0]]))).all()
 
 
 def test_a_photo_of_half_size_has_half_the_pixel_coordinates():
-    lens = stated_rig().left
+    lens = default_rig().left
     points = np.array([[0.5, -0.3, 4.0], [-1.0, 0.4, 5.0]])
     half = lens.scaled(0.5)
     np.testing.assert_allclose(half.project(points), lens.project(points) / 2)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from polarsim.geometry.meshes import Mesh, subdivided
+from polarsim.geometry.meshes import Mesh, subdivide_smoothly
 from polarsim.geometry.topology import hull_faces, is_watertight
 
 CORNERS = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
@@ -16,7 +16,7 @@ def off_the_sphere(mesh: Mesh) -> float:
 
 
 def test_a_subdivided_octahedron_keeps_its_corners_and_approaches_the_sphere():
-    once, twice = subdivided(OCTAHEDRON), subdivided(subdivided(OCTAHEDRON))
+    once, twice = subdivide_smoothly(OCTAHEDRON), subdivide_smoothly(subdivide_smoothly(OCTAHEDRON))
     np.testing.assert_array_equal(once.vertices[:6], CORNERS)
     assert len(twice.faces) == 16 * len(OCTAHEDRON.faces)
     assert is_watertight(once.faces)
@@ -30,6 +30,6 @@ def test_a_subdivided_octahedron_keeps_its_corners_and_approaches_the_sphere():
 def test_a_flat_mesh_stays_flat(turn):
     square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     slope = np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [-np.sin(turn), 0, np.cos(turn)]])
-    finer = subdivided(Mesh(square @ slope.T, np.array([[0, 1, 2], [0, 2, 3]])))
+    finer = subdivide_smoothly(Mesh(square @ slope.T, np.array([[0, 1, 2], [0, 2, 3]])))
     np.testing.assert_allclose((finer.vertices @ slope)[:, 2], 0, atol=1e-15)
     assert len(finer.vertices) == 9

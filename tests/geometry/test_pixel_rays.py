@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.lens import MAX_ERROR_PX, Lens, pixel_directions, separated
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.stereo import default_rig
 
 LENSES = {
-    "stated": stated_rig().left,
-    "small": stated_rig().right.scaled(0.1),
+    "stated": default_rig().left,
+    "small": default_rig().right.scaled(0.1),
     "pinhole": Lens(900.0, 900.0, 320.0, 240.0, width=640, height=480),
     "barrel": Lens(700.0, 705.0, 330.0, 236.0, (-0.25, 0.08, 1e-3, -2e-3, -0.01), width=640, height=480),
 }

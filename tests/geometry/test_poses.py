@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.errors import FormatError
-from polarsim.geometry.poses import Pose, angle_between, fit_pose, looking, yaw_pitch_roll
+from polarsim.geometry.poses import Pose, angle_between, camera_pose, fit_pose, yaw_pitch_roll
 
 angle = st.floats(-3.0, 3.0)
 length = st.floats(-10, 10)
@@ -40,7 +40,7 @@ def test_a_matrix_acts_on_homogeneous_points_as_its_pose(pose):
 
 def test_axes_of_a_camera_with_yaw_180_and_pitch_30():
     # Yaw 180 degrees (towards -X), 30 degrees down, level: right is +Y, down has components -Z and -X.
-    pose = looking(np.array([3.0, 0, 1.5]), np.pi, np.radians(30))
+    pose = camera_pose(np.array([3.0, 0, 1.5]), np.pi, np.radians(30))
     half, root = 0.5, np.sqrt(3) / 2
     np.testing.assert_allclose(pose.rotate(np.array([0.0, 0, 1])), [-root, 0, -half], atol=1e-12)
     np.testing.assert_allclose(pose.rotate(np.array([1.0, 0, 0])), [0, 1, 0], atol=1e-12)
@@ -48,13 +48,13 @@ def test_axes_of_a_camera_with_yaw_180_and_pitch_30():
 
 
 def test_roll_rotates_the_right_axis_towards_down():
-    level, rolled = looking(np.zeros(3), 0.3, 0.4), looking(np.zeros(3), 0.3, 0.4, np.radians(90))
+    level, rolled = camera_pose(np.zeros(3), 0.3, 0.4), camera_pose(np.zeros(3), 0.3, 0.4, np.radians(90))
     np.testing.assert_allclose(rolled.rotation[:, 0], level.rotation[:, 1], atol=1e-12)
 
 
 @given(st.floats(-3.1, 3.1), st.floats(-1.5, 1.5), st.floats(-3.1, 3.1))
 def test_yaw_pitch_and_roll_come_back(yaw, pitch, roll):
-    found = yaw_pitch_roll(looking(np.zeros(3), yaw, pitch, roll))
+    found = yaw_pitch_roll(camera_pose(np.zeros(3), yaw, pitch, roll))
     np.testing.assert_allclose(np.exp(1j * np.array(found)), np.exp(1j * np.array([yaw, pitch, roll])), atol=1e-9)
 
 
@@ -65,7 +65,7 @@ def test_a_fit_undoes_any_rigid_motion(target_from_source):
 
 
 def test_the_angle_between_poses_is_the_angle_of_their_rotation():
-    first, second = looking(np.zeros(3), 0.2, 0.3), looking(np.ones(3), 0.2, 0.3 + 0.05)
+    first, second = camera_pose(np.zeros(3), 0.2, 0.3), camera_pose(np.ones(3), 0.2, 0.3 + 0.05)
     assert angle_between(first, second) == pytest.approx(0.05)
 
 

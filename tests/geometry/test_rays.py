@@ -7,8 +7,8 @@ import pytest
 
 from polarsim.errors import PolarsimError
 from polarsim.geometry import rays_embree
-from polarsim.geometry.casters import caster
-from polarsim.geometry.rays import NO_FACE, START_OFFSET, Joined
+from polarsim.geometry.casters import make_caster
+from polarsim.geometry.rays import NO_FACE, START_OFFSET, CompositeScene
 
 GROUND = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float), np.array([[0, 1, 2]])
 DOWN, UP = [0, 0, -1], [0, 0, 1]
@@ -34,7 +34,7 @@ def random_scene(rng, triangles=200, rays=5000):
     ],
 )
 def test_the_nearest_hit_of_one_ray(engine, origin, direction, distance):
-    found, face = caster(*GROUND, engine=engine).nearest(np.array([origin], float), np.array([direction], float))
+    found, face = make_caster(*GROUND, engine=engine).nearest(np.array([origin], float), np.array([direction], float))
     np.testing.assert_allclose(found, [distance], rtol=1e-6)
     assert face.tolist() == [0 if np.isfinite(distance) else NO_FACE]
     assert face.dtype == np.int64
@@ -43,7 +43,7 @@ def test_the_nearest_hit_of_one_ray(engine, origin, direction, distance):
 @engines
 def test_the_nearer_of_two_triangles_wins(engine):
     vertices = np.concatenate([GROUND[0], GROUND[0] + [0, 0, 0.5]])
-    distance, face = caster(vertices, np.array([[0, 1, 2], [3, 4, 5]]), engine=engine).nearest(
+    distance, face = make_caster(vertices, np.array([[0, 1, 2], [3, 4, 5]]), engine=engine).nearest(
         np.array([[0.2, 0.2, 2]]), np.array([DOWN])
     )
     assert face[0] == 1
@@ -53,7 +53,7 @@ def test_the_nearer_of_two_triangles_wins(engine):
 @engines
 def test_hits_include_the_point_on_the_triangle(rng, engine):
     vertices, faces, origins, directions = random_scene(rng)
-    cast = caster(vertices, faces, engine=engine)
+    cast = make_caster(vertices, faces, engine=engine)
     hit = cast.intersect(origins, directions)
     distance, face = cast.nearest(origins, directions)
     np.testing.assert_array_equal(hit.ray, np.flatnonzero(face >= 0))
@@ -68,7 +68,7 @@ def test_hits_include_the_point_on_the_triangle(rng, engine):
 
 @engines
 def test_occlusion_is_tested_between_the_start_offset_and_far(engine):
-    cast = caster(*GROUND, engine=engine)
+    cast = make_caster(*GROUND, engine=engine)
     heights = np.array([1.0, 1.0, 1.0, 0.0, START_OFFSET / 2, 2 * START_OFFSET, 1.0])
     far = np.array([0.9, 1.1, np.inf, 1.0, 1.0, 1.0, 0.0])
     origins = np.stack([np.full(7, 0.2), np.full(7, 0.2), heights], axis=1)
@@ -78,7 +78,7 @@ def test_occlusion_is_tested_between_the_start_offset_and_far(engine):
 
 @engines
 def test_occlusion_accepts_a_scalar_far_and_any_direction_length(engine):
-    cast = caster(*GROUND, engine=engine)
+    cast = make_caster(*GROUND, engine=engine)
     directions = np.array([[0, 0, -0.01], [0, 0, -1], [0, 0, -100.0]])
     origins = np.tile([0.2, 0.2, 0.5], (3, 1))
     assert cast.occluded(origins, directions, 1.0).tolist() == [False, True, True]
@@ -87,9 +87,9 @@ def test_occlusion_accepts_a_scalar_far_and_any_direction_length(engine):
 @engines
 def test_no_rays_and_no_triangles(engine):
     none = np.zeros((0, 3))
-    distance, face = caster(*GROUND, engine=engine).nearest(none, none)
+    distance, face = make_caster(*GROUND, engine=engine).nearest(none, none)
     assert distance.shape == face.shape == (0,)
-    cast = caster(none, np.zeros((0, 3), int), engine=engine)
+    cast = make_caster(none, np.zeros((0, 3), int), engine=engine)
     distance, face = cast.nearest(np.ones((2, 3)), np.ones((2, 3)))
     assert np.isinf(distance).all()
     assert (face == NO_FACE).all()
@@ -102,8 +102,8 @@ def test_no_rays_and_no_triangles(engine):
 @fast_engines
 def test_fast_engines_equal_the_reference(engine, rng):
     vertices, faces, origins, directions = random_scene(rng)
-    expected, expected_face = caster(vertices, faces, "numpy").nearest(origins, directions)
-    distance, face = caster(vertices, faces, engine).nearest(origins, directions)
+    expected, expected_face = make_caster(vertices, faces, "numpy").nearest(origins, directions)
+    distance, face = make_caster(vertices, faces, engine).nearest(origins, directions)
     differ = face != expected_face  # rays through an edge may hit either face in float32
     assert differ.mean() < 1e-3
     np.testing.assert_allclose(distance[~differ], expected[~differ], rtol=2e-5, atol=5e-6)  # observed: 2e-6
@@ -112,9 +112,9 @@ def test_fast_engines_equal_the_reference(engine, rng):
 @fast_engines
 def test_occlusion_of_fast_engines_equals_the_reference(engine, rng):
     vertices, faces, origins, directions = random_scene(rng)
-    expected = caster(vertices, faces, "numpy").occluded(origins, directions, 1.0)
+    expected = make_caster(vertices, faces, "numpy").occluded(origins, directions, 1.0)
     assert 0.05 < expected.mean() < 0.95
-    assert (caster(vertices, faces, engine).occluded(origins, directions, 1.0) != expected).mean() < 1e-3
+    assert (make_caster(vertices, faces, engine).occluded(origins, directions, 1.0) != expected).mean() < 1e-3
 
 
 def closed_grid(side=60):
@@ -133,7 +133,7 @@ def test_no_ray_passes_through_a_closed_grid(engine, rng):
     vertices, faces = closed_grid()
     targets = np.stack([*rng.uniform(-1.6, 1.6, (2, 1_000_000)), np.zeros(1_000_000)], axis=1)
     lens = np.tile([3.6, -0.4, 1.5], (len(targets), 1))
-    distance, _ = caster(vertices, faces, engine).nearest(lens, targets - lens)
+    distance, _ = make_caster(vertices, faces, engine).nearest(lens, targets - lens)
     np.testing.assert_allclose(distance, 1.0, atol=0.2)  # the ground is within 5 cm of the targets' plane
 
 
@@ -147,7 +147,7 @@ def test_no_ray_passes_through_a_vertex_or_an_edge(engine, direction):
     directions = np.tile(np.array(direction, float), (len(targets), 1))
     # Steeper than the waves; for a vertical ray, x and y equal those of the vertex exactly.
     origins = targets - 0.25 * directions / np.abs(directions[:, 2:])
-    cast = caster(vertices, faces, engine)
+    cast = make_caster(vertices, faces, engine)
     assert (cast.nearest(origins, directions)[1] != NO_FACE).all()
     assert cast.occluded(origins, directions, np.inf).all()
 
@@ -157,7 +157,7 @@ def test_results_do_not_depend_on_threads(engine, rng):
     vertices, faces, origins, directions = random_scene(rng, rays=600_000)
     found = []
     for threads in (1, 2):
-        cast = caster(vertices, faces, engine, threads)
+        cast = make_caster(vertices, faces, engine, threads)
         found.append((*cast.nearest(origins, directions), cast.occluded(origins, directions, 1.0)))
     for first, second in zip(*found, strict=True):
         np.testing.assert_array_equal(first, second)
@@ -167,7 +167,7 @@ def test_packets_of_8_and_16_rays_give_the_same_bits(monkeypatch, rng):
     vertices, faces = closed_grid()
     targets = np.stack([*rng.uniform(-2.2, 2.2, (2, 100_003)), np.zeros(100_003)], axis=1)
     origins = np.tile([3.6, -0.4, 0.6], (len(targets), 1))
-    cast, found = caster(vertices, faces), []
+    cast, found = make_caster(vertices, faces), []
     for size in (8, 16):
         monkeypatch.setattr(rays_embree, "packet_size", lambda size=size: size)
         hits, occluded = cast.intersect(origins, targets - origins), cast.occluded(origins, targets - origins, 0.99)
@@ -179,7 +179,7 @@ def test_packets_of_8_and_16_rays_give_the_same_bits(monkeypatch, rng):
 
 def test_a_common_origin_equals_repeated_origins(rng):
     vertices, faces, _, directions = random_scene(rng)
-    cast, origin = caster(vertices, faces), np.array([0.1, 0.2, 3.0])
+    cast, origin = make_caster(vertices, faces), np.array([0.1, 0.2, 3.0])
     same, each = np.broadcast_to(origin, directions.shape), np.tile(origin, (len(directions), 1))
     for mine, expected in zip(cast.nearest(same, directions), cast.nearest(each, directions), strict=True):
         np.testing.assert_array_equal(mine, expected)
@@ -189,8 +189,10 @@ def test_a_common_origin_equals_repeated_origins(rng):
 @engines
 def test_two_joined_sets_of_triangles(engine):
     vertices, faces, origins, directions = random_scene(np.random.default_rng(3), rays=500)
-    whole = caster(vertices, faces, engine=engine)
-    joined = Joined(caster(vertices, faces[:150], engine=engine), caster(vertices, faces[150:], engine=engine), 150)
+    whole = make_caster(vertices, faces, engine=engine)
+    joined = CompositeScene(
+        make_caster(vertices, faces[:150], engine=engine), make_caster(vertices, faces[150:], engine=engine), 150
+    )
     for mine, expected in zip(joined.nearest(origins, directions), whole.nearest(origins, directions), strict=True):
         np.testing.assert_array_equal(mine, expected)
     np.testing.assert_array_equal(joined.occluded(origins, directions, 2.0), whole.occluded(origins, directions, 2.0))
@@ -201,8 +203,10 @@ def test_unused_vertices_do_not_matter(engine, rng):
     vertices, faces, origins, directions = random_scene(rng, rays=500)
     among_others = rng.normal(size=(3 * len(vertices), 3))
     among_others[1::3] = vertices
-    own = caster(among_others, 3 * faces + 1, engine=engine).nearest(origins, directions)
-    for mine, expected in zip(own, caster(vertices, faces, engine=engine).nearest(origins, directions), strict=True):
+    own = make_caster(among_others, 3 * faces + 1, engine=engine).nearest(origins, directions)
+    for mine, expected in zip(
+        own, make_caster(vertices, faces, engine=engine).nearest(origins, directions), strict=True
+    ):
         np.testing.assert_array_equal(mine, expected)
 
 
@@ -211,7 +215,7 @@ def test_read_only_arrays_are_accepted(engine):
     origins, directions, far = np.array([[0.2, 0.2, 1.5]]), np.array([DOWN]), np.ones(1)
     for array in (origins, directions, far):
         array.flags.writeable = False
-    cast = caster(*GROUND, engine=engine)
+    cast = make_caster(*GROUND, engine=engine)
     assert (
         cast.intersect(origins.astype(np.float32), directions).face.tolist()
         == cast.nearest(origins, directions)[1].tolist()
@@ -221,7 +225,7 @@ def test_read_only_arrays_are_accepted(engine):
 
 def test_taichi_casts_from_any_thread(rng):
     vertices, faces, origins, directions = random_scene(rng, rays=2000)
-    cast = caster(vertices, faces, "taichi")
+    cast = make_caster(vertices, faces, "taichi")
     expected = cast.nearest(origins, directions)[0]
     with ThreadPoolExecutor(3) as pool:
         for distance, _ in pool.map(lambda _: cast.nearest(origins, directions), range(6)):
@@ -265,15 +269,15 @@ def test_taichi_frees_its_arrays_and_resets_the_device():
 
 
 def test_an_unavailable_device_is_an_error(monkeypatch):
-    monkeypatch.setattr("polarsim.geometry.taichi_device.is_there", lambda _: False)
+    monkeypatch.setattr("polarsim.geometry.taichi_device.device_available", lambda _: False)
     with pytest.raises(PolarsimError):
-        caster(*GROUND, "taichi", device="vulkan")
+        make_caster(*GROUND, "taichi", device="vulkan")
 
 
 def test_a_caster_works_after_a_restart_of_taichi():
     from polarsim.geometry import taichi_device
 
-    cast = caster(*GROUND, "taichi")
+    cast = make_caster(*GROUND, "taichi")
     down = np.array([[0.2, 0.2, 1.5]]), np.array([DOWN])
     before = cast.nearest(*down)[0]
     began = taichi_device.starts()
@@ -286,4 +290,4 @@ def test_a_caster_works_after_a_restart_of_taichi():
 def test_an_engine_that_cannot_be_loaded_is_an_error(monkeypatch):
     monkeypatch.setitem(sys.modules, "polarsim.geometry.rays_taichi", None)
     with pytest.raises(PolarsimError):
-        caster(*GROUND, "taichi")
+        make_caster(*GROUND, "taichi")

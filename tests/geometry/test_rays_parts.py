@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from polarsim.geometry.casters import caster
+from polarsim.geometry.casters import make_caster
 from polarsim.geometry.rays_embree import MovableMesh, MovableScene
 
 
@@ -29,7 +29,7 @@ def test_parts_have_the_hits_of_a_single_scene(seed, sizes, moved):
         scene.move(len(soups) - 1, soups[-1][0])
         scene.commit()
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in soups)])
-    whole = caster(
+    whole = make_caster(
         np.concatenate([vertices for vertices, _ in soups]),
         np.concatenate([faces + start for (_, faces), start in zip(soups, starts, strict=False)]),
     )

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from polarsim.geometry.casters import caster
-from polarsim.geometry.patches import Window, find_ties, look_with_both
-from polarsim.geometry.poses import Pose, looking
-from polarsim.geometry.stereo import StereoRig, stated_rig
+from polarsim.geometry.casters import make_caster
+from polarsim.geometry.patches import MatchingOptions, cast_stereo, match_stereo_windows
+from polarsim.geometry.poses import Pose, camera_pose
+from polarsim.geometry.stereo import StereoRig, default_rig
 from polarsim.photo import BLACK_LEVEL
 
 SCALE = 0.25
-FULL = stated_rig()
+FULL = default_rig()
 RIG = StereoRig(FULL.left.scaled(SCALE), FULL.right.scaled(SCALE), FULL.left_from_right)
-POSE = looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27))
-WINDOW = Window(half=10, search=5, step=12, likeness=0.7, noise=0.4)
+POSE = camera_pose(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27))
+WINDOW = MatchingOptions(half=10, search=5, step=12, likeness=0.7, noise=0.4)
 CELLS = 161
 
 
@@ -30,7 +30,7 @@ def ground():
     pattern = gaussian_filter(rng.normal(size=(1200, 1200)), 3)
     corner = (np.arange(CELLS - 1)[:, None] * CELLS + np.arange(CELLS - 1)).ravel()
     faces = [[corner, corner + 1, corner + CELLS], [corner + 1, corner + CELLS + 1, corner + CELLS]]
-    rays = caster(
+    rays = make_caster(
         np.stack([x, y, height], -1).reshape(-1, 3), np.concatenate([np.stack(three, axis=1) for three in faces])
     )
 
@@ -48,7 +48,7 @@ def ground():
 
 def ties_under(ground, rig):
     rays, left, right = ground
-    return find_ties(look_with_both(rays, POSE, rig), left, right, WINDOW)
+    return match_stereo_windows(cast_stereo(rays, POSE, rig), left, right, WINDOW)
 
 
 def test_windows_have_no_offset_with_the_true_rig(ground):
@@ -76,13 +76,13 @@ def test_a_rotation_about_x_causes_vertical_offsets(ground):
 
 def test_exchanged_photos_have_few_matches(ground):
     rays, left, right = ground
-    ties = find_ties(look_with_both(rays, POSE, RIG), right, left, WINDOW)
+    ties = match_stereo_windows(cast_stereo(rays, POSE, RIG), right, left, WINDOW)
     assert len(ties.right) < 0.15 * ties.tried
 
 
 def test_parts_hidden_from_the_right_camera_are_skipped(ground):
     rays, _, _ = ground
-    seen = look_with_both(rays, POSE, RIG)
+    seen = cast_stereo(rays, POSE, RIG)
     known = np.isfinite(seen.in_right[..., 0])
     assert (seen.in_right[known] > 0).all()
     assert (seen.in_right[known] < [RIG.right.width, RIG.right.height]).all()
@@ -94,4 +94,4 @@ def test_windows_of_noise_are_skipped(ground):
     rays, left, _ = ground
     rng = np.random.default_rng(5)
     dark = [(BLACK_LEVEL + rng.normal(20, 3, left.shape)).astype(np.float32) for _ in "LR"]
-    assert find_ties(look_with_both(rays, POSE, RIG), *dark, WINDOW).tried == 0
+    assert match_stereo_windows(cast_stereo(rays, POSE, RIG), *dark, WINDOW).tried == 0

@@ -9,8 +9,8 @@ import pytest
 
 from polarsim.formats import obj, tables, yolo
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.poses import looking
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.poses import camera_pose
+from polarsim.geometry.stereo import default_rig
 from polarsim.run_files import inventory, rigs
 
 TERRAIN = 3
@@ -49,7 +49,9 @@ def flat_ground(half: float = 2.1, step: float = 0.1, level: float = 0.0) -> Mes
 
 def localised(position: str) -> rigs.LocalisedRig:
     centre, yaw = {"A": ([3.6, -0.4, 1.5], 178.0), "C": ([0.8, -3.8, 1.5], 103.0)}[position]
-    return rigs.LocalisedRig(stated_rig(), looking(np.array(centre), np.radians(yaw), np.radians(25)), "labels", {})
+    return rigs.LocalisedRig(
+        default_rig(), camera_pose(np.array(centre), np.radians(yaw), np.radians(25)), "labels", {}
+    )
 
 
 @dataclass(frozen=True)
@@ -72,9 +74,9 @@ class SceneFiles:
 def build_scene(folder: Path) -> SceneFiles:
     """Write seeds of position A at azimuths 30 and 180 with both rocks and shadows; none for position C."""
     files = SceneFiles(*(folder / name for name in ("photos.parquet", "inventory.json", "seeds", "cameras", "meshes")))
-    obj.write(files.meshes / obj.ground_name(TERRAIN), flat_ground(), "ground")
+    obj.write_obj(files.meshes / obj.ground_name(TERRAIN), flat_ground(), "ground")
     for rock, (centre, size) in BLOCKS.items():
-        obj.write(files.meshes / obj.rock_name(TERRAIN, rock), block(centre, size), f"rock{rock}")
+        obj.write_obj(files.meshes / obj.rock_name(TERRAIN, rock), block(centre, size), f"rock{rock}")
     for position in "AC":
         rigs.write_localised(files.cameras / f"Pos{position}.json", localised(position))
     inventory.write_inventory(files.inventory, inventory.Inventory(TERRAIN, "release"))

@@ -19,7 +19,7 @@ from polarsim.labels.annotator import (
     rover_light_terms,
 )
 from polarsim.labels.fit_annotator import (
-    Samples,
+    AnnotatorSamples,
     TerrainFiles,
     fit_annotator,
     rover_light_samples,
@@ -28,7 +28,7 @@ from polarsim.labels.fit_annotator import (
 )
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import PropagationInputs, labels_of_terrain
-from polarsim.labels.seeds import Annotated
+from polarsim.labels.seeds import AnnotatedBoxes
 from polarsim.photo import PhotoKey
 
 from .conftest import BLOCKS, TERRAIN
@@ -109,7 +109,7 @@ def test_a_fit_recovers_the_habits_of_simulated_annotators(seed):
     moves = terms @ edges + random.normal(0, 0.01, len(terms))
     moves[::20] += 80  # outliers
     lit = random.normal(0, 1, (4000, len(ROVER_LIGHT_TERMS)))
-    found = fit_annotator([Samples(terms, moves)], [Samples(lit, 1 / (1 + np.exp(-lit @ rover)))])
+    found = fit_annotator([AnnotatorSamples(terms, moves)], [AnnotatorSamples(lit, 1 / (1 + np.exp(-lit @ rover)))])
     np.testing.assert_allclose(terms @ np.array(found.edges), terms @ edges, atol=0.5)
     np.testing.assert_allclose(found.rover_light, rover, atol=0.05)
 
@@ -129,7 +129,9 @@ def test_a_run_gives_samples_of_both_habits(scene):
     assert samples.terms.shape == (4 * 2 * len(cast), len(EDGE_TERMS))  # and as many under lamp 30
     assert np.sort(np.abs(samples.observed))[: 4 * len(cast)].max() < 1  # annotated where cast, but for rounding
     rover = PhotoKey.parse("03_A_on_no_L_4096")
-    lit = rover_light_samples(files, {key: Annotated(rocks, None), rover: Annotated(rocks[:1], None)}, options)
+    lit = rover_light_samples(
+        files, {key: AnnotatedBoxes(rocks, None), rover: AnnotatedBoxes(rocks[:1], None)}, options
+    )
     assert lit.terms.shape == (2, len(ROVER_LIGHT_TERMS))
     assert sorted(lit.observed) == [0, 1]
 

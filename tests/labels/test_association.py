@@ -3,7 +3,7 @@ import pytest
 
 from polarsim.labels.association import find_tracks, fit_dome, match_ids, number_domes
 from polarsim.labels.bodies import Dome, build_world
-from polarsim.photo import FIRST_UNMESHED_ROCK, NO_ROCK
+from polarsim.photo import FIRST_ID_WITHOUT_MESH, NO_ROCK
 from polarsim.run_files.scene import read_terrain
 
 from .conftest import TERRAIN, localised
@@ -78,7 +78,7 @@ def test_domes_of_two_views_at_the_same_place_are_the_same_rock():
         return Dome(np.array([x, y, 0.0]), 0.05, 0.05)
 
     numbers, domes = number_domes([[dome(0, 0), dome(1, 0)], [dome(1.02, 0.01), None, dome(0.5, 0.5)]])
-    first = FIRST_UNMESHED_ROCK
+    first = FIRST_ID_WITHOUT_MESH
     assert numbers == [[first, first + 1], [first + 1, first + 2, first + 3]]
     np.testing.assert_allclose(domes[first + 1].foot, [1.01, 0.005, 0])
     assert sorted(domes) == [first, first + 1, first + 3]  # a box without a dome has a number and no body

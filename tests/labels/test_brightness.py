@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import png, tables
-from polarsim.labels.brightness import Photos, noise_dn
+from polarsim.labels.brightness import PhotoBrightness, noise_dn
 from polarsim.photo import BLACK_LEVEL, HEIGHT, WHITE_LEVEL, WIDTH
 
 
@@ -17,7 +17,7 @@ def index(tmp_path):
         signal = np.repeat([[2.0, 20.0]], WIDTH // 2, axis=1) * exposure
         picture = np.minimum(np.broadcast_to(signal, (HEIGHT, WIDTH)) + BLACK_LEVEL, WHITE_LEVEL).astype(np.uint16)
         path = tmp_path / f"{exposure}.png"
-        png.write(path, picture)
+        png.write_png(path, picture)
         rows.append({"key": f"03_A_off_30_L_{exposure:04d}", "path": str(path)})
     rows.append({"key": "03_A_off_30_R_0064", "path": str(tmp_path / "missing.png")})
     table = pd.DataFrame(rows).reindex(columns=list(tables.PHOTO_COLUMNS))
@@ -26,22 +26,22 @@ def index(tmp_path):
 
 
 def test_every_pixel_comes_from_the_longest_exposure_that_did_not_clip_it(index):
-    brightness = Photos(index, 3).brightness((3, "A", "off", "30", "L"))
+    brightness = PhotoBrightness(index, 3).brightness((3, "A", "off", "30", "L"))
     assert brightness.exposures_ms == (64, 256)
     np.testing.assert_allclose(brightness.rate[5, [10, 1900]], [2, 20], rtol=1e-3)
 
 
 def test_an_exposure_is_clipped_as_its_photo_was(index):
-    brightness = Photos(index, 3).brightness((3, "A", "off", "30", "L"))
+    brightness = PhotoBrightness(index, 3).brightness((3, "A", "off", "30", "L"))
     np.testing.assert_allclose(brightness.at(256)[5, [10, 1900]], [512, WHITE_LEVEL - BLACK_LEVEL], rtol=1e-3)
 
 
 def test_a_bracket_without_readable_photo_has_no_brightness(index, caplog):
-    photos = Photos(index, 3)
+    photos = PhotoBrightness(index, 3)
     assert photos.brightness((3, "A", "off", "30", "R")) is None
     assert "missing.png" in caplog.text
     assert photos.brightness((3, "A", "on", "30", "L")) is None
-    assert Photos(index, 4).brightness((3, "A", "off", "30", "L")) is None
+    assert PhotoBrightness(index, 4).brightness((3, "A", "off", "30", "L")) is None
 
 
 def test_noise_is_that_of_photons_and_read_out():

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.outlines import TRIM
-from polarsim.labels.association import gather
+from polarsim.labels.association import associate_rocks
 from polarsim.labels.bodies import build_world
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import project_rock
 from polarsim.labels.propagate import PositionLabels
-from polarsim.labels.seeds import Annotated
+from polarsim.labels.seeds import AnnotatedBoxes
 from polarsim.labels.visibility import is_dark, omitted_in_dark
 from polarsim.photo import NO_ROCK, ROCK
 from polarsim.run_files.scene import TerrainMesh
@@ -47,9 +47,9 @@ def labelled(terrain, annotated_at, options, azimuth="180"):
     rig = localised("A")
     world = build_world(terrain, TRIM)
     boxes = np.array([project_rock(world, rig.camera("L"), rock).box for rock in ROCKS])
-    drawings = {("L", other): Annotated(boxes, None) for other in annotated_at}
+    drawings = {("L", other): AnnotatedBoxes(boxes, None) for other in annotated_at}
     seeds = {"A": drawings} if drawings else {}
-    known = gather(terrain, {"A": rig}, SUN_LAMPS, seeds, 0.0)
+    known = associate_rocks(terrain, {"A": rig}, SUN_LAMPS, seeds, 0.0)
     labels = PositionLabels(known, "A", options).labels("L", "off", azimuth)
     return {label.rock for label in labels if label.kind == ROCK}
 

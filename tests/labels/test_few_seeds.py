@@ -8,7 +8,7 @@ from polarsim.acquire.options import SeedOptions, SourceOptions
 from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.formats import release, yolo
-from polarsim.geometry.boxes import clip, iou, match
+from polarsim.geometry.boxes import clip, iou, match_by_iou
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import propagate_labels
 from polarsim.photo import SUNS, PhotoKey
@@ -90,7 +90,7 @@ def copied(seed, key):
 
 def f1(truth, found):
     """Pooled over files, pairs at IoU >= 0.5."""
-    hits = sum(len(match(iou(truth[key], boxes))[0]) for key, boxes in found.items())
+    hits = sum(len(match_by_iou(iou(truth[key], boxes))[0]) for key, boxes in found.items())
     return 2 * hits / sum(len(truth[key]) + len(boxes) for key, boxes in found.items())
 
 

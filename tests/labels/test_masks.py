@@ -65,7 +65,7 @@ def annotated(untouched_scene, tmp_path_factory):
 
 
 def grey(annotated, name):
-    return png.read(annotated / "masks" / f"{name}.png")
+    return png.read_png(annotated / "masks" / f"{name}.png")
 
 
 def test_every_photo_gets_polygons_and_a_grey_map(annotated):

@@ -23,24 +23,24 @@ def test_a_projected_rock_is_the_box_around_its_corners(untouched_scene, world, 
 
 
 def test_a_rock_behind_the_camera_is_not_shown(world):
-    from polarsim.geometry.poses import looking
-    from polarsim.geometry.stereo import stated_rig
+    from polarsim.geometry.poses import camera_pose
+    from polarsim.geometry.stereo import default_rig
     from polarsim.run_files.rigs import LocalisedRig
 
-    away = LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), 0.0, np.radians(25)))
+    away = LocalisedRig(default_rig(), camera_pose(np.array([3.6, -0.4, 1.5]), 0.0, np.radians(25)))
     assert project_rock(world, away.camera("L"), 4) is None
 
 
 def test_an_occluded_rock_has_a_reduced_visible_share(world):
-    from polarsim.geometry.poses import looking
-    from polarsim.geometry.stereo import stated_rig
+    from polarsim.geometry.poses import camera_pose
+    from polarsim.geometry.stereo import default_rig
     from polarsim.run_files.rigs import LocalisedRig
 
     # Seen from slightly above the ground, on the line through both blocks, block 4 occludes most of block 7.
     near, far = BLOCKS[4][0], BLOCKS[7][0]
     heading = (near - far) / np.linalg.norm(near - far)
     eye = near + 1.2 * heading + [0, 0, 0.10]
-    low = LocalisedRig(stated_rig(), looking(eye, np.arctan2(-heading[1], -heading[0]), 0.0))
+    low = LocalisedRig(default_rig(), camera_pose(eye, np.arctan2(-heading[1], -heading[0]), 0.0))
     shown = project_rock(world, low.camera("L"), 7)
     assert shown is None or shown.visible_share < 0.5
     assert project_rock(world, low.camera("L"), 4).visible_share == 1

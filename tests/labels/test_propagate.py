@@ -7,13 +7,13 @@ import pytest
 from polarsim.errors import FormatError, LabelError
 from polarsim.formats import obj, png, tables, yolo
 from polarsim.formats.coco import Annotation, write_coco
-from polarsim.geometry.boxes import centres, iou
+from polarsim.geometry.boxes import box_centres, iou
 from polarsim.geometry.poses import Pose
-from polarsim.labels.association import gather
-from polarsim.labels.brightness import OlatBrightness, Photos
+from polarsim.labels.association import associate_rocks
+from polarsim.labels.brightness import OlatBrightness, PhotoBrightness
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import PositionLabels, propagate_labels
-from polarsim.photo import BLACK_LEVEL, FIRST_UNMESHED_ROCK, PhotoKey, photo_grid
+from polarsim.photo import BLACK_LEVEL, FIRST_ID_WITHOUT_MESH, PhotoKey, photo_grid
 from polarsim.run_files import inventory, rigs
 from polarsim.run_files.lamps import surveyed_suns
 from polarsim.run_files.scene import read_terrain
@@ -146,14 +146,14 @@ def test_shadow_edges_follow_the_photo_except_in_annotated_photos(scene, tmp_pat
     rocks_only = yolo.read_boxes(scene.seeds / f"{key_annotated}.txt")[1][: len(BLOCKS)]
     localised_rigs = rigs.read_all_localised(scene.cameras)
     suns = surveyed_suns(localised_rigs)
-    known = gather(read_terrain(scene.meshes, TERRAIN), localised_rigs, suns, {}, WALL_HEIGHT)
+    known = associate_rocks(read_terrain(scene.meshes, TERRAIN), localised_rigs, suns, {}, WALL_HEIGHT)
     brightness = OlatBrightness(known).brightness((3, "A", "off", "30", "L"))
     rows = []
     for one in (key_annotated, sibling):
-        png.write(tmp_path / f"{one}.png", (brightness.at(one.exposure_ms) + BLACK_LEVEL).astype(np.uint16))
+        png.write_png(tmp_path / f"{one}.png", (brightness.at(one.exposure_ms) + BLACK_LEVEL).astype(np.uint16))
         rows.append({"key": str(one), "path": str(tmp_path / f"{one}.png")})
     tables.write_parquet(scene.photos, pd.DataFrame(rows).reindex(columns=list(tables.PHOTO_COLUMNS)))
-    shown = Photos(scene.photos, TERRAIN).brightness((3, "A", "off", "30", "L"))
+    shown = PhotoBrightness(scene.photos, TERRAIN).brightness((3, "A", "off", "30", "L"))
     shadows = PositionLabels(known, "A", LabelsOptions()).shadows
     cast = shadows.cast("L", "off", "30", dict(zip(BLOCKS, rocks_only, strict=True)), shown)
     annotated = np.array([cast[rock].box + np.array([-4, 3, 4, 3]) for rock in BLOCKS])
@@ -208,7 +208,7 @@ def test_a_photo_decides_whether_stray_light_shows_a_rock(scene, tmp_path, rng, 
     noise[1, y0:y1, x0:x1] += 60
     rows = []
     for one, picture in zip((dark, stray), noise, strict=True):
-        png.write(tmp_path / f"{one}.png", picture.clip(0).round().astype(np.uint16))
+        png.write_png(tmp_path / f"{one}.png", picture.clip(0).round().astype(np.uint16))
         rows.append({"key": str(one), "path": str(tmp_path / f"{one}.png")})
     tables.write_parquet(scene.photos, pd.DataFrame(rows).reindex(columns=list(tables.PHOTO_COLUMNS)))
     labels = propagate(scene, tmp_path / "out", keys=[dark, stray], visibility=visibility)
@@ -236,8 +236,8 @@ def test_a_rock_without_a_mesh_has_one_number_under_all_lamps(scene, tmp_path):
     (scene.meshes / "terrain03_rock7.obj").unlink()
     propagate(scene, tmp_path / "less")
     table = tables.read_parquet(tmp_path / "less" / "labels.parquet")
-    assert set(table["rock"]) == {4, FIRST_UNMESHED_ROCK}
-    assert "projected" in set(table[table["rock"] == FIRST_UNMESHED_ROCK]["source"])  # at position C, by its stand-in
+    assert set(table["rock"]) == {4, FIRST_ID_WITHOUT_MESH}
+    assert "projected" in set(table[table["rock"] == FIRST_ID_WITHOUT_MESH]["source"])  # at position C, by its stand-in
 
 
 def test_a_correction_overrides_its_photo_and_is_propagated(scene, tmp_path):
@@ -303,7 +303,7 @@ def test_a_rock_cut_by_the_left_border_is_complete_in_the_right_photo(scene, tmp
     centre = position.sandbox_from("L").translation
     foot = centre - ray * centre[2] / ray[2]
     mesh = block(foot, np.array([0.3, 0.3, 0.16]))
-    obj.write(scene.meshes / obj.rock_name(TERRAIN, 4), mesh, "rock4")
+    obj.write_obj(scene.meshes / obj.rock_name(TERRAIN, 4), mesh, "rock4")
     left, right = (position.project(camera, mesh.vertices) for camera in "LR")
     annotated = np.clip([[*left.min(axis=0), *left.max(axis=0)]], 0, [1936, 1216, 1936, 1216])
     assert annotated[0, 2] == 1936
@@ -354,7 +354,7 @@ def lose_pose(scene, position, off, method=rigs.SURVEYED, **metrics):
     rigs.write_localised(scene.cameras / f"Pos{position}.json", rigs.LocalisedRig(lost.rig, pose, method, metrics))
 
 
-@pytest.mark.parametrize("method", ["labels", rigs.UNSURE, rigs.SURVEYED])
+@pytest.mark.parametrize("method", ["labels", rigs.UNCERTAIN_LABELS, rigs.SURVEYED])
 def test_exposures_of_a_seeded_bracket_equal_the_seed_for_any_pose(scene, tmp_path, method):
     lose_pose(scene, "A", np.array([0.3, -0.4, 0.1]), method)
     found = propagate(scene, tmp_path / "lost", [one for one in KEYS if (one.position, one.azimuth) == ("A", "30")])
@@ -365,7 +365,7 @@ def test_exposures_of_a_seeded_bracket_equal_the_seed_for_any_pose(scene, tmp_pa
         np.testing.assert_array_equal(shadows(found, f"A_{light}_30_L_1024"), seed[len(BLOCKS) :])
 
 
-@pytest.mark.parametrize("method", [rigs.UNSURE, rigs.SURVEYED])
+@pytest.mark.parametrize("method", [rigs.UNCERTAIN_LABELS, rigs.SURVEYED])
 def test_an_unverified_position_copies_rocks_between_azimuths(scene, tmp_path, method):
     (scene.seeds / "03_A_off_180_L_0256.txt").unlink()
     lose_pose(scene, "A", np.array([0.3, -0.4, 0.1]), method)
@@ -375,10 +375,10 @@ def test_an_unverified_position_copies_rocks_between_azimuths(scene, tmp_path, m
 
 
 def test_a_guessed_pose_moves_labels_to_the_other_camera_along_its_epipolar_lines(scene, tmp_path):
-    lose_pose(scene, "A", np.zeros(3), rigs.UNSURE)
+    lose_pose(scene, "A", np.zeros(3), rigs.UNCERTAIN_LABELS)
     found = propagate(scene, tmp_path / "lost", [key("A_off_30_R_1024")])
     expected = np.array([scene.expected_box("A", "R", rock) for rock in BLOCKS])
-    np.testing.assert_allclose(centres(rocks(found, "A_off_30_R_1024")), centres(expected), atol=3)
+    np.testing.assert_allclose(box_centres(rocks(found, "A_off_30_R_1024")), box_centres(expected), atol=3)
     assert set(tables.read_parquet(tmp_path / "lost" / "labels.parquet")["source"]) == {"translated"}
 
 

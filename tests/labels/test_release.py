@@ -5,10 +5,10 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import obj, tables, yolo
-from polarsim.geometry.boxes import iou, match
+from polarsim.geometry.boxes import iou, match_by_iou
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.poses import looking
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.poses import camera_pose
+from polarsim.geometry.stereo import default_rig
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import propagate_labels
 from polarsim.photo import PhotoKey
@@ -40,7 +40,7 @@ def f1(truth: dict, found: dict, number: int) -> float:
     counts = np.zeros(3)
     for key, (classes, boxes) in truth.items():
         annotated, own = boxes[classes == number], found[key][1][found[key][0] == number]
-        counts += [len(match(iou(annotated, own))[0]), len(annotated), len(own)]
+        counts += [len(match_by_iou(iou(annotated, own))[0]), len(annotated), len(own)]
     return 2 * counts[0] / (counts[1] + counts[2])
 
 
@@ -57,13 +57,13 @@ def labels(request, release_root, tmp_path_factory):
     for key in seeds:
         yolo.write_boxes(folder / "seeds" / f"{key}.txt", *files[key])
     published = obj.rock_files(release_root / "TerrainMeshes" / f"Terrain{terrain:02d}")
-    meshes = {rock: obj.read(path) for rock, path in published.items()}
+    meshes = {rock: obj.read_obj(path) for rock, path in published.items()}
     for rock, mesh in meshes.items():
-        obj.write(folder / "meshes" / obj.rock_name(terrain, rock), mesh, f"rock{rock}")
-    obj.write(folder / "meshes" / obj.ground_name(terrain), sloping_ground(meshes), "ground")
+        obj.write_obj(folder / "meshes" / obj.rock_name(terrain, rock), mesh, f"rock{rock}")
+    obj.write_obj(folder / "meshes" / obj.ground_name(terrain), sloping_ground(meshes), "ground")
     for position, (x, y, z, *angles) in POSES[terrain].items():
-        pose = looking(np.array([x, y, z]), *np.radians(angles))
-        rigs.write_localised(folder / "cameras" / f"Pos{position}.json", rigs.LocalisedRig(stated_rig(), pose))
+        pose = camera_pose(np.array([x, y, z]), *np.radians(angles))
+        rigs.write_localised(folder / "cameras" / f"Pos{position}.json", rigs.LocalisedRig(default_rig(), pose))
     inventory.write_inventory(folder / "inventory.json", inventory.Inventory(terrain, "release"))
     tables.write_parquet(folder / "photos.parquet", pd.DataFrame({name: [] for name in tables.PHOTO_COLUMNS}))
     propagate_labels(

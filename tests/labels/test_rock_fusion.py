@@ -6,12 +6,12 @@ import pytest
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.outlines import TRIM
 from polarsim.labels import fusion
-from polarsim.labels.association import gather
+from polarsim.labels.association import associate_rocks
 from polarsim.labels.bodies import build_world
 from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import project_rock
-from polarsim.labels.seeds import Annotated
+from polarsim.labels.seeds import AnnotatedBoxes
 from polarsim.photo import NO_ROCK, SUNS
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.survey import SUN_LAMPS
@@ -46,11 +46,11 @@ def box_of(rock, position="A", camera="L", blocks=BLOCKS):
 def rocks_at(position, annotated, blocks=BLOCKS, options=OPTIONS):
     """Return the rocks of a position; `annotated`: position -> (camera, azimuth) -> boxes."""
     seeds = {
-        name: {drawing: Annotated(np.array(boxes).reshape(-1, 4), None) for drawing, boxes in drawings.items()}
+        name: {drawing: AnnotatedBoxes(np.array(boxes).reshape(-1, 4), None) for drawing, boxes in drawings.items()}
         for name, drawings in annotated.items()
     }
     rigs = {name: localised(name) for name in "AC"}
-    return PositionRocks(gather(terrain_of(blocks), rigs, SUN_LAMPS, seeds, 0.0), position, options)
+    return PositionRocks(associate_rocks(terrain_of(blocks), rigs, SUN_LAMPS, seeds, 0.0), position, options)
 
 
 def test_an_annotation_under_the_same_lamp_has_double_weight():
@@ -83,7 +83,7 @@ def test_a_rock_outside_the_annotated_photos_is_projected_into_the_second_camera
 def test_an_unlit_rock_outside_the_annotated_photos_is_dropped(monkeypatch):
     blocks = beyond_the_left_border()
     annotated = {"A": {("L", azimuth): [box_of(NEAR), box_of(FAR)] for azimuth in SUNS}}
-    monkeypatch.setattr("polarsim.labels.fusion.lit_share", lambda *_: 0.05)
+    monkeypatch.setattr("polarsim.labels.fusion.lit_rock_share", lambda *_: 0.05)
     assert {label.rock for label in rocks_at("A", annotated, blocks).labels("R", "30")} == {NEAR, FAR}
 
 

@@ -2,11 +2,11 @@ import numpy as np
 
 from polarsim.formats import yolo
 from polarsim.labels.seeds import (
-    Annotated,
+    AnnotatedBoxes,
     ShadowMinExposures,
     choose_seeds,
-    read_drawings,
-    shadow_starts,
+    read_seeds,
+    shadow_min_exposures,
     sort_by_camera,
 )
 from polarsim.photo import PhotoKey
@@ -19,15 +19,15 @@ def write(folder, name, shadows=1, offset=0):
     yolo.write_boxes(folder / f"{name}.txt", np.array([0] + [1] * shadows), boxes)
 
 
-def read_seeds(folder, corrections=None, shadow_start_ms=0):
-    return choose_seeds(read_drawings(folder, 3), corrections or {}, ShadowMinExposures(shadow_start_ms))
+def chosen_seeds(folder, corrections=None, shadow_start_ms=0):
+    return choose_seeds(read_seeds(folder, 3), corrections or {}, ShadowMinExposures(shadow_start_ms))
 
 
 def test_seeds_of_both_cameras_are_kept_by_position_and_lamp(tmp_path):
     write(tmp_path, "03_A_off_30_L_0256")
     write(tmp_path, "03_A_off_30_R_0256")
     write(tmp_path, "03_C_off_180_R_0256")
-    seeds = read_seeds(tmp_path)
+    seeds = chosen_seeds(tmp_path)
     assert {position: sorted(annotated) for position, annotated in seeds.items()} == {
         "A": [("L", "30"), ("R", "30")],
         "C": [("R", "180")],
@@ -38,24 +38,24 @@ def test_the_annotation_with_most_boxes_without_rover_light_is_chosen(tmp_path):
     write(tmp_path, "03_A_off_30_L_0128", shadows=0)
     write(tmp_path, "03_A_off_30_L_0256", shadows=2)
     write(tmp_path, "03_A_on_30_L_0256", shadows=3)
-    assert len(read_seeds(tmp_path)["A"]["L", "30"].shadows) == 2
+    assert len(chosen_seeds(tmp_path)["A"]["L", "30"].shadows) == 2
 
 
 def test_a_dark_correction_takes_the_shadows_of_the_seed(tmp_path):
     write(tmp_path, "03_A_off_30_L_0256")
     nothing = np.zeros((0, 4))
-    edited = {PhotoKey.parse("03_A_on_30_L_0032"): Annotated(np.array([ROCK + 7, ROCK + 300]), nothing)}
-    annotated = read_seeds(tmp_path, edited, shadow_start_ms=128)["A"]["L", "30"]
+    edited = {PhotoKey.parse("03_A_on_30_L_0032"): AnnotatedBoxes(np.array([ROCK + 7, ROCK + 300]), nothing)}
+    annotated = chosen_seeds(tmp_path, edited, shadow_start_ms=128)["A"]["L", "30"]
     np.testing.assert_allclose(annotated.rocks[0], ROCK + 7)
     np.testing.assert_allclose(annotated.shadows, [SHADOW], atol=0.01)
-    edited = {PhotoKey.parse("03_A_on_30_L_0256"): Annotated(np.array([ROCK]), nothing)}
-    assert len(read_seeds(tmp_path, edited, shadow_start_ms=128)["A"]["L", "30"].shadows) == 0
+    edited = {PhotoKey.parse("03_A_on_30_L_0256"): AnnotatedBoxes(np.array([ROCK]), nothing)}
+    assert len(chosen_seeds(tmp_path, edited, shadow_start_ms=128)["A"]["L", "30"].shadows) == 0
 
 
 def test_a_dark_seed_without_shadows_has_unknown_shadows(tmp_path):
     write(tmp_path, "03_A_off_30_L_0064", shadows=0)
-    assert read_seeds(tmp_path, shadow_start_ms=128)["A"]["L", "30"].shadows is None
-    assert len(read_seeds(tmp_path, shadow_start_ms=32)["A"]["L", "30"].shadows) == 0
+    assert chosen_seeds(tmp_path, shadow_start_ms=128)["A"]["L", "30"].shadows is None
+    assert len(chosen_seeds(tmp_path, shadow_start_ms=32)["A"]["L", "30"].shadows) == 0
 
 
 def test_cameras_are_sorted_by_number_of_annotations():
@@ -64,7 +64,7 @@ def test_cameras_are_sorted_by_number_of_annotations():
 
 
 def starts_of(folder, key):
-    return shadow_starts(read_drawings(folder, 3), 128).of(PhotoKey.parse(key))
+    return shadow_min_exposures(read_seeds(folder, 3), 128).of(PhotoKey.parse(key))
 
 
 def test_the_minimum_shadow_exposure_follows_the_annotation_or_the_default(tmp_path):

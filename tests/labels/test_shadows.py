@@ -5,10 +5,10 @@ import trimesh
 
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.masks import windows_of
-from polarsim.labels.association import gather
+from polarsim.labels.association import associate_rocks
 from polarsim.labels.bodies import build_world
 from polarsim.labels.brightness import OlatBrightness
-from polarsim.labels.casting import VisibleIds, lamp, shadow_box
+from polarsim.labels.casting import VisibleIds, active_lamp, shadow_box
 from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.shadows import CastShadow, PositionShadows, mean_shadow
@@ -107,16 +107,16 @@ def test_an_invisible_shadow_has_no_box(world, ids):
 
 def test_the_active_lamp_of_each_light_setting(world):
     rig = localised("A")
-    assert lamp(world, rig, "off", "no") is None
+    assert active_lamp(world, rig, "off", "no") is None
     cameras = [rig.camera(side).centre for side in "LR"]
-    assert np.linalg.norm(lamp(world, rig, "on", "no") - np.mean(cameras, axis=0)) < 0.15
-    np.testing.assert_allclose(lamp(world, rig, "on", "30"), lamp(world, rig, "off", "30"))
+    assert np.linalg.norm(active_lamp(world, rig, "on", "no") - np.mean(cameras, axis=0)) < 0.15
+    np.testing.assert_allclose(active_lamp(world, rig, "on", "30"), active_lamp(world, rig, "off", "30"))
 
 
 def test_lamp_positions_come_from_the_calibration(untouched_scene):
     found = {"180": np.array([-3.5, 0.4, 0.8])}
     world = build_world(read_terrain(untouched_scene.meshes, TERRAIN), 0.004, found)
-    np.testing.assert_array_equal(lamp(world, localised("A"), "off", "180"), found["180"])
+    np.testing.assert_array_equal(active_lamp(world, localised("A"), "off", "180"), found["180"])
 
 
 @pytest.fixture(scope="module")
@@ -184,9 +184,9 @@ def test_a_shadow_ends_at_the_wall_shadow_in_the_photo(untouched_scene):
     rig = {"A": localised("A")}
     photo_of = {}
     for height in (0.3, 0.42):
-        known = gather(terrain, rig, {"30": lamp_position}, {}, height)
+        known = associate_rocks(terrain, rig, {"30": lamp_position}, {}, height)
         photo_of[height] = OlatBrightness(known).brightness((3, "A", "off", "30", "L"))
-    known = gather(terrain, rig, {"30": lamp_position}, {}, 0.3)
+    known = associate_rocks(terrain, rig, {"30": lamp_position}, {}, 0.3)
     shadows = PositionShadows(PositionRocks(known, "A", LabelsOptions()), LabelsOptions())
     low, high = (shadows.cast("L", "off", "30", {4: None}, photo_of[height])[4].box for height in (0.3, 0.42))
     assert high[3] < low[3] - 20  # the shadow of the near wall covers the lower part

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polarsim.geometry.boxes import around
-from polarsim.labels.seeds import Annotated, drop_mislabelled
+from polarsim.geometry.boxes import box_around_points
+from polarsim.labels.seeds import AnnotatedBoxes, drop_mislabelled
 from polarsim.photo import NO_ROCK, PhotoKey
 from polarsim.run_files.scene import TerrainMesh
 
@@ -33,9 +33,11 @@ def drawings(**view_of):
     """Return seeds under two Sun lamps for each position, with the boxes of the view `view_of`."""
     made = {}
     for position, view in view_of.items():
-        boxes = np.array([around(LOCALISED[view].project("L", mesh.vertices)) for mesh in ROCKS.values()])
+        boxes = np.array([box_around_points(LOCALISED[view].project("L", mesh.vertices)) for mesh in ROCKS.values()])
         for azimuth in ("30", "270"):
-            made[PhotoKey(3, position, "off", azimuth, "L", 256)] = Annotated(boxes, boxes + np.array([10, 5, 30, 5]))
+            made[PhotoKey(3, position, "off", azimuth, "L", 256)] = AnnotatedBoxes(
+                boxes, boxes + np.array([10, 5, 30, 5])
+            )
     return made
 
 

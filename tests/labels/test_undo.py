@@ -9,7 +9,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.labels.label import Label
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import PropagationInputs, propagate_labels
-from polarsim.labels.undo import followed, what_followed
+from polarsim.labels.undo import derived_labels, label_changes
 from polarsim.photo import PhotoKey, photo_grid
 
 from .conftest import TERRAIN
@@ -31,15 +31,15 @@ def test_changed_labels_are_gone_moved_or_new():
     key = KEYS[0]
     now = {key: [label(0), label(50, rock=5), label(80, "shadow"), label(100, rock=6)]}
     then = {key: [label(0.4), label(53, rock=5), label(80, "shadow"), label(200, rock=7)]}
-    found = followed(now, then)
+    found = label_changes(now, then)
     assert found[["rock", "change"]].to_numpy().tolist() == [[5, "moved"], [6, "gone"], [7, "new"]]
     assert found["moved_px"].tolist()[0] == 3
-    assert followed(then, now)["change"].tolist() == ["moved", "new", "gone"]
-    assert followed(now, now).empty
+    assert label_changes(then, now)["change"].tolist() == ["moved", "new", "gone"]
+    assert label_changes(now, now).empty
 
 
 def test_two_labels_of_one_rock_are_compared_in_their_order():
-    found = followed({KEYS[0]: [label(0), label(300)]}, {KEYS[0]: [label(310), label(0)]})
+    found = label_changes({KEYS[0]: [label(0), label(300)]}, {KEYS[0]: [label(310), label(0)]})
     assert found["moved_px"].tolist() == [10]
 
 
@@ -49,7 +49,7 @@ def inputs(scene):
 
 def test_derived_labels_are_missing_in_a_run_without_the_seed(scene, tmp_path):
     chosen = PropagationInputs(terrain=TERRAIN, keys=KEYS, **inputs(scene))
-    found = what_followed(drawing=SEED, inputs=chosen, options=OPTIONS, out=tmp_path / "undone.parquet")
+    found = derived_labels(drawing=SEED, inputs=chosen, options=OPTIONS, out=tmp_path / "undone.parquet")
     assert read_parquet(tmp_path / "undone.parquet").equals(found)
     assert "03_A_on_180_L_0128" in set(found["key"])  # another light of the same lamp
 
@@ -68,7 +68,7 @@ def test_derived_labels_are_missing_in_a_run_without_the_seed(scene, tmp_path):
 def test_only_annotated_photos_can_be_excluded(scene, tmp_path):
     options = OPTIONS.model_copy(update={"taken_back": (str(SEED),)})
     with pytest.raises(LabelError, match=str(SEED)):
-        what_followed(
+        derived_labels(
             drawing=SEED,
             inputs=PropagationInputs(terrain=TERRAIN, keys=KEYS, **inputs(scene)),
             options=options,

@@ -41,7 +41,7 @@ def test_a_defect_is_drawn_on_the_twin_of_its_photo(root, tmp_path):
     yolo.write_boxes(path(root, 512), [*CLASSES, 1], [*BOXES, BOXES[-1]])
     twins = tmp_path / "twins"
     twins.mkdir()
-    png.write(twins / f"{KEY.with_exposure(512)}.png", np.full((HEIGHT, WIDTH), 900, np.uint16))
+    png.write_png(twins / f"{KEY.with_exposure(512)}.png", np.full((HEIGHT, WIDTH), 900, np.uint16))
     seen, _ = annotated(root, tmp_path, [twins])
     assert (seen["svg"], seen["image"]) == (3, 2)  # both findings of 512 ms, not the finding of 1,024 ms
 

@@ -9,7 +9,7 @@ import pytest
 from polarsim.errors import FormatError
 from polarsim.formats import png, yolo
 from polarsim.formats.release import SNAKEMAKE_FILE
-from polarsim.lint.folders import lint
+from polarsim.lint.folders import lint_folder
 from polarsim.lint.rules import RULES
 from polarsim.photo import exposures
 from tests.lint.conftest import BOXES, CLASSES, KEY, LABELS, path
@@ -30,7 +30,7 @@ def picture(file):
 
 
 def defects(root):
-    return [(one.defect, one.file) for one in lint(root, set(RULES)).findings if one.severity != "note"]
+    return [(one.defect, one.file) for one in lint_folder(root, set(RULES)).findings if one.severity != "note"]
 
 
 @pytest.mark.parametrize(
@@ -48,7 +48,7 @@ def test_label_files_with_pictures_are_validated_in_every_usual_layout(tmp_path,
     picture(tmp_path / images / "one.jpg")
     write(tmp_path / labels / "one.txt", text)
     write(tmp_path / labels / "classes.txt", "rock\nshadow\n")
-    report = lint(tmp_path, set(RULES))
+    report = lint_folder(tmp_path, set(RULES))
     assert (report.findings, report.contents["folder"]["boxes"]) == ([], 1)
     broken = write(tmp_path / labels / "one.txt", text + "0 0.5 0.5 0.2 0.2 17\n")
     assert defects(tmp_path) == [("malformed", broken.relative_to(tmp_path).as_posix())]
@@ -64,14 +64,14 @@ def test_label_files_of_a_run_are_validated_without_its_marker_files(tmp_path, f
     assert defects(root) == []
     yolo.write_boxes(place / f"{KEY.with_exposure(512)}.txt", CLASSES[1:], BOXES[1:])
     assert [name for name, _ in defects(root)] == ["rock_missing"]
-    assert lint(place.parent, set(RULES)).count("warning") == 1
+    assert lint_folder(place.parent, set(RULES)).count("warning") == 1
 
 
 def test_flat_label_files_are_validated_by_the_names_of_their_class_list(tmp_path):
     for exposure_ms in exposures(11, "30"):
         yolo.write_boxes(tmp_path / f"{KEY.with_exposure(exposure_ms)}.txt", 1 - CLASSES, BOXES)
     write(tmp_path / "obj.names", "shadow\nrock\n")
-    report = lint(tmp_path, set(RULES))
+    report = lint_folder(tmp_path, set(RULES))
     assert report.findings == []
     assert report.contents["Terrain11"]["rock_boxes"] == (CLASSES == 0).sum() * len(exposures(11, "30"))
     write(tmp_path / "notes of mine.txt", "")
@@ -84,10 +84,10 @@ def test_a_folder_of_unknown_layout_is_refused_with_its_content(tmp_path, files)
         write(tmp_path / "some" / name, text)
     (tmp_path / "some").mkdir(exist_ok=True)
     with pytest.raises(FormatError) as caught:
-        lint(tmp_path / "some", set(RULES))
+        lint_folder(tmp_path / "some", set(RULES))
     assert all(name in str(caught.value) for name in files)
     with pytest.raises(FormatError, match="no such folder"):
-        lint(tmp_path / "nowhere", set(RULES))
+        lint_folder(tmp_path / "nowhere", set(RULES))
 
 
 def test_a_repaired_copy_has_only_label_files_and_is_named_in_the_output(root, tmp_path, polarsim):
@@ -110,7 +110,7 @@ def test_a_repaired_copy_has_only_label_files_and_is_named_in_the_output(root, t
 def test_labels_of_other_class_numbers_are_not_repaired(root, tmp_path):
     write(root / LABELS / "classes.txt", "shadow\nrock\n")
     with pytest.raises(FormatError, match=r"classes\.txt"):
-        lint(root, set(RULES), fix=tmp_path / "fixed")
+        lint_folder(root, set(RULES), fix=tmp_path / "fixed")
     assert not (tmp_path / "fixed").exists()
 
 
@@ -157,7 +157,7 @@ def test_masks_are_painted_from_every_layout_of_polygons(tmp_path, polarsim, pla
     write(tmp_path / "in" / place / SNAKEMAKE_FILE, "")
     done = polarsim("masks", tmp_path / "in" / given, tmp_path / "out")
     assert done.returncode == 0, done.stderr
-    assert png.read(tmp_path / f"out/{KEY}.png")[150, 300] == 128
+    assert png.read_png(tmp_path / f"out/{KEY}.png")[150, 300] == 128
     assert polarsim("masks", tmp_path / "nowhere", tmp_path / "more").returncode == 1
 
 
@@ -174,7 +174,7 @@ def test_a_triangle_is_a_polygon_but_a_box_with_a_track_id_is_not(tmp_path):
 def test_polygons_without_boxes_are_read_as_polygons(tmp_path, below):
     ring = np.array([[100.0, 100], [200, 100], [200, 220], [100, 220]])
     yolo.write_polygons(tmp_path / below / "03_A_off_30_L_0256.txt", [(2, ring), (3, ring + 300)])
-    report = lint(tmp_path, set(RULES))
+    report = lint_folder(tmp_path, set(RULES))
     (content,) = report.contents.values()
     assert content["polygon_files"] == 1
     assert content["label_files"] == 0

@@ -7,7 +7,7 @@ from PIL import Image
 
 from polarsim.errors import FormatError
 from polarsim.formats import png
-from polarsim.lint.folders import lint
+from polarsim.lint.folders import lint_folder
 from polarsim.lint.rules import RULES
 
 BOX = "0 0.5 0.5 0.2 0.2\n"
@@ -26,7 +26,7 @@ def root(tmp_path):
 
 
 def found(root):
-    return [(one.defect, one.file, one.line) for one in lint(root, set(RULES)).findings]
+    return [(one.defect, one.file, one.line) for one in lint_folder(root, set(RULES)).findings]
 
 
 def test_sound_pictures_and_labels_have_no_defect(root):
@@ -63,7 +63,7 @@ def test_a_broken_picture_is_reported_and_a_folder_without_labels_refused(root):
     with pytest.raises(FormatError, match=str(root)):
         found(root)
     with pytest.raises(FormatError, match=str(root)):
-        lint(root, set(RULES), fix=root / "out")
+        lint_folder(root, set(RULES), fix=root / "out")
 
 
 @pytest.mark.parametrize("name", ["large.jpg", "large.tif", "large.webp", "large.png"])

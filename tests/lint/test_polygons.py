@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from polarsim.lint.files import against_boxes, file_defects, other_camera, ring_defects
+from polarsim.lint.files import file_defects, other_camera, polygon_box_mismatches, ring_defects
 from polarsim.photo import PhotoKey
 
 BACKGROUND, GROUND, ROCK, SHADOW = range(4)
@@ -60,11 +60,11 @@ def boxes(*rows):
 
 def test_objects_that_only_one_of_the_two_files_has_are_found():
     both = boxes((0, square(100, 100)), (1, square(160, 110)))
-    assert list(against_boxes(SOUND, both)) == []
+    assert list(polygon_box_mismatches(SOUND, both)) == []
     more = boxes((0, square(100, 100)), (1, square(160, 110)), (0, square(600, 600)), (1, square(700, 700)))
-    assert [defect.name for defect in against_boxes(SOUND, more)] == ["rock_box_alone", "shadow_box_alone"]
+    assert [defect.name for defect in polygon_box_mismatches(SOUND, more)] == ["rock_box_alone", "shadow_box_alone"]
     other = boxes((0, square(600, 600)), (1, square(100, 100)))
-    assert [defect.name for defect in against_boxes(SOUND, other)] == [
+    assert [defect.name for defect in polygon_box_mismatches(SOUND, other)] == [
         "rock_box_alone", "shadow_box_alone", "rock_polygon_alone", "shadow_polygon_alone", "class_mismatch",
     ]  # fmt: skip
 

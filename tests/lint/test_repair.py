@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import tables, yolo
-from polarsim.lint.folders import lint
+from polarsim.lint.folders import lint_folder
 from polarsim.lint.repair import REPAIR_TABLE, _drop_malformed, write_repaired
 from polarsim.lint.rules import RULES
 from polarsim.photo import exposures
@@ -19,12 +19,12 @@ POLYGONS = "SegmentationLabels/terrain11/labels"
 
 def repaired(root):
     """Return the copy with all repairs, and its `changes.csv`."""
-    before = lint(root, set(RULES))
+    before = lint_folder(root, set(RULES))
     out = root.with_name("repaired")
     count = write_repaired(root, before.findings, out)
     changes = tables.read_csv(out / REPAIR_TABLE, ["file", "code"])
     assert len(changes) == count == sum(bool(RULES[one.defect].repair) for one in before.findings)
-    assert [one for one in lint(out, set(RULES)).findings if RULES[one.defect].repair] == []
+    assert [one for one in lint_folder(out, set(RULES)).findings if RULES[one.defect].repair] == []
     return out, changes
 
 
@@ -91,7 +91,7 @@ def test_repairs_do_not_depend_on_the_wording_of_messages(root, monkeypatch, tol
     polygons.write_text(sound + "2 0.1 0.1\n" + sound)
     before, _ = repaired(root)
     monkeypatch.setattr(PolarsimError, "__str__", lambda error: told)
-    report, after = lint(root, set(RULES)), root.with_name("reworded")
+    report, after = lint_folder(root, set(RULES)), root.with_name("reworded")
     assert [one.line for one in report.findings if one.defect == "malformed"] == [1, 2]
     write_repaired(root, report.findings, after)
     assert path(after, 1024).read_text() == text
@@ -186,12 +186,12 @@ def test_a_defect_of_any_number_of_exposures_does_not_spread(folder, data, damag
             damage, row = damaged[exposure_ms]
             file.write_text("".join(f"{line}\n" for line in damage(file.read_text().splitlines(), row)))
     out, again = folder / "repaired", folder / "again"
-    write_repaired(folder / "tree", lint(folder / "tree", set(RULES)).findings, out)
+    write_repaired(folder / "tree", lint_folder(folder / "tree", set(RULES)).findings, out)
     assert {exposure_ms: path(out, exposure_ms).read_bytes() for exposure_ms in sound} == sound
     shadows = any(exposure_ms >= 128 for exposure_ms in sound)
     for exposure_ms in damaged:
         assert_boxes(path(out, exposure_ms), (2 if exposure_ms >= 128 and shadows else 1) > CLASSES)
-    report = lint(out, set(RULES))
+    report = lint_folder(out, set(RULES))
     assert [one for one in report.findings if RULES[one.defect].repair] == []
     (out / REPAIR_TABLE).unlink()
     assert write_repaired(out, report.findings, again) == 0
@@ -213,7 +213,7 @@ def test_repeated_boxes_in_most_exposures_do_not_change_the_sound_file(root):
         file.write_text("".join(f"{line}\n" for line in twice(file.read_text().splitlines(), 0)))
     sound = path(root, EXPOSURES[-1]).read_bytes()
     out = root.with_name("repaired")
-    write_repaired(root, lint(root, set(RULES)).findings, out)
+    write_repaired(root, lint_folder(root, set(RULES)).findings, out)
     assert path(out, EXPOSURES[-1]).read_bytes() == sound
     assert_whole(out, EXPOSURES[-2])
 
@@ -223,6 +223,6 @@ def test_a_defect_revealed_by_a_repair_is_repaired_and_listed(root):
     lines = file.read_text().splitlines()
     file.write_text("\n".join([lines[0], *lines, "rock 1"]))
     out = root.with_name("repaired")
-    write_repaired(root, lint(root, set(RULES)).findings, out)
+    write_repaired(root, lint_folder(root, set(RULES)).findings, out)
     assert_whole(out, 1024)
     assert list(tables.read_csv(out / REPAIR_TABLE, ["file", "code"])["code"]) == ["B201", "F110"]

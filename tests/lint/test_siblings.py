@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from polarsim import survey
-from polarsim.geometry.poses import looking
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.poses import camera_pose
+from polarsim.geometry.stereo import default_rig
 from polarsim.lint.rules import RULES
 from polarsim.lint.siblings import sibling_defects
 from polarsim.lint.views import view_defects
@@ -21,8 +21,8 @@ SIDE = 0.16  # metres
 
 def annotated(key, points, offset=0.0):
     """Return boxes of objects of 16 cm on the ground, moved by `offset` metres away from the lamp."""
-    left = looking(SURVEYED_LEFT[key.position], np.radians(survey.NOMINAL_YAW_DEG[key.position]), np.radians(25))
-    rig = stated_rig()
+    left = camera_pose(SURVEYED_LEFT[key.position], np.radians(survey.NOMINAL_YAW_DEG[key.position]), np.radians(25))
+    rig = default_rig()
     pose = left if key.camera == "L" else left @ rig.left_from_right
     away = points - lamp_position(key.azimuth)[:2]
     feet = points + offset * away / np.linalg.norm(away, axis=1, keepdims=True)

@@ -4,7 +4,7 @@ import pytest
 
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue, read_catalogue
-from polarsim.publish.run import publish
+from polarsim.publish.run import publish_forms
 from tests.publish.tiny import make_run
 
 
@@ -25,7 +25,7 @@ def published(run, tmp_path_factory):
 
     def folder(form: str) -> Path:
         if not (out / form).exists():
-            publish(run, out, [form])
+            publish_forms(run, out, [form])
         return out / form
 
     return folder
@@ -58,7 +58,7 @@ def drives_published(drive, tmp_path_factory):
 
     def folder(form: str) -> Path:
         if not (out / form).exists():
-            publish(drive.parents[1], out, [form])
+            publish_forms(drive.parents[1], out, [form])
         return out / form
 
     return folder

@@ -57,7 +57,7 @@ def test_image_files_have_the_stated_checksums(published, catalogue):
     for row, picture in zip(table.to_dict("records"), catalogue.pictures, strict=True):
         content = (folder / row["file"]).read_bytes()
         assert hashlib.sha256(content).hexdigest() == row["sha256"]
-        np.testing.assert_array_equal(png.read(folder / row["file"]), png.read(picture.path))
+        np.testing.assert_array_equal(png.read_png(folder / row["file"]), png.read_png(picture.path))
 
 
 def test_a_changed_table_is_rejected(published, tmp_path):

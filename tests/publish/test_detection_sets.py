@@ -65,7 +65,7 @@ def test_yolo_boxes_are_accurate_to_a_hundredth_of_a_pixel(published, catalogue)
         assert stated["names"] == dict(enumerate(BOX_CLASSES))
         for one in catalogue.of_domain(domain):
             images = folder / stated["path"] / stated[one.part]
-            picture = png.read(images / f"{one.key}.png")
+            picture = png.read_png(images / f"{one.key}.png")
             assert (picture.shape, picture.dtype) == (SIZE[::-1], np.uint8)
             text = str(images / f"{one.key}.txt").replace("/images/", "/labels/")  # rule of YOLO trainers
             classes, boxes = yolo.read_boxes(text, SIZE)

@@ -4,7 +4,7 @@ import pytest
 from polarsim.formats import coco, png, rle
 from polarsim.photo import BOX_CLASSES
 from polarsim.publish import huggingface, records
-from polarsim.publish.run import publish
+from polarsim.publish.run import publish_forms
 from tests.publish.tiny import KEYS, PARTS, SIZE, make_run, photo_labels
 
 datasets = pytest.importorskip("datasets")
@@ -27,7 +27,7 @@ def test_values_boxes_masks_and_ids_are_read_back_exactly(load, catalogue, form)
         assert set(found) == {str(one.key) for one in catalogue.of_domain(domain)}
         for one in catalogue.of_domain(domain):
             row = found[str(one.key)]
-            np.testing.assert_array_equal(np.array(row["image"]), png.read(one.path))
+            np.testing.assert_array_equal(np.array(row["image"]), png.read_png(one.path))
             np.testing.assert_array_equal(np.array(row["ids"]), records.ids(catalogue, one))
             for label, got in zip(catalogue.labels(one), row["objects"], strict=True):
                 x, y, width, height = got["bbox"]
@@ -65,7 +65,7 @@ def test_a_split_without_labels_has_the_same_column_types(tmp_path, monkeypatch)
     dark = {key: [] if PARTS[key] == "test" else photo_labels(key) for key in KEYS}
     coco.write_coco(run / "labels/coco/Terrain01.json", dark, size=SIZE)
     for form in ("hf", "parquet"):
-        publish(run, tmp_path / "out", [form])
+        publish_forms(run, tmp_path / "out", [form])
         parts = datasets.load_dataset(str(tmp_path / "out" / form), "analog", cache_dir=str(tmp_path / "cache"))
         assert {name: {len(row["objects"]) for row in part} for name, part in parts.items()} == {
             "train": {5},

@@ -59,7 +59,7 @@ def test_violations_of_the_rules_are_detected(published, old, new, rule):
 def test_maps_of_depth_angles_and_normals_have_their_units(published, catalogue):
     folder, units = published("pds4") / "maps", {"depth": "mm", "incidence": "deg", "normal": None}
     for name, path in catalogue.maps():
-        wanted = png.read(path)
+        wanted = png.read_png(path)
         found = opened(folder / f"{name}_{path.stem}.xml")["image"]
         # The reader applies the factor of the label: hundredths of a degree become degrees.
         scale = 0.01 if name == "incidence" else 1
@@ -72,7 +72,7 @@ def test_maps_of_depth_angles_and_normals_have_their_units(published, catalogue)
 def test_values_of_images_and_ids_are_read_back_exactly(published, catalogue):
     folder = published("pds4")
     for one in catalogue.pictures:
-        for place, wanted in (("data", png.read(one.path)), ("ids", records.ids(catalogue, one))):
+        for place, wanted in (("data", png.read_png(one.path)), ("ids", records.ids(catalogue, one))):
             found = opened(folder / f"{place}_{one.domain}/{one.key}.xml")["image"]
             np.testing.assert_array_equal(np.asarray(found.data), wanted)
         unit = ElementTree.parse(folder / f"data_{one.domain}/{one.key}.xml").find(f".//{PDS}Element_Array/{PDS}unit")

@@ -23,7 +23,7 @@ def test_colmap_reads_poses_lenses_and_names(published, catalogue):
             sandbox_from_camera = Pose.from_matrix(image.cam_from_world().matrix()).inverse()
             np.testing.assert_allclose(sandbox_from_camera.matrix, camera.world_from_camera.matrix, atol=1e-9, rtol=0)
             np.testing.assert_allclose(image.project_point(PLACE), camera.project(PLACE), atol=1e-9, rtol=1e-12)
-            assert png.read(folder / "images" / image.name).shape == SIZE[::-1]
+            assert png.read_png(folder / "images" / image.name).shape == SIZE[::-1]
         assert len(model.rigs) == 1
         assert len(model.frames) == 2
         assert abs(len(model.points3D) - POINTS) < 300

@@ -10,7 +10,7 @@ from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from polarsim.formats.ros import OTHERS
+from polarsim.formats.ros import EXTRA_DEFINITIONS
 
 STATION = "stations/{domain}/Terrain01_PosA"
 
@@ -18,7 +18,11 @@ STATION = "stations/{domain}/Terrain01_PosA"
 @pytest.fixture(scope="module")
 def store():
     store = get_typestore(Stores.ROS2_HUMBLE)
-    types = {kind: fields for name, text in OTHERS.items() for kind, fields in get_types_from_msg(text, name).items()}
+    types = {
+        kind: fields
+        for name, text in EXTRA_DEFINITIONS.items()
+        for kind, fields in get_types_from_msg(text, name).items()
+    }
     store.register(types)
     return store
 

@@ -22,7 +22,7 @@ from polarsim.publish import run as running
 from polarsim.publish.bundle import Bundle, check_space
 from polarsim.publish.catalogue import read_catalogue
 from polarsim.publish.options import PublishOptions
-from polarsim.publish.run import FORMS, publish, publish_run, summary
+from polarsim.publish.run import FORMS, form_summary, publish_forms, publish_run
 from polarsim.publish.subset import limit_size, parse_size, parse_subset, select
 from tests.publish.tiny import KEYS, content, make_run
 
@@ -32,13 +32,13 @@ LACKING = {"euroc", "tum", "detectors"}  # not available for the small run
 @pytest.mark.parametrize("form", sorted(set(FORMS) - LACKING))
 def test_the_same_run_gives_the_same_bytes(form, run, published, tmp_path):
     first, second = published(form), tmp_path / form
-    publish(run, tmp_path, [form])
+    publish_forms(run, tmp_path, [form])
     assert content(first) == content(second)
 
 
 @pytest.mark.parametrize("form", ["mcap", "euroc", "tum"])
 def test_the_same_drive_gives_the_same_bytes(form, drive, drives_published, tmp_path):
-    publish(drive.parents[1], tmp_path, [form])
+    publish_forms(drive.parents[1], tmp_path, [form])
     assert content(drives_published(form)) == content(tmp_path / form)
 
 
@@ -69,29 +69,29 @@ def test_an_interrupted_export_is_resumed(run, published, tmp_path, monkeypatch)
 
     monkeypatch.setattr(bundles.shutil, "copyfile", stop_at_third)
     with pytest.raises(KeyboardInterrupt):
-        publish(run, tmp_path, ["coco"])
+        publish_forms(run, tmp_path, ["coco"])
     assert not (tmp_path / "coco/publish.json").exists()
     assert not list((tmp_path / "coco").rglob(".*.png"))  # no partial files
     monkeypatch.setattr(bundles.shutil, "copyfile", lambda *paths: copied.append(paths[0]) or copy(*paths))
-    publish(run, tmp_path, ["coco"])
+    publish_forms(run, tmp_path, ["coco"])
     assert len(copied) == len(set(copied)) == 8  # each file once
     assert content(tmp_path / "coco") == content(published("coco"))
 
 
 def test_a_changed_image_is_published_again(tmp_path):
     run = make_run(tmp_path)
-    publish(run, tmp_path / "out", ["coco"])
+    publish_forms(run, tmp_path / "out", ["coco"])
     path = tmp_path / "photos/01_A_off_30_L_0256.png"
-    png.write(path, np.full((304, 484), 77, np.uint16))
-    publish(run, tmp_path / "out", ["coco"])
+    png.write_png(path, np.full((304, 484), 77, np.uint16))
+    publish_forms(run, tmp_path / "out", ["coco"])
     assert (tmp_path / "out/coco/images/analog/01_A_off_30_L_0256.png").read_bytes() == path.read_bytes()
 
 
 def test_files_of_earlier_exports_are_removed(run, tmp_path):
-    publish(run, tmp_path, ["gltf"])
+    publish_forms(run, tmp_path, ["gltf"])
     (tmp_path / "gltf/stray/deeper").mkdir(parents=True)
     (tmp_path / "gltf/stray/deeper/old.png").write_bytes(b"")
-    publish(run, tmp_path, ["gltf"])
+    publish_forms(run, tmp_path, ["gltf"])
     assert not (tmp_path / "gltf/stray").exists()
 
 
@@ -99,23 +99,23 @@ def test_a_folder_with_other_files_is_not_changed(run, tmp_path):
     (tmp_path / "coco").mkdir()
     (tmp_path / "coco/mine.txt").write_text("mine")
     with pytest.raises(ConfigError):
-        publish(run, tmp_path, ["coco"])
-    publish(run, tmp_path, ["gltf"])
+        publish_forms(run, tmp_path, ["coco"])
+    publish_forms(run, tmp_path, ["gltf"])
     before = content(tmp_path / "gltf")
     with pytest.raises(ConfigError):
-        publish(run, tmp_path, ["gltf"], subset="camera=L")
+        publish_forms(run, tmp_path, ["gltf"], subset="camera=L")
     assert content(tmp_path / "gltf") == before
-    publish(run, tmp_path, ["gltf"], subset="camera=L", replace=True)
+    publish_forms(run, tmp_path, ["gltf"], subset="camera=L", replace=True)
     assert json.loads((tmp_path / "gltf/publish.json").read_text())["subset"] == "camera=L"
     with pytest.raises(ConfigError):  # --replace does not remove other files
-        publish(run, tmp_path, ["coco"], replace=True)
+        publish_forms(run, tmp_path, ["coco"], replace=True)
 
 
 def test_insufficient_disk_space_is_an_error_before_files_are_written(run, tmp_path, monkeypatch):
     usage = shutil.disk_usage(tmp_path)
     monkeypatch.setattr(bundles.shutil, "disk_usage", lambda _: usage._replace(free=10**6))
     with pytest.raises(PolarsimError):
-        publish(run, tmp_path / "out", ["coco"])
+        publish_forms(run, tmp_path / "out", ["coco"])
     assert not (tmp_path / "out").exists()
 
 
@@ -143,7 +143,7 @@ def test_a_full_disk_is_an_error_and_leaves_no_partial_file(tmp_path):
 @pytest.mark.parametrize("forms", [["csv"], ["euroc"]])
 def test_unknown_and_unavailable_formats_are_errors(run, tmp_path, forms):
     with pytest.raises(ConfigError):
-        publish(run, tmp_path / "out", forms)
+        publish_forms(run, tmp_path / "out", forms)
     assert not (tmp_path / "out").exists()
 
 
@@ -151,11 +151,11 @@ def test_a_missing_package_is_an_error(run, tmp_path, monkeypatch):
     find = running.find_spec
     monkeypatch.setattr(running, "find_spec", lambda name: None if name == "mlcroissant" else find(name))
     with pytest.raises(ConfigError):
-        publish(run, tmp_path, ["croissant"])
+        publish_forms(run, tmp_path, ["croissant"])
 
 
 def test_all_selects_the_available_formats(run, tmp_path):
-    parts = publish(run, tmp_path, ["all"], subset="camera=L,azimuth=30,domain=hapke")
+    parts = publish_forms(run, tmp_path, ["all"], subset="camera=L,azimuth=30,domain=hapke")
     assert set(parts) == set(FORMS) - LACKING
     assert {path.name for path in tmp_path.iterdir()} == set(parts)
 
@@ -225,23 +225,23 @@ def test_a_limit_smaller_than_a_scene_is_an_error(catalogue):
 
 def test_nasas_photos_are_published_on_request_only(tmp_path):
     run = make_run(tmp_path, "polar")
-    without = publish(run, tmp_path / "without", ["coco"])["coco"]
+    without = publish_forms(run, tmp_path / "without", ["coco"])["coco"]
     assert without.domains == ("hapke",)
     assert "CC0 1.0" in (tmp_path / "without/coco/README.md").read_text()
     assert "NASA's photos are not included" in (tmp_path / "without/coco/README.md").read_text()
-    with_photos = publish(run, tmp_path / "with", ["coco"], photos=True)["coco"]
+    with_photos = publish_forms(run, tmp_path / "with", ["coco"], photos=True)["coco"]
     assert with_photos.domains == ("hapke", "real")
     assert "NASA's terms" in (tmp_path / "with/coco/README.md").read_text()
     assert "license: other" in running.FORMS["hf"].front(with_photos)
     shutil.rmtree(run / "renders/hapke")
     with pytest.raises(ConfigError):
-        publish(run, tmp_path / "none", ["coco"])
+        publish_forms(run, tmp_path / "none", ["coco"])
 
 
 def test_a_run_of_the_release_has_twins_and_no_photos(tmp_path):
     run = make_run(tmp_path, "release")
     (run / "acquire/Terrain01/photos.parquet").unlink()
-    part = publish(run, tmp_path / "out", ["coco"])["coco"]
+    part = publish_forms(run, tmp_path / "out", ["coco"])["coco"]
     assert part.domains == ("hapke",)
     assert (
         "published POLAR-Sim labels and meshes, without NASA's photos" in (tmp_path / "out/coco/README.md").read_text()
@@ -352,7 +352,9 @@ def test_parts_are_from_the_first_split_and_images_without_part_are_excluded(run
     run = run_of_two_splits
     if given_by == "configuration":
         (run / "config.yaml").write_text(f"detect: {{splits: [{FIRST}, {SECOND}]}}\n")
-    done = publish(run, tmp_path / "out", ["coco", "yolo", "hf"], split="" if given_by == "configuration" else FIRST)
+    done = publish_forms(
+        run, tmp_path / "out", ["coco", "yolo", "hf"], split="" if given_by == "configuration" else FIRST
+    )
     expected = {str(key): "test" if key.azimuth == "180" else "train" for key in KEYS[:-1]}
     assert parts_published(tmp_path / "out") == {"coco": expected, "yolo": expected, "hf": expected}
     for form, part in done.items():
@@ -360,24 +362,24 @@ def test_parts_are_from_the_first_split_and_images_without_part_are_excluded(run
         card = (tmp_path / "out" / form / "README.md").read_text()
         assert f"split by {FIRST}" in card
         assert "2 of 8 images" in card  # photos and twins
-        assert "2 of 8 images" in summary(form, part, tmp_path)
+        assert "2 of 8 images" in form_summary(form, part, tmp_path)
 
 
 def test_several_splits_without_a_configuration_are_an_error_that_lists_them(run_of_two_splits, tmp_path):
     with pytest.raises(ConfigError, match=f"{SECOND}, {FIRST}"):
-        publish(run_of_two_splits, tmp_path / "out", ["coco"])
+        publish_forms(run_of_two_splits, tmp_path / "out", ["coco"])
     with pytest.raises(ConfigError, match="terrain"):
-        publish(run_of_two_splits, tmp_path / "out", ["coco"], split="terrain")
+        publish_forms(run_of_two_splits, tmp_path / "out", ["coco"], split="terrain")
     (run_of_two_splits / "config.yaml").write_text("detect: {splits: [view]}\n")
     with pytest.raises(ConfigError, match="view"):
-        publish(run_of_two_splits, tmp_path / "out", ["coco"])
+        publish_forms(run_of_two_splits, tmp_path / "out", ["coco"])
     assert not (tmp_path / "out").exists()
 
 
 def test_images_of_a_run_without_a_split_are_unassigned(run, tmp_path):
     bare = tmp_path / "bare"
     shutil.copytree(run, bare, ignore=shutil.ignore_patterns("detect"))
-    done = publish(bare, tmp_path / "out", ["coco", "yolo", "hf"])
+    done = publish_forms(bare, tmp_path / "out", ["coco", "yolo", "hf"])
     expected = {str(key): "unassigned" for key in KEYS}
     assert parts_published(tmp_path / "out") == {"coco": expected, "yolo": expected, "hf": expected}
     assert {part.split for part in done.values()} == {""}
@@ -385,7 +387,7 @@ def test_images_of_a_run_without_a_split_are_unassigned(run, tmp_path):
 
 def test_published_8_bit_images_equal_the_training_images(tmp_path):
     run = make_run(tmp_path)
-    publish(run, tmp_path / "out", ["yolo"])
+    publish_forms(run, tmp_path / "out", ["yolo"])
     for path in (tmp_path / "out/yolo/hapke/images").rglob("*.png"):
-        pixels = png.read(run / f"renders/hapke/Terrain01/{path.name}")
-        np.testing.assert_array_equal(png.read(path), to_8_bits(pixels))
+        pixels = png.read_png(run / f"renders/hapke/Terrain01/{path.name}")
+        np.testing.assert_array_equal(png.read_png(path), to_8_bits(pixels))

@@ -34,7 +34,7 @@ def test_gltf_keeps_meshes_names_and_ids(published, catalogue):
         body = scene.geometry[name]
         assert body.metadata["rock_id"] == rock
         assert body.metadata["class"] == ("ground" if rock == -1 else "rock")
-        wanted = obj.read(path)
+        wanted = obj.read_obj(path)
         np.testing.assert_array_equal(body.faces, wanted.faces)
         matrix = scene.graph.get(name)[0][:3, :3]
         np.testing.assert_allclose(body.vertices @ matrix.T, wanted.vertices @ Y_UP.T, atol=1e-6)
@@ -122,7 +122,7 @@ def test_usd_keeps_meshes_with_semantics(stage, catalogue):
 
     for rock, path in catalogue.terrains[1].meshes.items():
         prim = stage.GetPrimAtPath("/World/ground" if rock == -1 else f"/World/rock{rock}")
-        mesh, wanted = UsdGeom.Mesh(prim), obj.read(path)
+        mesh, wanted = UsdGeom.Mesh(prim), obj.read_obj(path)
         np.testing.assert_array_equal(np.array(mesh.GetPointsAttr().Get()), wanted.vertices.astype(np.float32))
         np.testing.assert_array_equal(np.array(mesh.GetFaceVertexIndicesAttr().Get()), wanted.faces.ravel())
         labels = {name: UsdSemantics.LabelsAPI(prim, name).GetLabelsAttr().Get() for name in ("class", "rock_id")}

@@ -26,7 +26,7 @@ def test_every_pair_has_all_files_of_the_devkit(published, catalogue):
             }
         listed = [line for path in (folder / domain / "ImageSets").iterdir() for line in path.read_text().split()]
         assert sorted(listed) == sorted(names)
-        assert png.read(folder / domain / "training/image_2/000000.png").shape == SIZE[::-1]
+        assert png.read_png(folder / domain / "training/image_2/000000.png").shape == SIZE[::-1]
 
 
 def test_points_of_the_sandbox_are_projected_as_opencv_rectifies_them(published, catalogue):
@@ -84,7 +84,7 @@ def test_points_from_disparity_and_calibration_are_on_the_meshes(published):
     """Convention of the devkit: depth = focal length * baseline / disparity, integer coordinates at pixel centres."""
     training = published("kitti") / "hapke/training"
     found = read_calibration(training / "calib/000000.txt")
-    everywhere, shared = (disparity_of(png.read(training / name / "000000.png")) for name in DISPARITIES[::-1])
+    everywhere, shared = (disparity_of(png.read_png(training / name / "000000.png")) for name in DISPARITIES[::-1])
     assert everywhere.shape == SIZE[::-1]
     assert 0.5 < np.isfinite(shared).mean() < np.isfinite(everywhere).mean()
     np.testing.assert_array_equal(shared[np.isfinite(shared)], everywhere[np.isfinite(shared)])

@@ -30,8 +30,8 @@ def test_euroc_cameras_have_images_with_stamps_and_a_mount(drives_published, dri
     frames = read_parquet(drive / "front_end_cam/poses.parquet")
     assert [line.split(",")[0] for line in lines] == [str(10**9 + round(time * 1e9)) for time in frames["time_s"]]
     for line, frame in zip(lines, frames["frame"], strict=True):
-        own = png.read(folder / "cam0/data" / line.split(",")[1])
-        np.testing.assert_array_equal(own, png.read(drive / f"front_end_cam/1_hapke_0256/{frame:05d}.png"))
+        own = png.read_png(folder / "cam0/data" / line.split(",")[1])
+        np.testing.assert_array_equal(own, png.read_png(drive / f"front_end_cam/1_hapke_0256/{frame:05d}.png"))
     stated = yaml.safe_load((folder / "cam0/sensor.yaml").read_text())["T_BS"]
     base_from_camera = np.array(stated["data"]).reshape(stated["rows"], stated["cols"])
     row = frames.iloc[0]

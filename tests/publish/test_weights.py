@@ -5,7 +5,7 @@ from polarsim.detect.detectors import Detector, read_detector, write_detector
 from polarsim.errors import ConfigError
 from polarsim.formats.files import write_json
 from polarsim.formats.tables import write_parquet
-from polarsim.publish.run import publish
+from polarsim.publish.run import publish_forms
 from tests.publish.tiny import content, make_run
 
 torch = pytest.importorskip("torch")
@@ -40,7 +40,7 @@ def trained(tmp_path_factory):
 
 
 def test_weights_are_read_back_and_cards_describe_training_and_scores(trained, tmp_path):
-    publish(trained, tmp_path, ["detectors"])
+    publish_forms(trained, tmp_path, ["detectors"])
     for name in ("hapke", "real"):
         published = read_detector(tmp_path / f"detectors/position/seed0/{name}.pt")
         original = read_detector(trained / f"detect/position/seed0/detectors/{name}.pt")
@@ -57,10 +57,10 @@ def test_weights_are_read_back_and_cards_describe_training_and_scores(trained, t
     assert "NASA Ames" in yolo
     assert "share views" in yolo
     first = content(tmp_path / "detectors")
-    publish(trained, tmp_path / "again", ["detectors"])
+    publish_forms(trained, tmp_path / "again", ["detectors"])
     assert content(tmp_path / "again/detectors") == first
 
 
 def test_publishing_detectors_of_a_run_without_detectors_is_an_error(run, tmp_path):
     with pytest.raises(ConfigError):
-        publish(run, tmp_path, ["detectors"])
+        publish_forms(run, tmp_path, ["detectors"])

@@ -8,10 +8,10 @@ import pandas as pd
 
 from polarsim.formats import coco, obj, png, rle
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, write_csv, write_parquet
-from polarsim.geometry.boxes import of_mask
+from polarsim.geometry.boxes import box_of_mask
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.poses import looking
-from polarsim.geometry.stereo import StereoRig, stated_rig
+from polarsim.geometry.poses import camera_pose
+from polarsim.geometry.stereo import StereoRig, default_rig
 from polarsim.photo import NO_ROCK, ROCK, SHADOW, PhotoKey
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.inventory import Inventory, write_inventory
@@ -25,7 +25,7 @@ SUN_180 = np.array([-3.5, 0.4, 0.8])
 
 
 def small_rig() -> StereoRig:
-    rig = stated_rig()
+    rig = default_rig()
     return StereoRig(rig.left.scaled(0.25), rig.right.scaled(0.25), rig.left_from_right)
 
 
@@ -48,11 +48,11 @@ def photo_labels(key: PhotoKey) -> list[coco.Annotation]:
     named = [(ROCK, 4), (ROCK, 7), (SHADOW, 4), (SHADOW, 7), (ROCK, NO_ROCK)]
     labels = []
     for (kind, rock), mask, amodal_mask in zip(named, visible, amodal_masks, strict=True):
-        box = of_mask(mask)
+        box = box_of_mask(mask)
         amodal = None
         if amodal_mask is not None:
-            amodal = coco.Amodal(rle.encode(amodal_mask, size=SIZE), of_mask(amodal_mask))
-        labels.append(coco.Annotation(kind, rock, box, rle.encode(mask, size=SIZE), "fused", 0.75, amodal))
+            amodal = coco.Amodal(rle.encode_rle(amodal_mask, size=SIZE), box_of_mask(amodal_mask))
+        labels.append(coco.Annotation(kind, rock, box, rle.encode_rle(mask, size=SIZE), "fused", 0.75, amodal))
     return labels
 
 
@@ -72,7 +72,7 @@ def make_run(root: Path, kind: str = "analog") -> Path:
     for key in KEYS:
         for folder in domain_folder.values():
             pixels = rng.integers(16, 4096, SIZE[::-1]).astype(np.uint16)
-            png.write(folder / f"{key}.png", pixels)
+            png.write_png(folder / f"{key}.png", pixels)
         path = domain_folder["photo"] / f"{key}.png"
         file = {"width": SIZE[0], "height": SIZE[1], "bits": 16, "sha256": "", "path": str(path)}
         rows.append(key_columns(key) | file)
@@ -83,7 +83,7 @@ def make_run(root: Path, kind: str = "analog") -> Path:
         of_stage = {key: [replace(label, source=source) for label in labels[key]] for key in KEYS}
         coco.write_coco(run / stage / "coco" / f"{terrain}.json", of_stage, size=SIZE)
     localised = rigs.LocalisedRig(
-        small_rig(), looking(np.array([3.0, 0.0, 1.2]), np.pi, 0.4), "scans, photos", {"sd_mm": 1.5}
+        small_rig(), camera_pose(np.array([3.0, 0.0, 1.2]), np.pi, 0.4), "scans, photos", {"sd_mm": 1.5}
     )
     rigs.write_localised(run / "cameras" / terrain / "PosA.json", localised)
     lamps.write_suns(run / "cameras" / terrain, {"180": SUN_180})
@@ -110,11 +110,11 @@ def write_meshes(folder: Path) -> None:
     a, b, c, d = (part.ravel() for part in (corners[:-1, :-1], corners[:-1, 1:], corners[1:, 1:], corners[1:, :-1]))
     ground = Mesh(np.stack([x.ravel(), y.ravel(), np.zeros(81)], 1), np.vstack([np.c_[a, b, c], np.c_[a, c, d]]))
     folder.mkdir(parents=True)
-    obj.write(folder / obj.ground_name(1), ground, "ground")
+    obj.write_obj(folder / obj.ground_name(1), ground, "ground")
     names = [obj.ground_name(1)]
     for rock, (x0, y0, radius) in ROCK_PLACES.items():
         names.append(obj.rock_name(1, rock))
-        obj.write(folder / names[-1], icosphere((x0, y0), radius), f"rock{rock}")
+        obj.write_obj(folder / names[-1], icosphere((x0, y0), radius), f"rock{rock}")
     support = pd.DataFrame({"mesh": obj.rock_name(1, 4), "vertex": range(162), "support": np.linspace(0, 1, 162)})
     write_parquet(folder / "support.parquet", support)
     write_csv(folder / "meshes.csv", pd.DataFrame({"mesh": names, "made_from": "scan"}))
@@ -127,14 +127,14 @@ def write_maps(renders: Path, terrain: str, rng: np.random.Generator) -> None:
         ids = np.ones(SIZE[::-1], np.uint16)
         for label in reversed(photo_labels(key)):
             ids[label.mask.mask()] = (1000 if label.kind == ROCK else 2000) + max(label.rock, 0)
-        png.write(renders / "instances" / terrain / f"{bracket}.png", ids)
-        png.write(
+        png.write_png(renders / "instances" / terrain / f"{bracket}.png", ids)
+        png.write_png(
             renders / "maps" / terrain / "incidence" / f"{bracket}.png", rng.integers(0, 9000, SIZE[::-1], np.uint16)
         )
     for camera in "LR":
         for name, shape in (("depth", SIZE[::-1]), ("normal", (*SIZE[::-1], 3))):
             values = rng.integers(0, 65535, shape, np.uint16)
-            png.write(renders / "maps" / terrain / name / f"01_A_{camera}.png", values)
+            png.write_png(renders / "maps" / terrain / name / f"01_A_{camera}.png", values)
 
 
 def write_evaluation(run: Path) -> None:

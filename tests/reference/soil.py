@@ -13,7 +13,19 @@ import numpy as np
 from polarsim.rover.soil.bulldozing import DISTURBED, MOVED, SQRT2, Bulldozing
 from polarsim.rover.soil.contact import CLEARANCE, SHEAR_CAP, SLIP_LENGTH, SLOWEST_RIM, STEEPEST, Loads
 from polarsim.rover.soil.law import ContactLaw
-from polarsim.rover.soil.nodes import FLOW, FREE, LEVEL, ORIGINAL, PLASTIC, ROCK, SHEAR_X, SHEAR_Z, START, YIELD, Ground
+from polarsim.rover.soil.nodes import (
+    FLOW,
+    FREE,
+    LEVEL,
+    ORIGINAL,
+    PLASTIC,
+    ROCK,
+    SHEAR_X,
+    SHEAR_Z,
+    START,
+    YIELD,
+    SoilGround,
+)
 from polarsim.rover.soil.shapes import HALF_WIDTH, INVERSE_WIDTH, LEVEL_AXLE, RADIUS, Bodies
 
 
@@ -27,7 +39,7 @@ class Hits:
     weight: np.ndarray  # share of a node's cell below the body
 
 
-def _window(ground: Ground, numbers: np.ndarray, centre: np.ndarray, rotation: np.ndarray) -> tuple[slice, slice]:
+def _window(ground: SoilGround, numbers: np.ndarray, centre: np.ndarray, rotation: np.ndarray) -> tuple[slice, slice]:
     """Return rows and columns of the nodes that may be below a wheel."""
     axle = rotation[:2, 1]
     # Rounding makes an axle along y a little longer than 1.
@@ -78,7 +90,7 @@ def intersect(
     return Hits(hit, centre[2] + h, normal, np.where(hit, weight, 0.0))
 
 
-def press(ground: Ground, bodies: Bodies, law: ContactLaw, dt: float) -> Loads:
+def press(ground: SoilGround, bodies: Bodies, law: ContactLaw, dt: float) -> Loads:
     """Compute a step of the contact of all bodies, in order; changes `ground`."""
     loads, slips = Loads.zeros(len(bodies.shapes)), _slips(bodies, dt)
     for body in range(len(bodies.shapes)):
@@ -106,7 +118,7 @@ def _slips(bodies: Bodies, dt: float) -> np.ndarray:
 
 
 def _press_one(
-    ground: Ground, bodies: Bodies, body: int, law: ContactLaw, exponent: float, dt: float
+    ground: SoilGround, bodies: Bodies, body: int, law: ContactLaw, exponent: float, dt: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     numbers, centre, rotation = bodies.shapes[body], bodies.centres[body], bodies.rotations[body]
     rows, columns = _window(ground, numbers, centre, rotation)
@@ -200,7 +212,7 @@ def _shear(
     return np.where(rate < 0, np.maximum(tau + law.R * rate, 0.0), tau), direction
 
 
-def bulldoze(ground: Ground, bodies: Bodies, rule: Bulldozing) -> None:
+def bulldoze(ground: SoilGround, bodies: Bodies, rule: Bulldozing) -> None:
     """Move aside the soil that the bodies pressed since the last call, then let it slide around them."""
     weights, climb = rule.on(ground.cell).weights, rule.on(ground.cell).climb
     for body in range(len(bodies.shapes)):
@@ -214,7 +226,7 @@ def bulldoze(ground: Ground, bodies: Bodies, rule: Bulldozing) -> None:
             slide(ground, outer, climb)
 
 
-def settle(ground: Ground, angle_deg: float = 36.0, sweeps: int = 200, still_m: float = DISTURBED) -> None:
+def settle(ground: SoilGround, angle_deg: float = 36.0, sweeps: int = 200, still_m: float = DISTURBED) -> None:
     """Let all disturbed ground slide until it rests."""
     everywhere = slice(0, ground.owner.shape[0]), slice(0, ground.owner.shape[1])
     for _ in range(sweeps):
@@ -222,7 +234,7 @@ def settle(ground: Ground, angle_deg: float = 36.0, sweeps: int = 200, still_m: 
             return
 
 
-def slide(ground: Ground, part: tuple[slice, slice], climb: float, corners: bool = False) -> float:
+def slide(ground: SoilGround, part: tuple[slice, slice], climb: float, corners: bool = False) -> float:
     """Run a sweep over a part of the grid: adjacent nodes with a difference above `climb` exchange soil.
 
     With `corners`, diagonal nodes are also adjacent, at sqrt(2) times the distance. Returns the maximum change, m.
@@ -254,7 +266,7 @@ def slide(ground: Ground, part: tuple[slice, slice], climb: float, corners: bool
 
 
 def _push(
-    ground: Ground, bodies: Bodies, body: int, part: tuple[slice, slice], weights: np.ndarray, rule: Bulldozing
+    ground: SoilGround, bodies: Bodies, body: int, part: tuple[slice, slice], weights: np.ndarray, rule: Bulldozing
 ) -> None:
     state, owner, normals = ground.state[part], ground.owner[part], ground.normals[part]
     pressed = np.where(owner == ROCK, 0.0, state[..., FLOW] / normals[..., 2])
@@ -286,7 +298,7 @@ def _blur(field: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return field
 
 
-def _sources(ground: Ground, part: tuple[slice, slice]) -> tuple[slice, slice] | None:
+def _sources(ground: SoilGround, part: tuple[slice, slice]) -> tuple[slice, slice] | None:
     """Return the bounds of the pressed nodes of a window."""
     rows, columns = np.nonzero((ground.state[part][..., FLOW] > 0) & (ground.owner[part] != ROCK))
     if not len(rows):
@@ -298,7 +310,7 @@ def _sources(ground: Ground, part: tuple[slice, slice]) -> tuple[slice, slice] |
     )
 
 
-def _wider(ground: Ground, part: tuple[slice, slice], by: int) -> tuple[slice, slice]:
+def _wider(ground: SoilGround, part: tuple[slice, slice], by: int) -> tuple[slice, slice]:
     rows, columns = (
         slice(max(side.start - by, 0), min(side.stop + by, count))
         for side, count in zip(part, ground.owner.shape, strict=True)

@@ -11,7 +11,7 @@ from polarsim.errors import RoverError
 from polarsim.rover.soil.bulldozing import Bulldozing, bulldoze_nodes
 from polarsim.rover.soil.contact import SLIP_LENGTH, Loads, press_nodes, update_slips
 from polarsim.rover.soil.law import ContactLaw
-from polarsim.rover.soil.nodes import LEVEL, ORIGINAL, Ground, make_ground
+from polarsim.rover.soil.nodes import LEVEL, ORIGINAL, SoilGround, make_soil_ground
 from polarsim.rover.soil.shapes import Bodies, Wheel
 
 # VIPER's wheel with a quarter of the rover on the Moon, and a small laboratory wheel.
@@ -19,7 +19,7 @@ WHEEL_A, WHEEL_B = Wheel(0.25, 0.20), Wheel(0.15735, 0.165)
 LOAD_A, LOAD_B = 174.15, 80.0  # N
 
 
-def press(ground: Ground, bodies: Bodies, law: ContactLaw, dt: float) -> Loads:
+def press(ground: SoilGround, bodies: Bodies, law: ContactLaw, dt: float) -> Loads:
     """Compute a step of the contact of all wheels, in order; changes `ground` and `bodies.slips`."""
     count = len(bodies.shapes)
     length = 0.0 if bodies.slips is None else SLIP_LENGTH
@@ -31,29 +31,29 @@ def press(ground: Ground, bodies: Bodies, law: ContactLaw, dt: float) -> Loads:
     return loads
 
 
-def bulldoze(ground: Ground, bodies: Bodies, rule: Bulldozing) -> None:
+def bulldoze(ground: SoilGround, bodies: Bodies, rule: Bulldozing) -> None:
     """Move aside the soil that the bodies pressed since the last call, then let it slide around them."""
     if bodies.slips is None:  # unused here, but the kernels need an array
         bodies = bodies._replace(slips=np.zeros(len(bodies.shapes)))
     bulldoze_nodes(ground, bodies, rule.on(ground.cell))
 
 
-def flat_ground(length: float, width: float, cell: float) -> Ground:
+def flat_ground(length: float, width: float, cell: float) -> SoilGround:
     """Return level ground from x = 0 to `length`; y = 0 is midway between two rows, so that widths are whole cells."""
     columns, rows = round(length / cell) + 1, 2 * round(width / (2 * cell))
-    return make_ground(np.zeros((rows, columns)), cell, y0=-(rows - 1) / 2 * cell)
+    return make_soil_ground(np.zeros((rows, columns)), cell, y0=-(rows - 1) / 2 * cell)
 
 
-def copied(ground: Ground) -> Ground:
+def copied(ground: SoilGround) -> SoilGround:
     return ground._replace(state=ground.state.copy(), normals=ground.normals.copy(), owner=ground.owner.copy())
 
 
-def rut(ground: Ground) -> np.ndarray:
+def rut(ground: SoilGround) -> np.ndarray:
     """Return the depth of the surface below the original surface, m; negative in a berm."""
     return ground.state[..., ORIGINAL] - ground.state[..., LEVEL]
 
 
-def volume(ground: Ground) -> float:
+def volume(ground: SoilGround) -> float:
     """Return the volume of soil above the original surface minus that missing below it, m3."""
     return -float(rut(ground).sum()) * ground.cell**2
 
@@ -79,7 +79,7 @@ class Driven:
     sinkage: float  # m
     pull: float  # N
     torque: float  # N m
-    ground: Ground = field(repr=False)
+    ground: SoilGround = field(repr=False)
 
 
 def drive(
@@ -177,7 +177,7 @@ def park(
 class SoilBin:
     """Ground and contact law; `steps` counts the steps."""
 
-    def __init__(self, ground: Ground, law: ContactLaw, bulldozing: Bulldozing | None = None) -> None:
+    def __init__(self, ground: SoilGround, law: ContactLaw, bulldozing: Bulldozing | None = None) -> None:
         self.ground, self.law, self.bulldozing, self.steps = ground, law, bulldozing, 0
 
     def step(self, bodies: Bodies, dt: float) -> Loads:

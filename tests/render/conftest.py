@@ -7,12 +7,12 @@ from polarsim.formats import obj
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import NO_ROCK
 from polarsim.render.olat import render_view
 from polarsim.render.options import RenderOptions
-from polarsim.render.surfaces import box, surfaces_of
+from polarsim.render.surfaces import box_mesh, build_surfaces
 from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.run_files import rigs
 from polarsim.run_files.scene import TerrainMesh
@@ -29,7 +29,7 @@ def block(rock_ids=(1,), points=((0.0, 0.0),)):
     rock_of_face = [np.full(2, NO_ROCK)]
     for rock, (x, y) in zip(rock_ids, points, strict=True):
         low = np.array([x - SIDE / 2, y - SIDE / 2, 0.0])
-        v, f, n = box(low, low + np.array([SIDE, SIDE, HEIGHT]))
+        v, f, n = box_mesh(low, low + np.array([SIDE, SIDE, HEIGHT]))
         faces.append(f + sum(len(part) for part in vertices))
         vertices.append(v)
         normals.append(n)
@@ -57,7 +57,7 @@ def plain():
 @pytest.fixture
 def camera():
     """Pose of a camera above and to the side of the block."""
-    return looking(np.array([2.5, -0.3, 1.8]), np.pi, np.radians(35))
+    return camera_pose(np.array([2.5, -0.3, 1.8]), np.pi, np.radians(35))
 
 
 @pytest.fixture
@@ -68,7 +68,7 @@ def above():
 
 @pytest.fixture
 def surfaces(plain):
-    return surfaces_of(block(), plain)
+    return build_surfaces(block(), plain)
 
 
 @pytest.fixture
@@ -88,7 +88,7 @@ def folders(tmp_path, camera, lens):
     for rock, name in ((NO_ROCK, obj.ground_name(1)), (1, obj.rock_name(1, 1))):
         faces = mesh.faces[mesh.rock_of_face == rock]
         used, numbers = np.unique(faces, return_inverse=True)
-        obj.write(tmp_path / "meshes" / name, Mesh(mesh.vertices[used], numbers.reshape(-1, 3)), "part")
+        obj.write_obj(tmp_path / "meshes" / name, Mesh(mesh.vertices[used], numbers.reshape(-1, 3)), "part")
     rig = StereoRig(lens, lens, Pose(np.eye(3), np.array([0.3, 0, 0])))
     rigs.write_localised(tmp_path / "cameras" / "PosA.json", rigs.LocalisedRig(rig, camera, "test"))
     return tmp_path

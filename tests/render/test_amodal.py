@@ -6,18 +6,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.poses import looking
+from polarsim.geometry.poses import camera_pose
 from polarsim.photo import NO_ROCK
-from polarsim.render.ground_truth import amodal_masks, annotations_of, occluded_pixels
+from polarsim.render.ground_truth import amodal_masks, annotate_ids, occluded_pixels
 from polarsim.render.olat import NO_LAMP
 from polarsim.render.options import RenderOptions
-from polarsim.render.surfaces import surfaces_of
+from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.scene import TerrainMesh
 
 from .conftest import PLAIN, SMALL, block
 
 ROCKS, PLACES = (4, 7, 9, 12), ((1.1, 0.1), (0.55, 0.2), (0.45, 0.45), (-0.6, -0.8))
-LOW = looking(np.array([2.4, 0.2, 0.45]), np.pi, np.radians(8))  # rocks hide each other
+LOW = camera_pose(np.array([2.4, 0.2, 0.45]), np.pi, np.radians(8))  # rocks hide each other
 WALLED = RenderOptions(rim=True, rim_half_width_m=1.4, rim_height_m=0.15, bounce=0)
 
 
@@ -29,7 +29,7 @@ def alone(mesh, rock):
 
 def whole_by_brute_force(mesh, rock, pose, ids_of):
     """Return the mask (h, w) of a rock in an image of only rock and ground."""
-    return ids_of(surfaces_of(alone(mesh, rock), PLAIN), pose, SMALL, {})[NO_LAMP] == 1000 + rock
+    return ids_of(build_surfaces(alone(mesh, rock), PLAIN), pose, SMALL, {})[NO_LAMP] == 1000 + rock
 
 
 def whole(surfaces, pose, ids_of):
@@ -49,10 +49,10 @@ def assert_equal_but_where_rocks_meet(mask, expected):
 
 
 @pytest.mark.parametrize("options", [PLAIN, WALLED], ids=["open", "walled"])
-@pytest.mark.parametrize("pose", [LOW, looking(np.array([0.9, 1.9, 0.6]), -2.0, 0.4)], ids=["low", "close"])
+@pytest.mark.parametrize("pose", [LOW, camera_pose(np.array([0.9, 1.9, 0.6]), -2.0, 0.4)], ids=["low", "close"])
 def test_amodal_masks_equal_renderings_of_single_rocks(ids_of, pose, options):
     mesh = block(ROCKS, PLACES)
-    surfaces = surfaces_of(mesh, options)
+    surfaces = build_surfaces(mesh, options)
     found = whole(surfaces, pose, ids_of)
     ids = ids_of(surfaces, pose, SMALL, {})[NO_LAMP]
     assert any((ids == 1000 + rock).sum() < 0.9 * mask.sum() for rock, mask in found.items())
@@ -81,21 +81,21 @@ def test_amodal_masks_are_correct_for_random_rocks_and_cameras(rocks_5_mm, headi
         vertices[mesh.faces[mesh.rock_of_face == rock], 2] += lift
     mesh = TerrainMesh(vertices, mesh.faces, mesh.rock_of_face, mesh.normals)
     centre = np.array([2 * np.cos(heading), 2 * np.sin(heading), height])
-    pose = looking(centre, heading + np.pi, np.arctan(height / 2))
+    pose = camera_pose(centre, heading + np.pi, np.arctan(height / 2))
 
     def ids_of(surfaces, pose, lens, lamps):
         return render_view(surfaces, Camera(pose, lens), lamps, [], [], PLAIN).ids
 
-    for rock, mask in whole(surfaces_of(mesh, PLAIN), pose, ids_of).items():
+    for rock, mask in whole(build_surfaces(mesh, PLAIN), pose, ids_of).items():
         expected = whole_by_brute_force(mesh, rock, pose, ids_of)
         assert (mask != expected).sum() <= 0.002 * expected.sum()  # surfaces closer than 0.1 mm are not separated
 
 
 def test_annotations_contain_the_visible_share(ids_of):
-    surfaces = surfaces_of(block(ROCKS, PLACES), PLAIN)
+    surfaces = build_surfaces(block(ROCKS, PLACES), PLAIN)
     ids = ids_of(surfaces, LOW, SMALL, {})[NO_LAMP]
     hidden = occluded_pixels(surfaces, Camera(LOW, SMALL), ids)
-    labels = {label.rock: label for label in annotations_of(ids, PLAIN, amodal_masks(ids, hidden, PLAIN))}
+    labels = {label.rock: label for label in annotate_ids(ids, PLAIN, amodal_masks(ids, hidden, PLAIN))}
     expected = whole(surfaces, LOW, ids_of)
     assert labels[4].visible_share == 1
     assert labels[4].amodal.mask == labels[4].mask
@@ -112,12 +112,12 @@ def test_annotations_contain_the_visible_share(ids_of):
 def test_mostly_hidden_rocks_have_a_shadow_label_only(ids_of):
     from polarsim.render.lamps import Lamp
 
-    surfaces = surfaces_of(block(ROCKS, PLACES), PLAIN)
+    surfaces = build_surfaces(block(ROCKS, PLACES), PLAIN)
     pictures = ids_of(surfaces, LOW, SMALL, {"sun": Lamp(np.array([0.5, 3.0, 1.0]))})
     occluded = amodal_masks(pictures[NO_LAMP], occluded_pixels(surfaces, Camera(LOW, SMALL), pictures[NO_LAMP]), PLAIN)
-    every = annotations_of(pictures["sun"], PLAIN, occluded)
+    every = annotate_ids(pictures["sun"], PLAIN, occluded)
     for least in (0.0, 0.3, 0.9):
-        few = annotations_of(pictures["sun"], PLAIN.model_copy(update={"min_visible_share": least}), occluded)
+        few = annotate_ids(pictures["sun"], PLAIN.model_copy(update={"min_visible_share": least}), occluded)
         assert [label.box.tolist() for label in few] == [
             label.box.tolist() for label in every if label.kind == "shadow" or label.visible_share >= least
         ]

@@ -58,7 +58,7 @@ def pinned_value(row):
 
 def directions(incidence_deg, emergence_deg, azimuth_deg, dtype=float):
     """Return normal, to_lamp and to_viewer for angles (n,)."""
-    return [v.astype(dtype) for v in goniometer.directions(incidence_deg, emergence_deg, azimuth_deg)]
+    return [v.astype(dtype) for v in goniometer.goniometer_directions(incidence_deg, emergence_deg, azimuth_deg)]
 
 
 def random_directions(rng, n, widest_deg=89.9):

@@ -5,11 +5,11 @@ import pytest
 from pydantic import ValidationError
 
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.poses import looking
-from polarsim.render.lamps import Lamp, Spot
+from polarsim.geometry.poses import camera_pose
+from polarsim.render.lamps import Lamp, Spotlight
 from polarsim.render.olat import render_view, renders_on_device
 from polarsim.render.options import Material, RenderOptions
-from polarsim.render.surfaces import surfaces_of
+from polarsim.render.surfaces import build_surfaces
 
 DEVICE = {"engine": "taichi"}
 LAMPS = {"sun": Lamp(np.array([1.2, 0.9, 1.1])), "rover": Lamp(np.array([2.4, -0.5, 1.6]), 0.4)}
@@ -18,7 +18,7 @@ LAMPS = {"sun": Lamp(np.array([1.2, 0.9, 1.1])), "rover": Lamp(np.array([2.4, -0
 def both(mesh, pose, lens, options, models, albedo=None, shadow_lamps=("sun",)):
     """Return the renderings of a view by NumPy with Embree and by the device."""
     return [
-        render_view(surfaces_of(mesh, each, albedo), Camera(pose, lens), LAMPS, models, shadow_lamps, each)
+        render_view(build_surfaces(mesh, each, albedo), Camera(pose, lens), LAMPS, models, shadow_lamps, each)
         for each in (options, options.model_copy(update=DEVICE))
     ]
 
@@ -53,15 +53,17 @@ def test_the_device_supports_materials_vertex_albedo_and_diffuse_walls(blocks, c
 
 def test_the_sky_is_black_on_the_device(blocks, camera, lens, plain):
     options = plain.model_copy(update=DEVICE)
-    upwards = looking(camera.translation, 0.0, np.radians(-60))
-    view = render_view(surfaces_of(blocks(), options), Camera(upwards, lens), LAMPS, ["lambert"], None, options)
+    upwards = camera_pose(camera.translation, 0.0, np.radians(-60))
+    view = render_view(build_surfaces(blocks(), options), Camera(upwards, lens), LAMPS, ["lambert"], None, options)
     assert not any(olat_image.any() for olat_image in view.olat_images.values())
 
 
 def test_device_results_do_not_depend_on_threads(blocks, camera, lens, plain):
     options = plain.model_copy(update=DEVICE)
     one, two = (
-        render_view(surfaces_of(blocks(), options), Camera(camera, lens), LAMPS, ["hapke"], ["sun"], options, threads)
+        render_view(
+            build_surfaces(blocks(), options), Camera(camera, lens), LAMPS, ["hapke"], ["sun"], options, threads
+        )
         for threads in (1, 2)
     )
     for key, olat_image in one.olat_images.items():
@@ -72,10 +74,10 @@ def test_device_results_do_not_depend_on_threads(blocks, camera, lens, plain):
 
 def test_disc_lamps_and_spotlights_are_rendered_by_numpy(blocks, camera, lens, plain):
     discs = {name: Lamp(lamp.position, radius_m=0.05) for name, lamp in LAMPS.items()}
-    on_device, on_processor = (surfaces_of(blocks(), plain.model_copy(update=engine)) for engine in (DEVICE, {}))
+    on_device, on_processor = (build_surfaces(blocks(), plain.model_copy(update=engine)) for engine in (DEVICE, {}))
     assert renders_on_device(on_device, LAMPS)
     assert not renders_on_device(on_device, discs)
-    assert not renders_on_device(on_device, {"spot": Spot(np.zeros(3))})
+    assert not renders_on_device(on_device, {"spot": Spotlight(np.zeros(3))})
     assert not renders_on_device(on_processor, LAMPS)
 
 

@@ -14,7 +14,7 @@ from polarsim.render.fitting.fit import fit_materials
 from polarsim.render.gain import with_fit, with_fitted_intensities
 from polarsim.render.lamps import ROVER, Lamp
 from polarsim.render.options import FittingOptions, LambertParameters, RenderOptions
-from polarsim.run_files.materials import Fitted, FittedMaterials, read_materials, write_materials
+from polarsim.run_files.materials import FittedMaterial, FittedMaterials, read_materials, write_materials
 from polarsim.run_files.scene import read_terrain
 
 from .conftest import render_into
@@ -25,7 +25,7 @@ LIT = 60  # DN above black
 
 
 def fit_of(parameters, **lamps):
-    return Fitted(parameters, lamps, {}, np.ones(4, np.float32))
+    return FittedMaterial(parameters, lamps, {}, np.ones(4, np.float32))
 
 
 def twins_of(folders, out, options=OPTIONS, materials=None):
@@ -59,7 +59,7 @@ def photographed(folders):
     mesh = read_terrain(folders / "meshes", 1)
     albedo = np.where(np.arange(len(mesh.vertices)) < 4, 1.0, 2.0)
     lamps = {"30": 60.0, "180": 120.0, "rover": 90.0}
-    fit = Fitted({"albedo": 0.2}, lamps, {1: 2.0}, albedo.astype(np.float32))
+    fit = FittedMaterial({"albedo": 0.2}, lamps, {1: 2.0}, albedo.astype(np.float32))
     truth = FittedMaterials(False, False, {"lambert": fit}, np.ones(len(albedo), int))
     write_materials(folders / "truth", mesh, truth)
     return twins_of(folders, "photos", materials=folders / "truth")
@@ -71,7 +71,9 @@ def test_twins_with_fitted_materials_reproduce_the_photos(folders, photographed)
     plain = twins_of(folders, "plain")
     differ = {}
     for key, path in photographed.items():
-        photo, twin, constant = (png.read(one).astype(float) - BLACK_LEVEL for one in (path, again[key], plain[key]))
+        photo, twin, constant = (
+            png.read_png(one).astype(float) - BLACK_LEVEL for one in (path, again[key], plain[key])
+        )
         lit = (photo > LIT) & (photo < WHITE_LEVEL - BLACK_LEVEL) & (constant > 0)
         if not lit.any():  # exposure too short for the rover light
             continue
@@ -98,7 +100,7 @@ def test_without_usable_photos_materials_are_constant_with_a_warning(folders, ph
     if photos == "dark photos":
         paths = {key: folders / "dark" / f"{key}.png" for key in KEYS}
         for path in paths.values():
-            png.write(path, np.full((140, 200), BLACK_LEVEL, np.uint16))
+            png.write_png(path, np.full((140, 200), BLACK_LEVEL, np.uint16))
     materials = fitted(folders, None if photos == "no table" else index(folders, paths))
     assert [record.levelname for record in caplog.records].count("WARNING") >= 1
     assert read_materials(materials, read_terrain(folders / "meshes", 1)).models == {}

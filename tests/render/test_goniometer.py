@@ -5,7 +5,7 @@ from polarsim.errors import RenderError
 from polarsim.formats import png
 from polarsim.formats.tables import read_csv
 from polarsim.render.goniometer import (
-    directions,
+    goniometer_directions,
     in_plane_of_incidence,
     opposite_the_lamp,
     parameters_of,
@@ -18,7 +18,7 @@ from polarsim.report.figures.brdf import draw_brdf
 
 
 def test_direction_vectors_have_the_given_angles():
-    normal, to_lamp, to_viewer = directions(30, 70, 120)
+    normal, to_lamp, to_viewer = goniometer_directions(30, 70, 120)
     np.testing.assert_allclose(np.degrees(np.arccos((normal * to_lamp).sum())), 30)
     np.testing.assert_allclose(np.degrees(np.arccos((normal * to_viewer).sum())), 70)
     np.testing.assert_allclose(phase_deg(30, 70, 120), np.degrees(np.arccos((to_lamp * to_viewer).sum())))
@@ -57,7 +57,7 @@ def test_curves_are_reflectance_factors_over_the_phase_angle():
 def test_a_diagram_of_every_set_is_drawn(tmp_path):
     curves = {name: opposite_the_lamp(soil) for name, soil in HAPKE_SETS.items()}
     draw_brdf(tmp_path / "brdf.png", {"one": curves, "two": curves})
-    assert png.read(tmp_path / "brdf.png").std() > 5
+    assert png.read_png(tmp_path / "brdf.png").std() > 5
 
 
 def test_the_curves_of_a_run_use_its_parameters(tmp_path):

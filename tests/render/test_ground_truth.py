@@ -3,17 +3,17 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import coco, png, tables, yolo
-from polarsim.geometry.boxes import of_mask
+from polarsim.geometry.boxes import box_of_mask
 from polarsim.geometry.camera import Camera
 from polarsim.photo import PhotoKey
-from polarsim.render.ground_truth import box_of_parts, boxes_of
+from polarsim.render.ground_truth import box_of_parts, boxes_of_ids
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import Lamp
 from polarsim.render.lighting import lighting
 from polarsim.render.olat import NO_LAMP
 from polarsim.render.options import RenderOptions
 from polarsim.render.shadows import ground_shadows
-from polarsim.render.surfaces import surfaces_of
+from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.instances import RELIEF_SHADOW, ROCK_IDS, SHADOW_IDS
 
 from .conftest import render_into
@@ -36,7 +36,7 @@ def projected_box(points, pose, lens):
 
 def test_the_box_of_a_block_is_the_box_around_its_projected_corners(surfaces, camera, lens, plain, ids_of):
     ids = ids_of(surfaces, camera, lens, {})[NO_LAMP]
-    ((kind, rock, box),) = boxes_of(ids, plain)
+    ((kind, rock, box),) = boxes_of_ids(ids, plain)
     expected = projected_box(corners([-SIDE / 2, -SIDE / 2, 0], [SIDE / 2, SIDE / 2, HEIGHT]), camera, lens)
     assert (kind, rock) == ("rock", 1)
     np.testing.assert_allclose(box, expected, atol=1.0)
@@ -46,7 +46,7 @@ def test_the_shadow_of_a_block_is_its_projection_from_the_lamp(surfaces, above, 
     ids = ids_of(surfaces, above, lens, {"sun": SUN})["sun"]
     tips = np.array([[x, SIDE / 2, HEIGHT] for x in (-SIDE / 2, SIDE / 2)])
     tips = SUN.position + (tips - SUN.position) * SUN.position[2] / (SUN.position[2] - HEIGHT)  # down to z = 0
-    shadow = next(box for kind, rock, box in boxes_of(ids, plain) if kind == "shadow")
+    shadow = next(box for kind, rock, box in boxes_of_ids(ids, plain) if kind == "shadow")
     expected = projected_box(np.concatenate([tips, [[-SIDE / 2, SIDE / 2, 0], [SIDE / 2, SIDE / 2, 0]]]), above, lens)
     np.testing.assert_allclose(shadow[[0, 1, 2]], expected[[0, 1, 2]], atol=1.0)
     centre = ids[:, 100]  # through block and shadow, which are adjacent
@@ -58,18 +58,20 @@ def test_a_thin_line_of_dark_pixels_does_not_widen_a_shadows_box(plain):
     ids[20:40, 50:80] = SHADOW_IDS + 1
     ids[38:40, 10:50] = SHADOW_IDS + 1  # two pixels wide, along the base of the rock
     ids[5:7, 10:100] = ROCK_IDS + 1  # thin rocks are not excluded
-    boxes = {kind: box.tolist() for kind, _, box in boxes_of(ids, plain)}
+    boxes = {kind: box.tolist() for kind, _, box in boxes_of_ids(ids, plain)}
     assert boxes["shadow"][2:] == [80, 40]
     assert boxes["shadow"][0] >= 50 - 3  # the start of the wide part
     assert boxes["rock"] == [10, 5, 100, 7]
-    every = {kind: box.tolist() for kind, _, box in boxes_of(ids, plain.model_copy(update={"min_shadow_width_px": 1}))}
+    every = {
+        kind: box.tolist() for kind, _, box in boxes_of_ids(ids, plain.model_copy(update={"min_shadow_width_px": 1}))
+    }
     assert every["shadow"] == [10, 20, 80, 40]
 
 
 def test_shadows_are_labelled_with_the_rock_that_casts_them(blocks, above, lens, plain, ids_of):
-    surfaces = surfaces_of(blocks((4, 7), ((-0.7, 0.0), (0.6, 0.2))), plain)
+    surfaces = build_surfaces(blocks((4, 7), ((-0.7, 0.0), (0.6, 0.2))), plain)
     ids = ids_of(surfaces, above, lens, {"sun": SUN})["sun"]
-    found = {(kind, rock): box for kind, rock, box in boxes_of(ids, plain)}
+    found = {(kind, rock): box for kind, rock, box in boxes_of_ids(ids, plain)}
     assert sorted(found) == [("rock", 4), ("rock", 7), ("shadow", 4), ("shadow", 7)]
     for rock in (4, 7):  # the lamp is at -Y, so shadows are directly above the rocks in the image
         assert found["shadow", rock][1] < found["rock", rock][1]
@@ -80,20 +82,20 @@ def test_shadows_are_labelled_with_the_rock_that_casts_them(blocks, above, lens,
 def test_ground_shaded_by_a_wall_has_no_rock_shadow(blocks, above, lens, plain, ids_of):
     lamp = Lamp(np.array([0.0, -3.0, 0.35]))
     for rim, expected in ((False, True), (True, False)):
-        surfaces = surfaces_of(blocks(), RenderOptions(rim=rim, rim_half_width_m=1.0, rim_height_m=0.3))
+        surfaces = build_surfaces(blocks(), RenderOptions(rim=rim, rim_half_width_m=1.0, rim_height_m=0.3))
         ids = ids_of(surfaces, above, lens, {"sun": lamp})["sun"]
-        assert ("shadow" in [kind for kind, _, _ in boxes_of(ids, plain)]) == expected
+        assert ("shadow" in [kind for kind, _, _ in boxes_of_ids(ids, plain)]) == expected
         assert (ids == RELIEF_SHADOW).any() == rim
 
 
 def test_a_terrain_without_rocks_has_ground_and_no_boxes(blocks, above, lens, plain, ids_of):
-    ids = ids_of(surfaces_of(blocks((), ()), plain), above, lens, {"sun": SUN}, threads=2)
+    ids = ids_of(build_surfaces(blocks((), ()), plain), above, lens, {"sun": SUN}, threads=2)
     assert set(np.unique(ids["sun"])) == {1}
-    assert boxes_of(ids["sun"], plain) == []
+    assert boxes_of_ids(ids["sun"], plain) == []
 
 
 def test_known_lit_pixels_give_the_same_shadow_ids(blocks, camera, lens, plain):
-    surfaces = surfaces_of(blocks((4, 7), ((-0.7, 0.0), (0.6, 0.2))), plain)
+    surfaces = build_surfaces(blocks((4, 7), ((-0.7, 0.0), (0.6, 0.2))), plain)
     hits = cast_strip(surfaces, Camera(camera, lens), slice(0, lens.height))
     surface_ids = surfaces.id_of_face[hits.face]
     lit = lighting(surfaces, hits, SUN, falloff=True)[0]
@@ -142,7 +144,7 @@ def test_every_key_has_a_file_equal_within_a_bracket(labelled):
 
 def test_photos_without_lamp_have_no_labels(labelled):
     assert (labelled / "boxes" / "03_A_off_no_L_0256.txt").read_text() == ""
-    ids = png.read(labelled / "instances" / "03_A_off_no_L.png")
+    ids = png.read_png(labelled / "instances" / "03_A_off_no_L.png")
     assert set(np.unique(ids)) == {0, 1, 1001}
 
 
@@ -160,7 +162,7 @@ def test_instances_table_and_boxes_agree(labelled, lens):
         of_rows = group[["x0", "y0", "x1", "y1"]].to_numpy()
         np.testing.assert_allclose(np.sort(boxes, axis=0), np.sort(of_rows, axis=0), atol=1e-3)
         assert (classes == 0).sum() == (group.kind == "rock").sum()
-        ids = png.read(labelled / "instances" / f"{key.rsplit('_', 1)[0]}.png")
+        ids = png.read_png(labelled / "instances" / f"{key.rsplit('_', 1)[0]}.png")
         assert ids.dtype == np.uint16
         for row in group.itertuples():
             number = {"rock": 1000, "shadow": 2000}[row.kind] + row.rock
@@ -176,10 +178,10 @@ def test_coco_has_the_boxes_and_masks_of_the_instances(labelled, lens):
     rows = tables.read_parquet(labelled / "table.parquet", tables.LABEL_COLUMNS)
     assert sum(map(len, photos.values())) == len(rows)
     for key, annotations in photos.items():
-        ids = png.read(labelled / "instances" / f"{str(key).rsplit('_', 1)[0]}.png")
+        ids = png.read_png(labelled / "instances" / f"{str(key).rsplit('_', 1)[0]}.png")
         for annotation in annotations:
             number = {"rock": 1000, "shadow": 2000}[annotation.kind] + annotation.rock
             shown = annotation.mask.mask()
             assert (ids[shown] == number).all()
             assert shown.sum() >= 0.95 * (ids == number).sum()  # small components outside the box are excluded
-            np.testing.assert_array_equal(of_mask(shown), annotation.box)
+            np.testing.assert_array_equal(box_of_mask(shown), annotation.box)

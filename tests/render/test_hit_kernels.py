@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from polarsim.geometry.vectors import dot, length, moved, scaled, unit
+from polarsim.geometry.vectors import dot, length, normalise, points_along, scale_vectors
 from polarsim.render import hit_kernels
 from polarsim.render.hits import MIN_FACING, NO_NORMAL
 
@@ -20,15 +20,15 @@ def test_points_and_vectors_back(rng, same):
     origins = rng.normal(size=(1 if same else COUNT, 3))
     distance = rng.random(len(ray)).astype(np.float32)
     point, to_viewer = np.empty((2, 3 * len(ray)), np.float32)
-    hit_kernels.points(ray, distance, origins.reshape(-1), directions.reshape(-1), point, to_viewer)
+    hit_kernels.hit_points(ray, distance, origins.reshape(-1), directions.reshape(-1), point, to_viewer)
     starts = origins if same else origins[ray]
-    expected = moved(np.broadcast_to(starts, (len(ray), 3)), directions[ray], distance).astype(np.float32)
+    expected = points_along(np.broadcast_to(starts, (len(ray), 3)), directions[ray], distance).astype(np.float32)
     np.testing.assert_array_equal(point.reshape(-1, 3), expected)
-    np.testing.assert_array_equal(to_viewer.reshape(-1, 3), unit(-directions[ray].astype(np.float32)))
+    np.testing.assert_array_equal(to_viewer.reshape(-1, 3), normalise(-directions[ray].astype(np.float32)))
 
 
 def test_normals_of_faces_and_between_corners(rng):
-    to_viewer, raw, corners = unit(vectors(rng)), vectors(rng), unit(vectors(rng, 300)).reshape(100, 3, 3)
+    to_viewer, raw, corners = normalise(vectors(rng)), vectors(rng), normalise(vectors(rng, 300)).reshape(100, 3, 3)
     raw[0] = 0
     corners[0] = [[0, 0, 1], [0, 0, -1], [0, 0, 1]]  # cancel out at weights of a half
     face, weights = rng.integers(0, 100, COUNT), rng.dirichlet([1, 1, 1], COUNT)[:, :2].astype(np.float32)
@@ -36,18 +36,20 @@ def test_normals_of_faces_and_between_corners(rng):
     plane, normal = np.empty((2, 3 * COUNT), np.float32)
     side = np.empty(COUNT, np.float32)
     hit_kernels.planes(raw.reshape(-1), to_viewer.reshape(-1), plane, side)
-    flat = unit(raw)
+    flat = normalise(raw)
     expected_side = np.where(dot(flat, to_viewer) < 0, np.float32(-1), np.float32(1))
     np.testing.assert_array_equal(side, expected_side)
-    np.testing.assert_array_equal(plane.reshape(-1, 3), scaled(flat, expected_side))
+    np.testing.assert_array_equal(plane.reshape(-1, 3), scale_vectors(flat, expected_side))
     limits = np.float32(NO_NORMAL), np.float32(MIN_FACING)
     arrays = corners.reshape(-1), side, plane, to_viewer.reshape(-1)
     hit_kernels.smooth_normals(face, weights.reshape(-1), *arrays, *limits, normal)
     second, third = weights.T
     first = 1 - second - third
     own = corners[face]
-    between = scaled(own[:, 0], first) + scaled(own[:, 1], second) + scaled(own[:, 2], third)
-    smooth = scaled(scaled(unit(between), (dot(between, between) > NO_NORMAL).astype(np.float32)), side)
+    between = scale_vectors(own[:, 0], first) + scale_vectors(own[:, 1], second) + scale_vectors(own[:, 2], third)
+    smooth = scale_vectors(
+        scale_vectors(normalise(between), (dot(between, between) > NO_NORMAL).astype(np.float32)), side
+    )
     away = dot(smooth, to_viewer) < MIN_FACING
     assert away[1]
     assert 0.1 < away.mean() < 0.9
@@ -71,7 +73,7 @@ def test_light_that_points_receive(rng):
     direction, received = np.empty((len(lit), 3), np.float32), np.empty(len(lit), np.float32)
     hit_kernels.beams(lit, *flat[1:], irradiance, direction.reshape(-1), received)
     nearness = 1 / length(to_lamp[lit])
-    np.testing.assert_array_equal(direction, scaled(to_lamp[lit], nearness))
+    np.testing.assert_array_equal(direction, scale_vectors(to_lamp[lit], nearness))
     np.testing.assert_array_equal(received, irradiance[lit] * dot(normal, to_lamp)[lit] * nearness)
     np.testing.assert_array_equal(hit_kernels.rows(to_lamp, lit), to_lamp[lit])
 

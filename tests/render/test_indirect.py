@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.photo import BLACK_LEVEL
 from polarsim.render.hits import Hits, cast_strip
 from polarsim.render.indirect import scattered
@@ -14,7 +14,7 @@ from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp
 from polarsim.render.olat import render_view
 from polarsim.render.options import CHRONO, LambertParameters, Material, RenderOptions
 from polarsim.render.scene import Scene, Shot
-from polarsim.render.surfaces import Surfaces, surfaces_of
+from polarsim.render.surfaces import Surfaces, build_surfaces
 from polarsim.run_files.instances import BACKGROUND, GROUND
 
 RADIUS, ALBEDO = 2.0, 0.5  # of the integrating sphere
@@ -45,7 +45,7 @@ def shadow(above, lens):
 def test_each_bounce_in_an_integrating_sphere_is_scaled_by_the_albedo(lens, bounces):
     lambert = LambertParameters(albedo=ALBEDO)
     options = TRACED.model_copy(update={"bounces": bounces, "bounce_rays": 32}).with_default(lambert=lambert)
-    pose = looking(np.array([0.3, 0.2, 0.1]), 0.5, 0.2)
+    pose = camera_pose(np.array([0.3, 0.2, 0.1]), 0.5, 0.2)
     view = traced(sphere(), pose, lens.scaled(0.25), options, lamp=Lamp(np.zeros(3)))
     direct = ALBEDO / np.pi * REFERENCE_DISTANCE**2 / RADIUS**2
     assert view.olat_images["lambert", "lamp"].mean() == pytest.approx(direct, rel=0.01)  # the sphere has flat facets
@@ -77,7 +77,7 @@ def test_the_cosine_over_any_hemisphere_integrates_to_pi(direction):
 
 
 def test_a_level_plane_has_no_indirect_light(blocks, above, lens):
-    bare = surfaces_of(blocks((), ()), TRACED)
+    bare = build_surfaces(blocks((), ()), TRACED)
     view = traced(bare, above, lens, TRACED)
     assert (view.olat_images["lambert", "lamp"] > 0).any()
     assert not view.indirect["lambert", "lamp"].any()
@@ -87,7 +87,7 @@ def test_the_shadow_of_a_lit_block_side_gets_light_from_walls(blocks, above, len
     options = TRACED.model_copy(update={"rim": True, "rim_half_width_m": 1.3})
     position = shadow(above, lens)
     dark, pale = (
-        traced(surfaces_of(blocks(), options), above, lens, options.model_copy(update={"rim_albedo": albedo}))
+        traced(build_surfaces(blocks(), options), above, lens, options.model_copy(update={"rim_albedo": albedo}))
         for albedo in (0.1, 0.8)
     )
     assert dark.olat_images["lambert", "lamp"][position] == 0
@@ -96,7 +96,7 @@ def test_the_shadow_of_a_lit_block_side_gets_light_from_walls(blocks, above, len
 
 def test_the_wall_albedo_affects_only_the_walls(blocks, camera, lens):
     options = RenderOptions(bounce=0, ambient=0.01, rim_half_width_m=1.3)
-    walled = surfaces_of(blocks(), options)
+    walled = build_surfaces(blocks(), options)
     hits = cast_strip(walled, Camera(camera, lens), slice(0, lens.height))
     wall = hits.pixel[walled.id_of_face[hits.face] == BACKGROUND]
     sand = hits.pixel[walled.id_of_face[hits.face] != BACKGROUND]
@@ -114,7 +114,7 @@ def test_the_wall_albedo_affects_only_the_walls(blocks, camera, lens):
 
 
 def test_traced_and_constant_ambient_light_agree_on_a_plane(blocks, above, lens):
-    bare = surfaces_of(blocks((), ()), TRACED)
+    bare = build_surfaces(blocks((), ()), TRACED)
     below = Lamp(np.array([0.0, 0.0, -3.0]))  # contributes no direct light
     options = TRACED.model_copy(update={"ambient": 0.2, "bounce": 0.0, "bounces": 0})
     plain = traced(bare, above, lens, options, lamp=below).whole["lambert", "lamp"]
@@ -129,14 +129,14 @@ def test_ambient_light_in_a_closed_sphere_is_scaled_by_every_bounce(lens):
     lambert = LambertParameters(albedo=ALBEDO)
     options = TRACED.model_copy(update={"ambient": 0.2, "bounces": 2, "bounce_rays": 32}).with_default(lambert=lambert)
     outside = Lamp(np.array([0.0, 0.0, 3 * RADIUS]))
-    view = traced(sphere(), looking(np.zeros(3), 0.5, 0.2), lens.scaled(0.25), options, lamp=outside)
+    view = traced(sphere(), camera_pose(np.zeros(3), 0.5, 0.2), lens.scaled(0.25), options, lamp=outside)
     expected = 0.2 / np.pi * ALBEDO**3
     assert view.whole["lambert", "lamp"].mean() == pytest.approx(expected, rel=0.01)
 
 
 def test_coarse_and_exact_indirect_light_agree(blocks, camera, lens):
     options = TRACED.model_copy(update={"rim": True, "rim_half_width_m": 1.3, "rim_albedo": 0.6, "bounce_rays": 96})
-    walled = surfaces_of(blocks(), options)
+    walled = build_surfaces(blocks(), options)
     exact, coarse = (
         traced(walled, camera, lens, options.model_copy(update=changes)).indirect["lambert", "lamp"]
         for changes in ({}, {"bounce_rays": 512, "bounce_scale": 4})

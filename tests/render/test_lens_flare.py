@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.poses import looking
+from polarsim.geometry.poses import camera_pose
 from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp
 from polarsim.render.optics import lens_flare_of, scattering
 
@@ -42,7 +42,7 @@ def test_a_lamp_outside_the_image_veils_the_adjacent_side(surfaces, camera, lens
 
 
 def test_veiling_glare_is_a_share_of_the_light_on_the_lens(surfaces, lens, options):
-    pose = looking(np.array([2.0, 0.0, 1.0]), np.pi, 0.0)
+    pose = camera_pose(np.array([2.0, 0.0, 1.0]), np.pi, 0.0)
     lamp = Lamp(np.array([-1.0, 0.0, 1.0]), intensity=2.0)  # 3 m ahead
     centre = lens_flare_of(surfaces, Camera(pose, lens), lamp, options)[70, 100]
     angle = np.arctan(np.hypot(0.5, 0.5) / 220)
@@ -56,7 +56,7 @@ def test_veiling_glare_is_a_share_of_the_light_on_the_lens(surfaces, lens, optio
 
 @pytest.mark.parametrize("radius_m", [0.0, 0.02])
 def test_hidden_lamps_and_lamps_behind_the_camera_cause_no_glare(surfaces, lens, options, radius_m):
-    pose = looking(np.array([1.5, 0.0, 0.1]), np.pi, 0.0)  # level, towards the block, which is 0.2 m high
+    pose = camera_pose(np.array([1.5, 0.0, 0.1]), np.pi, 0.0)  # level, towards the block, which is 0.2 m high
     hidden, behind = Lamp(np.array([-1.0, 0, 0.1]), 1.0, radius_m), Lamp(np.array([2.0, 0, 0.1]), 1.0, radius_m)
     for lamp in (hidden, behind):
         assert not lens_flare_of(surfaces, Camera(pose, lens), lamp, options).any()
@@ -64,7 +64,7 @@ def test_hidden_lamps_and_lamps_behind_the_camera_cause_no_glare(surfaces, lens,
 
 
 def test_a_half_hidden_lamp_causes_half_of_the_glare(surfaces, lens, options):
-    pose = looking(np.array([1.5, 0.0, 0.2]), np.pi, 0.0)  # level with the block's top
+    pose = camera_pose(np.array([1.5, 0.0, 0.2]), np.pi, 0.0)  # level with the block's top
     options = options.model_copy(update={"lamp_samples": 2000, "falloff": False})
     half, whole = (
         lens_flare_of(surfaces, Camera(pose, lens), Lamp(np.array([-1.0, 0, height]), 1.0, 0.05), options).max()

@@ -46,18 +46,18 @@ def test_map_files_equal_the_maps_of_the_scene_in_the_sidecar(folders):
     sidecar = read_sidecar(folders / "twins" / f"{KEYS[2]}.json")
     expected = Scene(folders / "meshes", 1, sidecar.options).maps(sidecar.shot)
     sun, seen = expected.by_lamp["30"], expected.ids > 0
-    of_set = {name: png.read(maps / name / SETS[1]) for name in ("incidence", "phase", "lit")}
+    of_set = {name: png.read_png(maps / name / SETS[1]) for name in ("incidence", "phase", "lit")}
     depth = tifffile.imread(maps / "depth_float" / "01_A_L.tif")
     assert depth.dtype == np.float32
     np.testing.assert_allclose(depth, expected.depth_m, rtol=1e-6)
-    np.testing.assert_allclose(png.read(maps / "depth" / "01_A_L.png")[seen] / 1000, depth[seen], atol=5.1e-4)
+    np.testing.assert_allclose(png.read_png(maps / "depth" / "01_A_L.png")[seen] / 1000, depth[seen], atol=5.1e-4)
     np.testing.assert_allclose(of_set["incidence"][seen] / 100, sun.incidence_deg[seen], atol=6e-3)
     np.testing.assert_allclose(of_set["phase"][seen] / 100, sun.phase_deg[seen], atol=6e-3)
     assert all((picture[~seen] == 65535).all() for picture in of_set.values())
-    shading = png.read(maps / "shading" / SETS[1])
+    shading = png.read_png(maps / "shading" / SETS[1])
     assert (shading != sun.shading).mean() < 1e-3  # the stored pose was orthogonalised
     np.testing.assert_array_equal(of_set["lit"][seen] == 10_000, shading[seen] == LIT)
-    ids = png.read(folders / "labels" / "instances" / SETS[1])
+    ids = png.read_png(folders / "labels" / "instances" / SETS[1])
     np.testing.assert_array_equal((ids >= SHADOW_IDS) & (shading != FACES_AWAY), (ids >= SHADOW_IDS) & (shading == ids))
 
 

@@ -12,7 +12,7 @@ from polarsim.render.lamps import Lamp
 from polarsim.render.materials import between_corners
 from polarsim.render.olat import render_view
 from polarsim.render.options import LambertParameters, Material, RenderOptions
-from polarsim.render.surfaces import surfaces_of
+from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS
 
 LAMP = Lamp(np.array([1.2, 0.9, 1.1]))
@@ -25,7 +25,7 @@ def mesh(blocks):
 
 
 def olat_image(mesh, pose, lens, options, model="lambert", albedo=None):
-    surfaces = surfaces_of(mesh, options, albedo)
+    surfaces = build_surfaces(mesh, options, albedo)
     image = render_view(surfaces, Camera(pose, lens), {"lamp": LAMP}, [model], None, options).olat_images[model, "lamp"]
     hits = cast_strip(surfaces, Camera(pose, lens), slice(0, lens.height))
     ids = np.zeros(image.size, int)
@@ -115,7 +115,7 @@ def test_vertex_albedo_is_interpolated_linearly(mesh, camera, lens, plain, engin
     plainly, ids = olat_image(mesh, camera, lens, options)
     factor = 1 + 0.2 * mesh.vertices[:, 0] - 0.1 * mesh.vertices[:, 1] + 0.3 * mesh.vertices[:, 2]
     painted, _ = olat_image(mesh, camera, lens, options, albedo={"lambert": factor})
-    hits = cast_strip(surfaces_of(mesh, options), Camera(camera, lens), slice(0, lens.height))
+    hits = cast_strip(build_surfaces(mesh, options), Camera(camera, lens), slice(0, lens.height))
     expected = np.ones(len(ids))
     expected[hits.pixel] = 1 + hits.point @ [0.2, -0.1, 0.3]
     np.testing.assert_allclose(painted, plainly * expected, rtol=2e-5)
@@ -126,7 +126,9 @@ def test_vertex_albedo_scales_indirect_light(mesh, camera, lens, plain):
     grey = options.with_default(lambert=LambertParameters(albedo=0.1))
     factor = {"lambert": np.full(len(mesh.vertices), 0.5)}
     one, other = (
-        render_view(surfaces_of(mesh, each, paint), Camera(camera, lens), {"lamp": LAMP}, ["lambert"], None, each).whole
+        render_view(
+            build_surfaces(mesh, each, paint), Camera(camera, lens), {"lamp": LAMP}, ["lambert"], None, each
+        ).whole
         for each, paint in ((grey, None), (options, factor))
     )
     np.testing.assert_allclose(other["lambert", "lamp"], one["lambert", "lamp"], rtol=1e-5)
@@ -140,7 +142,7 @@ def test_skirts_have_the_mean_albedo_of_the_rock_and_walls_have_1(blocks, plain)
     )
     mesh = type(mesh)(mesh.vertices, mesh.faces[kept], mesh.rock_of_face[kept], mesh.given_normals)
     factor = np.where(np.arange(len(mesh.vertices)) < 4, 1.0, 0.7)
-    surfaces = surfaces_of(mesh, with_(plain, rim=True, skirt_m=0.05), {"lambert": factor})
+    surfaces = build_surfaces(mesh, with_(plain, rim=True, skirt_m=0.05), {"lambert": factor})
     added = surfaces.albedo["lambert"][len(mesh.vertices) :]
     walls = np.unique(surfaces.faces[surfaces.id_of_face == BACKGROUND]) - len(mesh.vertices)
     np.testing.assert_array_equal(added[walls], 1)

@@ -5,13 +5,13 @@ import pytest
 
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import looking
+from polarsim.geometry.poses import camera_pose
 from polarsim.photo import NO_ROCK
 from polarsim.render import brdf
 from polarsim.render.lamps import Lamp
 from polarsim.render.olat import render_view
 from polarsim.render.options import PrincipledParameters, RenderOptions
-from polarsim.render.surfaces import surfaces_of
+from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.scene import TerrainMesh
 from tests.support.mitsuba_scene import bsdf, mitsuba_scene, render, variant
 
@@ -21,7 +21,7 @@ mi.set_variant(variant())
 BLOCK = 16  # pixels
 LENS = Lens(150.0, 150.0, 61.0, 45.0, width=128, height=96)  # off-centre, to test the principal point
 # Rolled, so that edges of walls are not parallel to pixel rows: four rays per pixel are too few for such edges.
-CAMERA = looking(np.array([2.6, -0.3, 1.5]), np.pi, np.radians(30), np.radians(15))
+CAMERA = camera_pose(np.array([2.6, -0.3, 1.5]), np.pi, np.radians(30), np.radians(15))
 LAMP = Lamp(np.array([1.2, 2.9, 1.4]))
 OPTIONS = RenderOptions(
     bounce=0,
@@ -113,7 +113,7 @@ def scalar():
 
 @pytest.mark.parametrize("model", ["principled", "lambert"])
 def test_direct_light_agrees_with_mitsuba(model):
-    surfaces = surfaces_of(sandbox(), OPTIONS)
+    surfaces = build_surfaces(sandbox(), OPTIONS)
     ours = blocks(
         render_view(surfaces, Camera(CAMERA, LENS), {"lamp": LAMP}, [model], None, OPTIONS).olat_images[model, "lamp"]
     )
@@ -136,7 +136,7 @@ def test_direct_light_agrees_with_mitsuba(model):
 )
 def test_indirect_light_agrees_with_mitsubas_path_tracer(model, bounces, changes):
     options = OPTIONS.model_copy(update={"bounces": bounces, **changes})
-    surfaces = surfaces_of(sandbox(), options)
+    surfaces = build_surfaces(sandbox(), options)
     view = render_view(surfaces, Camera(CAMERA, LENS), {"lamp": LAMP}, [model], None, options)
     view_of = (surfaces, CAMERA, LENS, LAMP, options.parameters(model))
     traced = mitsuba_scene(*view_of, rim_albedo=options.rim_albedo, integrator="path", bounces=bounces)

@@ -6,15 +6,15 @@ import pytest
 
 from polarsim.errors import RenderError
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.stereo import default_rig
 from polarsim.photo import PhotoKey
 from polarsim.render.hits import cast_strip
-from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp, lamps_of, lit_by
+from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp, lamps_of_rig, lamps_on
 from polarsim.render.maps import compute_maps
 from polarsim.render.materials import hemispherical_albedo
 from polarsim.render.olat import render_view
 from polarsim.render.options import CHRONO, HAPKE_SETS, LambertParameters, RenderOptions
-from polarsim.render.surfaces import surfaces_of
+from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.survey import ROVER_LIGHT_SHARE
 
@@ -99,7 +99,7 @@ def test_all_engines_render_the_same_olat_image(surfaces, camera, lens, plain, m
 
 
 def test_embree_and_numpy_rays_give_the_same_olat_image(blocks, surfaces, camera, lens, plain):
-    slow = olat_image(replace(surfaces_of(blocks(), plain), rays="numpy"), camera, lens, LAMP, plain)
+    slow = olat_image(replace(build_surfaces(blocks(), plain), rays="numpy"), camera, lens, LAMP, plain)
     fast = olat_image(surfaces, camera, lens, LAMP, plain)
     differ = np.abs(slow - fast) > 1e-5 * slow.max()
     assert differ.mean() < 2e-3  # pixels with the centre on an edge
@@ -145,7 +145,8 @@ def test_chronos_models_have_only_direct_light(surfaces, above, lens, plain, mod
 def test_walls_cast_shadows_on_the_sand(blocks, above, lens):
     lamp = Lamp(np.array([3.5, 0.0, 1.2]))
     walled, bare = (
-        surfaces_of(blocks(), RenderOptions(rim=rim, rim_half_width_m=1.3, rim_height_m=0.28)) for rim in (True, False)
+        build_surfaces(blocks(), RenderOptions(rim=rim, rim_half_width_m=1.3, rim_height_m=0.28))
+        for rim in (True, False)
     )
     options = RenderOptions(bounce=0)
     with_walls, without = (olat_image(surfaces, above, lens, lamp, options).ravel() for surfaces in (walled, bare))
@@ -167,7 +168,7 @@ def test_albedo_of_lambert_and_of_lunar_soil():
 
 
 def test_the_rover_light_is_between_the_cameras(camera):
-    lamp = lamps_of({}, LocalisedRig(stated_rig(), camera))["rover"]
+    lamp = lamps_of_rig({}, LocalisedRig(default_rig(), camera))["rover"]
     np.testing.assert_allclose(camera.inverse().apply(lamp.position), [0.15, 0, 0], atol=1e-12)
     assert lamp.intensity == ROVER_LIGHT_SHARE
 
@@ -182,7 +183,7 @@ def test_the_rover_light_is_between_the_cameras(camera):
     ],
 )
 def test_the_lamps_of_a_key(key, lamps):
-    assert lit_by(PhotoKey.parse(key)) == lamps
+    assert lamps_on(PhotoKey.parse(key)) == lamps
 
 
 def test_an_engine_that_cannot_be_loaded_is_an_error(surfaces, camera, lens, plain, monkeypatch):

@@ -9,7 +9,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.render.lamps import Lamp
 from polarsim.render.olat import render_view
-from polarsim.render.optics import lens_flare_of, spread, through_lens, vignette
+from polarsim.render.optics import apply_lens_to_olat_images, lens_flare_of, spread, vignette
 from polarsim.render.sensor_options import SensorOptions
 
 POINT = np.zeros((81, 101), np.float32)
@@ -25,7 +25,7 @@ def second_moment(image):
 
 def test_an_ideal_lens_returns_the_same_olat_images(surfaces, camera, lens, plain):
     olat_images = render_view(surfaces, Camera(camera, lens), LAMPS, ["lambert"], None, plain).olat_images
-    seen = through_lens(olat_images, LAMPS, surfaces, Camera(camera, lens), plain)
+    seen = apply_lens_to_olat_images(olat_images, LAMPS, surfaces, Camera(camera, lens), plain)
     assert all(seen[key] is olat_image for key, olat_image in olat_images.items())
     assert list(seen) == list(olat_images)
 
@@ -75,7 +75,7 @@ def test_the_lens_is_linear(surfaces, camera, lens, plain):
     faults = {"blur_px": 0.7, "bloom": 0.02, "veiling_glare": 0.01, "lens_flare": 0.01, "vignetting": True}
     options = plain.model_copy(update=faults)
     olat_images = render_view(surfaces, Camera(camera, lens), LAMPS, ["lambert"], None, plain).olat_images
-    seen = through_lens(olat_images, LAMPS, surfaces, Camera(camera, lens), options)
+    seen = apply_lens_to_olat_images(olat_images, LAMPS, surfaces, Camera(camera, lens), options)
     both = olat_images["lambert", "front"] + olat_images["lambert", "seen"]
     flares = [lens_flare_of(surfaces, Camera(camera, lens), lamp, options) for lamp in LAMPS.values()]
     expected = spread(both, options) * vignette(lens) + sum(flares)
@@ -87,7 +87,8 @@ def test_results_do_not_depend_on_threads(surfaces, camera, lens, plain):
     options = plain.model_copy(update={"blur_px": 0.7, "bloom": 0.02, "lens_flare": 0.01})
     olat_images = render_view(surfaces, Camera(camera, lens), LAMPS, ["lambert", "hapke"], None, plain).olat_images
     one, two = (
-        through_lens(olat_images, LAMPS, surfaces, Camera(camera, lens), options, threads) for threads in (1, 2)
+        apply_lens_to_olat_images(olat_images, LAMPS, surfaces, Camera(camera, lens), options, threads)
+        for threads in (1, 2)
     )
     for key, olat_image in one.items():
         np.testing.assert_array_equal(two[key], olat_image)

@@ -13,7 +13,7 @@ from polarsim.render.lamps import Lamp
 from polarsim.render.olat import render_view
 from polarsim.render.options import RenderOptions
 from polarsim.render.sensor_options import SensorOptions
-from polarsim.render.surfaces import surfaces_of
+from polarsim.render.surfaces import build_surfaces
 
 SD_OF_BOX = 1 / np.sqrt(12)
 ROTATION = 0.13  # radians, angle between edge and pixel rows (slanted edge of ISO 12233)
@@ -78,7 +78,9 @@ def test_a_rendered_edge_is_as_wide_as_the_filter(blocks, options, sd_px):
     pose = Pose(np.array([[cos, sin, 0], [sin, -cos, 0], [0, 0, -1]]), np.array([0.0, 0, height]))
     chosen = RenderOptions(rim=False, bounce=0, **options)
     lamp = {"lamp": Lamp(np.array([0.0, 0, 1e4]))}
-    image = render_view(surfaces_of(blocks(), chosen), Camera(pose, lens), lamp, ["lambert"], None, chosen).olat_images
+    image = render_view(
+        build_surfaces(blocks(), chosen), Camera(pose, lens), lamp, ["lambert"], None, chosen
+    ).olat_images
     profile = image["lambert", "lamp"] / (chosen.parameters("lambert").albedo / np.pi)
     x = (np.arange(200) + 0.5 - 100) * height / 220
     y = (np.arange(140)[:, None] + 0.5 - 70) * height / 220

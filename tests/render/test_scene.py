@@ -5,7 +5,7 @@ import pytest
 
 from polarsim.formats import png
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.poses import looking
+from polarsim.geometry.poses import camera_pose
 from polarsim.photo import BLACK_LEVEL
 from polarsim.render.lamps import Lamp
 from polarsim.render.maps import write_maps
@@ -24,7 +24,7 @@ def scene(folders):
 
 @pytest.fixture
 def shot(lens):
-    pose = looking(np.array([1.5, 1.5, 1.5]), -2.4, 0.6)
+    pose = camera_pose(np.array([1.5, 1.5, 1.5]), -2.4, 0.6)
     return Shot(Camera(pose, lens), {"mine": Lamp(np.array([0.0, 3.0, 1.0]))}, 100.0, "principled")
 
 
@@ -72,9 +72,9 @@ def test_maps_in_files_keep_millimetres_and_hundredths_of_degrees(tmp_path, scen
     maps = scene.maps(from_above)
     write_maps(tmp_path / "maps", maps)
     seen = maps.ids > 0
-    depth, phase, normal = (png.read(tmp_path / "maps" / f"{name}.png") for name in ("depth", "phase", "normal"))
+    depth, phase, normal = (png.read_png(tmp_path / "maps" / f"{name}.png") for name in ("depth", "phase", "normal"))
     np.testing.assert_allclose(depth[seen] / 1000, maps.depth_m[seen], atol=5.1e-4)
     np.testing.assert_allclose(phase[seen] / 100, maps.by_lamp["mine"].phase_deg[seen], atol=5.1e-3)
     np.testing.assert_allclose(normal[seen] / 65535 * 2 - 1, maps.normal[seen], atol=2e-5)
     assert (depth[~seen] == 65535).all()
-    np.testing.assert_array_equal(png.read(tmp_path / "maps" / "ids.png"), maps.ids)
+    np.testing.assert_array_equal(png.read_png(tmp_path / "maps" / "ids.png"), maps.ids)

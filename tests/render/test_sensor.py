@@ -3,7 +3,7 @@ import pytest
 
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
 from polarsim.render.options import RenderOptions
-from polarsim.render.sensor import expose, noise_of
+from polarsim.render.sensor import expose, noise_generator
 
 RADIANCE = np.array([[0.0, 0.1, 1.0, 5.0, 100.0]], np.float32)
 OPTIONS = RenderOptions()
@@ -56,9 +56,9 @@ def test_without_light_and_read_noise_nothing_varies(rng):
 
 def test_noise_differs_between_images_and_is_reproducible():
     noisy = RenderOptions(noise=True)
-    assert noise_of(OPTIONS, KEY) is None
+    assert noise_generator(OPTIONS, KEY) is None
     drawn = [
-        noise_of(options, key).standard_normal(50)
+        noise_generator(options, key).standard_normal(50)
         for options, key in (
             (noisy, KEY),
             (noisy, KEY),

@@ -7,22 +7,22 @@ import pytest
 
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import looking
+from polarsim.geometry.poses import camera_pose
 from polarsim.photo import NO_ROCK
-from polarsim.render.hits import STRIP, cast_strip
+from polarsim.render.hits import STRIP_ROWS, cast_strip
 from polarsim.render.lamps import Lamp
 from polarsim.render.lighting import lighting, rotations, to_disc
 from polarsim.render.maps import compute_maps
 from polarsim.render.options import RenderOptions
 from polarsim.render.shadows import BY_RELIEF, BY_WALL, FACES_AWAY, LIT, NOTHING
-from polarsim.render.surfaces import surfaces_of
+from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.run_files.scene import TerrainMesh
 
 from .conftest import block
 
 LENS = Lens(420.0, 420.0, 200.0, 140.0, (-0.1, 0.15, 0.0005, -0.001, 0.0), 400, 280)
-CAMERA = looking(np.array([2.4, -1.2, 1.7]), 2.7, 0.6)
+CAMERA = camera_pose(np.array([2.4, -1.2, 1.7]), 2.7, 0.6)
 ROCKS, PLACES = (3, 4, 8, 9), ((0.2, 0.3), (0.5, 0.75), (-0.7, -0.6), (-0.1, -1.0))
 OPTIONS = RenderOptions(rim=True, rim_half_width_m=1.5, rim_height_m=0.25, bounce=0)
 LOW = Lamp(np.array([1.0, 3.6, 0.9]))
@@ -62,7 +62,7 @@ def mesh():
 
 @pytest.fixture(scope="module")
 def surfaces(mesh):
-    return surfaces_of(mesh, OPTIONS)
+    return build_surfaces(mesh, OPTIONS)
 
 
 @pytest.fixture(scope="module")
@@ -192,7 +192,7 @@ def test_shading_codes_agree_with_id_maps(surfaces, hits, ids_of):
 def test_pixels_below_the_visibility_threshold_of_a_disc_are_dark(surfaces, hits, monkeypatch):
     disc = replace(LOW, radius_m=0.25)
     towards = disc.light_at(hits.point, falloff=False)[0]
-    first_row = hits.pixel // LENS.width // STRIP * STRIP
+    first_row = hits.pixel // LENS.width // STRIP_ROWS * STRIP_ROWS
     rotation = rotations(hits.pixel - first_row * LENS.width, first_row)
     by = None
     for way in to_disc(towards, disc.radius_m, OPTIONS.lamp_samples, rotation):

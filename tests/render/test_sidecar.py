@@ -42,7 +42,7 @@ def test_a_twin_can_be_rendered_again_from_sidecar_and_meshes(folders):
     for key in KEYS:
         sidecar = read_sidecar(twins / f"{key}.json")
         again = Scene(folders / "meshes", sidecar.terrain, sidecar.options).picture(sidecar.shot)
-        assert (again != png.read(twins / f"{key}.png")).mean() < 1e-3  # the stored pose is orthogonalised
+        assert (again != png.read_png(twins / f"{key}.png")).mean() < 1e-3  # the stored pose is orthogonalised
         assert (again > 16).any() == (key != KEYS[3])
 
 
@@ -53,7 +53,7 @@ def test_the_noise_seed_reproduces_the_noise(folders):
         options = sidecar.options.model_copy(update={"noise": False})
         quiet = Scene(folders / "meshes", 1, options).picture(sidecar.shot)
         draw = generator(*sidecar.noise_seed).standard_normal(quiet.shape, np.float32)
-        noise = png.read(twins / f"{key}.png").astype(float) - quiet
+        noise = png.read_png(twins / f"{key}.png").astype(float) - quiet
         free = (quiet > 100) & (quiet < 3500)
         assert (
             np.corrcoef(noise[free], draw[free])[0, 1] > 0.95
@@ -62,14 +62,14 @@ def test_the_noise_seed_reproduces_the_noise(folders):
 
 def test_mesh_points_can_be_projected_with_the_sidecar(folders):
     twins = make(folders)
-    rock = obj.read(folders / "meshes" / obj.rock_name(1, 1))
+    rock = obj.read_obj(folders / "meshes" / obj.rock_name(1, 1))
     top = rock.vertices[rock.vertices[:, 2] > rock.vertices[:, 2].max() - 1e-6]
     inside = 0.9 * top + 0.1 * top.mean(axis=0)
     for key in KEYS:
         shot = read_sidecar(twins / f"{key}.json").shot
         pixels = shot.camera.project(inside)
         column, row = np.floor(pixels).astype(int).T
-        ids = png.read(folders / "labels" / "instances" / f"{str(key).rpartition('_')[0]}.png")
+        ids = png.read_png(folders / "labels" / "instances" / f"{str(key).rpartition('_')[0]}.png")
         assert (ids[row, column] == ROCK_IDS + 1).all()
 
 

@@ -3,7 +3,7 @@ import pytest
 
 from polarsim.render.lamps import Lamp
 from polarsim.render.olat import NO_LAMP
-from polarsim.render.surfaces import low_open_edges, skirt_strips, surfaces_of, with_skirts
+from polarsim.render.surfaces import add_skirts, build_surfaces, low_open_edges, skirt_strips
 from polarsim.run_files.scene import TerrainMesh
 
 GAP = 0.03  # metres between the ground and the open base of the block
@@ -28,7 +28,7 @@ def test_open_edges_of_a_block_without_underside_exclude_seams(floating):
 
 def test_a_closed_rock_has_no_skirt(blocks):
     mesh = blocks()
-    assert len(with_skirts(mesh, 0.05).faces) == len(mesh.faces)
+    assert len(add_skirts(mesh, 0.05).faces) == len(mesh.faces)
 
 
 def test_skirts_face_the_same_side_as_the_faces_above():
@@ -44,7 +44,7 @@ def test_skirts_face_the_same_side_as_the_faces_above():
 def test_skirts_prevent_light_leaks(floating, camera, lens, plain, ids_of):
     lamp = Lamp(np.array([-3.5, 0.0, 0.1]))  # low, opposite the camera: shines through the gap
     for depth, leaks in ((0.0, True), (0.05, False)):
-        surfaces = surfaces_of(floating, plain.model_copy(update={"skirt_m": depth}))
+        surfaces = build_surfaces(floating, plain.model_copy(update={"skirt_m": depth}))
         ids = ids_of(surfaces, camera, lens, {"sun": lamp})
         edge = lens.project(camera.inverse().apply(np.array([0.23, 0.0, 0.0])))  # ground in front of the block
         column, row = np.floor(edge).astype(int)

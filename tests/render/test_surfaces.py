@@ -3,12 +3,12 @@ import numpy as np
 from polarsim.geometry.camera import Camera
 from polarsim.render.hits import cast_strip
 from polarsim.render.options import RenderOptions
-from polarsim.render.surfaces import Surfaces, box, surfaces_of
+from polarsim.render.surfaces import Surfaces, box_mesh, build_surfaces
 from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS
 
 
 def test_boxes_are_closed_and_face_outwards():
-    vertices, faces, normals = box(np.array([-1, -2, -3.0]), np.array([1, 2, 3.0]))
+    vertices, faces, normals = box_mesh(np.array([-1, -2, -3.0]), np.array([1, 2, 3.0]))
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     flux = np.cross(b - a, c - a) / 2
     np.testing.assert_allclose(flux.sum(axis=0), 0, atol=1e-12)
@@ -20,7 +20,7 @@ def test_boxes_are_closed_and_face_outwards():
 def test_walls_surround_the_sand_and_have_the_background_id(blocks, surfaces):
     options = RenderOptions(rim=True, rim_half_width_m=1.5, rim_height_m=0.3)
     mesh_faces = len(surfaces.faces)
-    walled = surfaces_of(blocks(), options)
+    walled = build_surfaces(blocks(), options)
     assert (walled.id_of_face[mesh_faces:] == BACKGROUND).all()
     added = walled.vertices[len(surfaces.vertices) :]
     assert np.abs(added[:, :2]).max(axis=1).min() == 1.5
@@ -54,7 +54,7 @@ def test_smooth_normals_are_blended_between_the_corners(lens, above):
 
 def test_normals_face_the_viewer_inside_an_open_mesh(blocks, plain, lens, camera):
     mesh = blocks()
-    inside_out = surfaces_of(type(mesh)(mesh.vertices, mesh.faces[:, ::-1], mesh.rock_of_face, -mesh.normals), plain)
+    inside_out = build_surfaces(type(mesh)(mesh.vertices, mesh.faces[:, ::-1], mesh.rock_of_face, -mesh.normals), plain)
     hits = cast_strip(inside_out, Camera(camera, lens), slice(0, lens.height))
     assert (np.einsum("nk,nk->n", hits.normal, hits.to_viewer) > 0).all()
     assert (np.einsum("nk,nk->n", hits.plane, hits.to_viewer) > 0).all()

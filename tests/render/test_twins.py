@@ -10,7 +10,7 @@ from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
 from polarsim.render.gain import default_gain, gain_ratios
 from polarsim.render.optics import spread, vignette
 from polarsim.render.options import MODELS, RenderOptions
-from polarsim.run_files.rigs import SURVEYED, UNSURE, read_localised, write_localised
+from polarsim.run_files.rigs import SURVEYED, UNCERTAIN_LABELS, read_localised, write_localised
 from polarsim.survey import SURVEYED_LEFT, lamp_position
 
 from .conftest import render_into
@@ -22,7 +22,7 @@ OPTIONS = RenderOptions(rim=False, bounce=0)
 
 def render(folders, out, keys=KEYS, model="hapke", options=OPTIONS, **others):
     render_into(folders, {model: folders / out}, keys, options, **others)
-    return {path.stem: png.read(path).astype(int) for path in sorted((folders / out).glob("*.png"))}
+    return {path.stem: png.read_png(path).astype(int) for path in sorted((folders / out).glob("*.png"))}
 
 
 def test_every_key_has_a_12_bit_twin(folders, lens):
@@ -42,7 +42,7 @@ def test_models_rendered_together_equal_separate_renderings(folders):
         alone = render(folders, f"{model}_alone", model=model)
         assert sorted(alone) == sorted(path.stem for path in together.glob("*.png"))
         for key, twin in alone.items():
-            np.testing.assert_array_equal(png.read(together / f"{key}.png"), twin)
+            np.testing.assert_array_equal(png.read_png(together / f"{key}.png"), twin)
 
 
 def test_grey_values_double_with_the_exposure_until_they_clip(folders):
@@ -119,7 +119,7 @@ def photo_table(folders, twins, factor):
         photo = np.clip(BLACK_LEVEL + factor * (twin - BLACK_LEVEL), 0, WHITE_LEVEL).round().astype(np.uint16)
         photo[:14] = 3000
         path.parent.mkdir(exist_ok=True)
-        png.write(path, photo)
+        png.write_png(path, photo)
         rows.append({"key": key, "path": str(path)})
     (folders / "photos" / "01_A_off_180_R_0256.png").write_bytes(b"no picture")
     table = folders / "photos.parquet"
@@ -144,7 +144,7 @@ def test_a_subset_of_twins_equals_those_of_the_full_set(folders):
         render(folders, out, labels=out, only=chosen, photos=table)
         assert sorted(path.stem for path in (folders / out).glob("*.png")) == sorted(map(str, chosen))
         for key in chosen:
-            np.testing.assert_array_equal(png.read(folders / out / f"{key}.png"), whole[str(key)])
+            np.testing.assert_array_equal(png.read_png(folders / out / f"{key}.png"), whole[str(key)])
         labels = pd.read_parquet(folders / out / "table.parquet")
         assert set(labels["key"]) == set(map(str, chosen))
 
@@ -174,7 +174,7 @@ def test_unusable_photos_do_not_change_the_gain(folders, lens):
     assert not len(gain_ratios(dark + 500, np.zeros(dark.shape, np.float32), 256))
 
 
-@pytest.mark.parametrize("method", [UNSURE, SURVEYED])
+@pytest.mark.parametrize("method", [UNCERTAIN_LABELS, SURVEYED])
 def test_a_position_of_unproven_pose_has_neither_twins_nor_rendered_labels(folders, caplog, method):
     path = folders / "cameras" / "PosA.json"
     write_localised(path, replace(read_localised(path), method=method))

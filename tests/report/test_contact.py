@@ -30,7 +30,7 @@ def drawn(folder, name, rows, keys=KEYS, pictures=(), width=800):
         figure=folder / name,
         width=width,
     )
-    return png.read(folder / name)
+    return png.read_png(folder / name)
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_the_same_rows_give_the_same_bytes_and_exact_label_colours(tmp_path):
 
 def test_a_sheet_that_is_too_large_gets_fewer_greys(tmp_path, monkeypatch, rng):
     for key in KEYS[:3]:
-        png.write(tmp_path / f"noise/{key}.png", rng.integers(16, 4095, (1216, 1936)).astype(np.uint16))
+        png.write_png(tmp_path / f"noise/{key}.png", rng.integers(16, 4095, (1216, 1936)).astype(np.uint16))
     arguments = {"keys": KEYS[:3], "rows": [label(KEYS[0])], "pictures": [tmp_path / "noise"]}
     many = drawn(tmp_path, "many.png", **arguments)
     monkeypatch.setattr(contact, "MAX_BYTES", int(0.9 * (tmp_path / "many.png").stat().st_size))

@@ -64,7 +64,7 @@ def test_crops_show_label_and_best_prediction_in_both_domains(tmp_path):
     write_parquet(tmp_path / "miss.parquet", found.assign(confidence=0.1))
     instances = [("real", "real", str(key), "rock", 1, 1.0, 900.0), ("real", "hapke", str(key), "rock", 1, 0.0, 900.0)]
     write_parquet(tmp_path / "instances.parquet", pd.DataFrame(instances, columns=list(INSTANCES.columns)))
-    png.write(tmp_path / "photo.png", np.full((HEIGHT, WIDTH), 1000, np.uint16))
+    png.write_png(tmp_path / "photo.png", np.full((HEIGHT, WIDTH), 1000, np.uint16))
 
     def draw(trained):
         results = read_detector_results(
@@ -77,7 +77,7 @@ def test_crops_show_label_and_best_prediction_in_both_domains(tmp_path):
             confidence=0.25,
         )
         draw_gap_rocks(results, tmp_path / f"{trained}.png", NARROW)
-        return png.read(tmp_path / f"{trained}.png")[..., :3].astype(int)
+        return png.read_png(tmp_path / f"{trained}.png")[..., :3].astype(int)
 
     def shows(pixels, colour):
         return bool((np.abs(pixels - colour).max(axis=2) < 40).any())
@@ -112,7 +112,7 @@ def test_predictions_are_drawn_with_labels_of_every_domain(tmp_path):
     write_parquet(tmp_path / "miss.parquet", found.assign(confidence=0.1))
     instances = [("real", "real", str(key), "rock", 7, 0.6, 900.0), ("real", "hapke", str(key), "rock", 7, 0.0, 900.0)]
     write_parquet(tmp_path / "instances.parquet", pd.DataFrame(instances, columns=list(INSTANCES.columns)))
-    png.write(tmp_path / "photo.png", np.full((HEIGHT, WIDTH), 1000, np.uint16))
+    png.write_png(tmp_path / "photo.png", np.full((HEIGHT, WIDTH), 1000, np.uint16))
     for trained, hit in (("real", "hit"), ("hapke", "miss")):
         results = read_detector_results(
             "real",
@@ -124,7 +124,7 @@ def test_predictions_are_drawn_with_labels_of_every_domain(tmp_path):
             confidence=0.25,
         )
         draw_predictions(results, tmp_path / f"{trained}.png", NARROW)
-    hit, miss = (png.read(tmp_path / f"{name}.png")[..., :3].astype(int) for name in ("real", "hapke"))
+    hit, miss = (png.read_png(tmp_path / f"{name}.png")[..., :3].astype(int) for name in ("real", "hapke"))
 
     def has(pixels, colour):
         return bool((np.abs(pixels - colour).max(axis=2) < 60).any())
@@ -166,7 +166,7 @@ def test_each_split_has_panels_and_seeds_have_a_band(tmp_path):
     def drawn(chosen, name):
         write_parquet(tmp_path / "c.parquet", chosen)
         draw_curves(curves=tmp_path / "c.parquet", figure=tmp_path / name, origin=ORIGIN, width=NARROW)
-        return png.read(tmp_path / name)[..., :3].astype(int)
+        return png.read_png(tmp_path / name)[..., :3].astype(int)
 
     both = drawn(table, "both.png")
     single = drawn(table[(table["split"] == "photo") & (table["seed"] == 0)], "single.png")

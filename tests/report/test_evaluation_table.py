@@ -3,7 +3,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_csv, read_parquet
 from polarsim.report.evaluation_table import format_evaluation, gather_evaluation, join_metrics, shown_value
-from polarsim.scoring.metrics import COLUMNS, Metric, metrics_table, summary, write_metrics
+from polarsim.scoring.metrics import COLUMNS, Metric, metrics_table, summary_metric, write_metrics
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 
@@ -57,12 +57,12 @@ def test_recall_and_precision_without_f1_have_separate_rows():
 
 
 def test_a_summary_has_median_and_p90_of_the_finite_values():
-    metrics = summary("rocks", "distance", np.array([*range(11), np.nan]), "mm", "truth")
+    metrics = summary_metric("rocks", "distance", np.array([*range(11), np.nan]), "mm", "truth")
     assert [(metric.metric, metric.value, metric.n) for metric in metrics] == [
         ("distance_median", 5, 11),
         ("distance_p90", 9, 11),
     ]
-    assert summary("rocks", "distance", np.full(3, np.nan), "mm", "truth") == []
+    assert summary_metric("rocks", "distance", np.full(3, np.nan), "mm", "truth") == []
 
 
 def test_empty_parts_do_not_change_column_types():

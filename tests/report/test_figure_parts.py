@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.annotate.overlay import Marks, draw_labels
+from polarsim.annotate.overlay import OverlayStyle, draw_labels
 from polarsim.formats.tables import label_table
 from polarsim.photo import COLOURS
 from polarsim.render.options import HAPKE_SETS
@@ -77,7 +77,7 @@ def test_the_letter_size_of_labels_can_be_set():
     row |= {"exposure_ms": 256, "kind": "rock", "rock": 188, "source": "seed", "confidence": 1.0}
     table = label_table([row | {"x0": 600.0, "y0": 500.0, "x1": 900.0, "y1": 700.0}])
     grey = np.full((1216, 1936, 3), 90, np.uint8)
-    images = [draw_labels(grey, table, 400, Marks(letter_px=size)).astype(int) for size in (0, 20)]
+    images = [draw_labels(grey, table, 400, OverlayStyle(letter_px=size)).astype(int) for size in (0, 20)]
     small, large = (int((np.abs(image - COLOURS["rock"]).max(axis=-1) < 60).sum()) for image in images)
     assert large > small + 60
 

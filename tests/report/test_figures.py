@@ -7,8 +7,8 @@ import pytest
 
 from polarsim.formats import obj, png, release, yolo
 from polarsim.formats.tables import key_columns, label_table, write_csv, write_parquet
-from polarsim.geometry.boxes import around
-from polarsim.geometry.casters import caster
+from polarsim.geometry.boxes import box_around_points
+from polarsim.geometry.casters import make_caster
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.report.figures.canvas import FIGURE_WIDTH
 from polarsim.report.figures.comparison import draw_comparison
@@ -72,7 +72,7 @@ def offsets_drawn(folder, rows, name, width=WIDE):
     columns = {"rock": "int64", **dict.fromkeys(("x", "y", "z", "offset_mm"), "float64")}
     write_parquet(folder / "offsets.parquet", pd.DataFrame(rows, columns=list(columns)).astype(columns))
     draw_offsets(terrain=3, offsets=folder / "offsets.parquet", figure=folder / name, width=width)
-    return png.read(folder / name)[..., :3].astype(int)
+    return png.read_png(folder / name)[..., :3].astype(int)
 
 
 def test_surface_outside_the_true_one_is_drawn_red_and_inside_blue(tmp_path):
@@ -115,14 +115,14 @@ def residuals_drawn(folder, name, twins=None, covers=None):
         figure=folder / name,
         width=WIDE,
     )
-    return png.read(folder / name)[..., :3].astype(int)
+    return png.read_png(folder / name)[..., :3].astype(int)
 
 
 def test_displaced_boxes_get_arrows_and_matching_boxes_none(tmp_path, world):
     world.write(tmp_path)
     localised, scene = read_all_localised(tmp_path / "cameras"), read_terrain(tmp_path / "meshes", 3)
     position, rig = sorted(localised.items())[0]
-    boxes = np.array([around(rig.project("L", scene.rock_vertices(rock))) for rock in scene.rocks])
+    boxes = np.array([box_around_points(rig.project("L", scene.rock_vertices(rock))) for rock in scene.rocks])
     arrows = []
     for off in (0, 8):
         yolo.write_boxes(tmp_path / "seeds" / f"03_{position}_off_30_L_0256.txt", np.zeros(len(boxes)), boxes + off)
@@ -134,7 +134,7 @@ def test_displaced_boxes_get_arrows_and_matching_boxes_none(tmp_path, world):
 def test_without_photos_the_background_of_residuals_is_a_twin(tmp_path, world):
     world.write(tmp_path)
     position = sorted(read_all_localised(tmp_path / "cameras"))[0]
-    png.write(tmp_path / f"twins/03_{position}_off_30_L_0256.png", np.full((1216, 1936), 4000, np.uint16))
+    png.write_png(tmp_path / f"twins/03_{position}_off_30_L_0256.png", np.full((1216, 1936), 4000, np.uint16))
     (tmp_path / "seeds").mkdir(exist_ok=True)
     bare, on_twin = (
         residuals_drawn(tmp_path, name, twins=twins) for name, twins in (("a.png", None), ("b.png", tmp_path / "twins"))
@@ -155,7 +155,7 @@ def test_a_cover_photo_of_the_right_camera_is_not_a_background_of_residuals(tmp_
     cover = np.full((1216, 1936, 3), 200, np.uint8)
     for x0, y0, x1, y1 in boxes.astype(int):
         cv2.rectangle(cover, (x0 + off_px, y0), (x1 + off_px, y1), (255, 0, 0), 4)
-    png.write(tmp_path / "cover.png", cover)
+    png.write_png(tmp_path / "cover.png", cover)
     shown = residuals_drawn(tmp_path, "drawn.png", covers={position: "cover.png"})
     assert np.median(shown[shown.shape[0] // 2, 50:300]) == grey
 
@@ -163,7 +163,7 @@ def test_a_cover_photo_of_the_right_camera_is_not_a_background_of_residuals(tmp_
 def test_a_cube_from_above_has_the_true_area_height_and_position(tmp_path, world):
     world.write(tmp_path)
     scene = read_terrain(tmp_path / "meshes", 3)
-    top = top_view(scene, caster(scene.vertices, scene.faces))
+    top = top_view(scene, make_caster(scene.vertices, scene.faces))
     on_rock = top.rock == 1
     assert on_rock.sum() * STEP**2 == pytest.approx(0.2**2, rel=0.06)
     np.testing.assert_allclose(top.height[on_rock], 0.05 + 0.1, atol=1e-5)
@@ -175,7 +175,7 @@ def test_a_cube_from_above_has_the_true_area_height_and_position(tmp_path, world
 def test_the_oblique_view_shows_tinted_rocks_and_shadows(tmp_path, world):
     world.write(tmp_path)
     scene = read_terrain(tmp_path / "meshes", 3)
-    pixels = oblique_view(scene, caster(scene.vertices, scene.faces), 400).astype(int)
+    pixels = oblique_view(scene, make_caster(scene.vertices, scene.faces), 400).astype(int)
     tinted = pixels[..., 0] > pixels[..., 2] + 60
     dark = pixels.max(axis=-1) < 110
     assert 50 < tinted.sum() < 0.1 * tinted.size
@@ -244,8 +244,8 @@ def test_detection_and_ipd_are_drawn_with_and_without_rocks(tmp_path, kinds):
 
 
 def test_a_comparison_shows_the_available_images(tmp_path):
-    png.write(tmp_path / "photo.png", np.full((1216, 1936), 700, np.uint16))
-    png.write(tmp_path / f"hapke/{KEY}.png", np.full((1216, 1936), 300, np.uint16))
+    png.write_png(tmp_path / "photo.png", np.full((1216, 1936), 700, np.uint16))
+    png.write_png(tmp_path / f"hapke/{KEY}.png", np.full((1216, 1936), 300, np.uint16))
     write_parquet(tmp_path / "labels.parquet", label_table([label(KEY, "rock", 1, (100, 100, 500, 400))]))
     twins = {"principled": tmp_path / "none", "hapke": tmp_path / "hapke"}
     arguments = {
@@ -257,7 +257,7 @@ def test_a_comparison_shows_the_available_images(tmp_path):
     with_photo = described(tmp_path, {KEY: tmp_path / "photo.png"})
     draw_comparison(**arguments, **with_photo, twins=twins, figure=tmp_path / "two.png")
     draw_comparison(**arguments, **described(tmp_path, {}), twins={}, figure=tmp_path / "none.png")
-    shown = png.read(tmp_path / "two.png")
+    shown = png.read_png(tmp_path / "two.png")
     # Photo above twin, with the white level of the photo: the twin has 284 DN above black, the photo 684 DN.
     rows = shown.shape[0]
     photo, twin = (np.median(shown[round(at * rows) :][:20, 280:320]) for at in (0.2, 0.68))
@@ -275,7 +275,7 @@ def test_a_comparison_shows_the_available_images(tmp_path):
 @pytest.mark.parametrize(("position", "camera"), [("A", "R"), ("C", "L")])
 def test_a_cover_photo_is_identified_by_red_boxes(release_root, position, camera):
     """By visual inspection, 03 A is of the right camera and 03 C of the left camera."""
-    cover = png.read(release.cover_photos(release_root, 3)[position])
+    cover = png.read_png(release.cover_photos(release_root, 3)[position])
     keys = [key for key in release.label_files(release_root, 3) if key.light == "off" and key.exposure_ms == 256]
     keys = [key for key in keys if key.position == position]
     assert cover_key(cover, hand_drawn(release_root, keys), keys).camera == camera
@@ -283,7 +283,7 @@ def test_a_cover_photo_is_identified_by_red_boxes(release_root, position, camera
 
 @pytest.mark.release
 def test_a_cover_photo_with_numbers_only_is_not_identified(release_root):
-    cover = png.read(release.cover_photos(release_root, 4)["C"])
+    cover = png.read_png(release.cover_photos(release_root, 4)["C"])
     keys = [key for key in release.label_files(release_root, 4) if key.position == "C" and key.exposure_ms == 256]
     assert cover_key(cover, hand_drawn(release_root, keys), keys) is None
 
@@ -300,7 +300,7 @@ def reliability_drawn(folder, rows, name):
     bins = pd.DataFrame(rows, columns=list(RELIABILITY_COLUMNS)).astype(RELIABILITY_COLUMNS)
     write_parquet(folder / "reliability.parquet", bins)
     draw_reliability(reliability=folder / "reliability.parquet", figure=folder / name, origin=ORIGIN, width=WIDE)
-    return png.read(folder / name)[..., :3].astype(int)
+    return png.read_png(folder / name)[..., :3].astype(int)
 
 
 def test_points_of_higher_confidence_and_accuracy_are_above_and_to_the_right(tmp_path):

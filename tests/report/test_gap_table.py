@@ -77,6 +77,6 @@ def test_bars_are_drawn_for_every_component(tmp_path, named):
         ablation=tmp_path / "l.parquet", figure=tmp_path / "gap.png", origin=ORIGIN,
         width=640,
     )  # fmt: skip
-    pixels = png.read(tmp_path / "gap.png")
+    pixels = png.read_png(tmp_path / "gap.png")
     assert pixels.shape[1] == 640
     assert len(np.unique(pixels)) > 2

@@ -8,9 +8,9 @@ from polarsim.formats.tables import key_columns, label_table, read_csv, read_par
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.report.labels_table import SIZES, format_labels, label_scores, size_class, tabulate_labels
 from polarsim.scoring.label_pairs import pair_labels
-from polarsim.scoring.labels import TASKS, score_tasks, task_of
+from polarsim.scoring.labels import PROPAGATION_TASKS, score_tasks, task_of
 from polarsim.scoring.options import ScoringOptions
-from polarsim.scoring.score import Labels
+from polarsim.scoring.score import PhotoLabels
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 SEEDS = [PhotoKey.parse(f"{terrain}_A_off_30_L_0256") for terrain in ("03", "11")]
@@ -29,8 +29,8 @@ def made_up(terrain, seed=1):
         size = rng.uniform(12, 150, (20, 2))
         boxes, classes = np.hstack([low, low + size]), rng.integers(0, 2, 20)
         classes[:] = 0 if key.azimuth == "no" else classes
-        wanted[key] = Labels(classes[:17], boxes[:17])
-        found[key] = Labels(classes[4:], boxes[4:] + rng.normal(0, 8, (16, 4)))
+        wanted[key] = PhotoLabels(classes[:17], boxes[:17])
+        found[key] = PhotoLabels(classes[4:], boxes[4:] + rng.normal(0, 8, (16, 4)))
     return wanted, found
 
 
@@ -53,7 +53,7 @@ def scored():
         wanted, found = made_up(terrain, terrain)
         tasks = {key: task_of(key, SEEDS) for key in wanted}
         pairs.append(pairs_of(wanted, found, tasks))
-        for metric in score_tasks(wanted, found, tasks, TASKS, "labels", OPTIONS):
+        for metric in score_tasks(wanted, found, tasks, PROPAGATION_TASKS, "labels", OPTIONS):
             metrics[f"{terrain:02d}", metric.subject, metric.metric] = metric
     return pairs, metrics
 
@@ -87,8 +87,8 @@ def test_every_group_is_a_partition_of_the_same_boxes(scored):
 
 def test_by_size_true_boxes_and_labels_are_grouped_by_box_size():
     key = PhotoKey.parse("03_A_off_30_R_0256")
-    wanted = {key: Labels(np.zeros(1, int), np.array([[0, 0, 34, 34.0]]))}
-    found = {key: Labels(np.zeros(1, int), np.array([[0, 0, 36, 36.0]]))}
+    wanted = {key: PhotoLabels(np.zeros(1, int), np.array([[0, 0, 34, 34.0]]))}
+    found = {key: PhotoLabels(np.zeros(1, int), np.array([[0, 0, 36, 36.0]]))}
     rows = label_scores(pairs_of(wanted, found, {key: "light on"}))
     by_size = rows[(rows["group"] == "size") & (rows["task"] == "light on")].set_index("value")
     assert by_size.index.tolist() == ["25-35", "35-50"]
@@ -113,10 +113,12 @@ def test_a_size_class_contains_the_size(size):
 def test_rows_are_sorted_by_task_size_and_azimuth(scored):
     rows = label_scores(pd.concat(scored[0]))
     first = rows[(rows["kind"] == "rock") & (rows["group"] == "all")]["task"].tolist()
-    assert first == [task for task in TASKS if task in first]
-    sizes = rows[(rows["kind"] == "rock") & (rows["task"] == TASKS[-1]) & (rows["group"] == "size")]["value"].tolist()
+    assert first == [task for task in PROPAGATION_TASKS if task in first]
+    sizes = rows[(rows["kind"] == "rock") & (rows["task"] == PROPAGATION_TASKS[-1]) & (rows["group"] == "size")][
+        "value"
+    ].tolist()
     assert sizes == [size for size in SIZES if size in sizes]
-    azimuths = rows[(rows["kind"] == "rock") & (rows["task"] == TASKS[-1]) & (rows["group"] == "azimuth")]
+    azimuths = rows[(rows["kind"] == "rock") & (rows["task"] == PROPAGATION_TASKS[-1]) & (rows["group"] == "azimuth")]
     assert azimuths["value"].tolist() == ["no", "30", "180", "270"]
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from polarsim.formats import png
 from polarsim.formats.tables import write_parquet
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import BLACK_LEVEL, HEIGHT, WIDTH, PhotoKey
 from polarsim.report.figures.opposition import draw_opposition, extreme_spots, lit_by_single_lamp, phase_angles
@@ -51,7 +51,7 @@ def test_only_photos_with_a_single_lamp_have_a_phase_angle():
 def cameras(tmp_path):
     lens = Lens(2066.0, 2066.0, WIDTH / 2, HEIGHT / 2)
     apart = Pose(np.eye(3), np.array([0.3, 0.0, 0.0]))
-    rig = LocalisedRig(StereoRig(lens, lens, apart), looking(EYE, np.pi, np.radians(25)))
+    rig = LocalisedRig(StereoRig(lens, lens, apart), camera_pose(EYE, np.pi, np.radians(25)))
     write_localised(tmp_path / "cameras" / "PosA.json", rig)
     write_suns(tmp_path / "cameras", {"30": np.array([-3.5, 0.0, 0.8])})
     return tmp_path / "cameras"
@@ -72,7 +72,7 @@ def draw(tmp_path, cameras, keys, brightness):
     for domain, grey in brightness.items():
         for key in keys:
             pixels = np.full((HEIGHT, WIDTH), BLACK_LEVEL + grey, np.uint16)
-            png.write(tmp_path / domain / "Terrain01" / f"{key}.png", pixels)
+            png.write_png(tmp_path / domain / "Terrain01" / f"{key}.png", pixels)
     draw_opposition(
         keys=keys,
         cameras={1: cameras},
@@ -91,7 +91,7 @@ def test_the_caption_has_the_brightness_ratio_at_both_phase_angles(tmp_path, cam
     assert caption["shown"]
     assert caption["text"].count("2.00 (Hapke)") == 2
     assert str(ROVER) in caption["text"].split(". ")[0]
-    shown = png.read(tmp_path / "o.png")
+    shown = png.read_png(tmp_path / "o.png")
     assert shown.shape[1] == 640
     photo, twin = (
         np.median(shown[120:160, at : at + 40]) for at in (150, 460)

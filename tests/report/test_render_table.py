@@ -4,7 +4,7 @@ import pytest
 
 from polarsim.formats.tables import key_columns, read_csv, write_csv, write_parquet
 from polarsim.photo import PhotoKey
-from polarsim.report.render_table import likeness_rows, tabulate_render
+from polarsim.report.render_table import similarity_rows, tabulate_render
 from polarsim.schemas.evaluation import TWIN_PAIRS
 from polarsim.scoring.metrics import Metric, metrics_table
 
@@ -30,7 +30,7 @@ def pairs():
 
 
 def test_medians_are_grouped_by_position_azimuth_and_terrain(pairs):
-    rows = likeness_rows(pairs).set_index(["group", "value"])
+    rows = similarity_rows(pairs).set_index(["group", "value"])
     assert rows.loc[("all", "all"), "log2_twin_over_photo"] == 0.5
     assert rows.loc[("position", "B"), "log2_twin_over_photo"] == 1
     assert rows.loc[("azimuth", "180"), "ssim"] == 0.5

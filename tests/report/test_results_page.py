@@ -28,7 +28,7 @@ def run(tmp_path):
     """Return the files of a run without stereo and ablation, with the layout of results/demo."""
     write_parquet(tmp_path / "photos.parquet", pd.DataFrame({"key": [f"photo {number}" for number in range(1234)]}))
     write_json(tmp_path / "figures/strip/strip.json", {"key": "01_A_off_30_L_0256", "panels": [["photo", "A <photo>"]]})
-    png.write(tmp_path / "figures/strip/photo.png", np.zeros((4, 4), "uint8"))
+    png.write_png(tmp_path / "figures/strip/photo.png", np.zeros((4, 4), "uint8"))
     dataset = tmp_path / "datasets" / "real"
     dataset.mkdir(parents=True)
     write_json(dataset / "dataset.json", {"pictures": {"train": 7, "val": 1, "test": 3}})
@@ -43,7 +43,7 @@ def run(tmp_path):
     figures = {}
     for name in ("comparison_Terrain01_PosA", "detection", "seen_real", "seen_hapke", "opposition"):
         figures[name] = tmp_path / f"figures/{name}.png"
-        png.write(figures[name], np.zeros((4, 4), "uint8"))
+        png.write_png(figures[name], np.zeros((4, 4), "uint8"))
     phases = tmp_path / "figures/opposition.json"
     write_json(phases, {"shown": True, "text": "From 2 to 90 degrees"})
     return {
@@ -102,7 +102,7 @@ def test_the_first_screen_describes_the_run_and_has_metrics_with_intervals(tmp_p
 
 def test_images_are_reduced_and_the_page_does_not_depend_on_modification_times(tmp_path, run):
     grain = np.random.default_rng(0).integers(0, 256, (600, 2400), "uint8")
-    png.write(run["figures"]["detection"], grain)
+    png.write_png(run["figures"]["detection"], grain)
     page = written(tmp_path, run)
     content = base64.b64decode(re.search(r'id="detection".*?base64,([^"]+)"', page)[1])
     assert Image.open(io.BytesIO(content)).size == (1100, 275)

@@ -3,15 +3,15 @@ import pandas as pd
 import pytest
 
 from polarsim.formats.tables import read_csv, write_csv, write_parquet
-from polarsim.geometry.poses import looking
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.poses import camera_pose
+from polarsim.geometry.stereo import default_rig
 from polarsim.report.stage_tables import tabulate_cameras, tabulate_rocks
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.scoring.mesh_scores import mesh_table
 from polarsim.scoring.metrics import Metric, write_metrics
 
 ORIGIN = {"run": "here", "source": "analog", "config": "abc"}
-POSE = looking(np.array([3.5, -0.3, 1.5]), np.radians(178), np.radians(25), np.radians(1))
+POSE = camera_pose(np.array([3.5, -0.3, 1.5]), np.radians(178), np.radians(25), np.radians(1))
 
 
 def tabulated(folder):
@@ -26,7 +26,7 @@ def tabulated(folder):
 
 
 def test_a_camera_localised_by_scans_is_listed_with_errors(tmp_path):
-    write_localised(tmp_path / "cameras/PosA.json", LocalisedRig(stated_rig(), POSE, "scans", {"sd_mm": 0.3}))
+    write_localised(tmp_path / "cameras/PosA.json", LocalisedRig(default_rig(), POSE, "scans", {"sd_mm": 0.3}))
     write_csv(tmp_path / "cameras/alignment.csv", pd.DataFrame([{"pair": "A-C", "fitness": 0.8, "rmse_mm": 1.2}]))
     metrics = [
         Metric("A", "position_error_aligned", 1.25, "mm", 1, "truth"),
@@ -44,7 +44,7 @@ def test_a_camera_localised_by_scans_is_listed_with_errors(tmp_path):
 
 def test_a_camera_localised_by_labels_is_aligned_with_its_boxes(tmp_path):
     evaluation = {"matched": 9.0, "mean_iou": 0.8, "median_dx_px": 1.0, "median_dy_px": 0.9}
-    write_localised(tmp_path / "cameras/PosB.json", LocalisedRig(stated_rig(), POSE, "labels", evaluation))
+    write_localised(tmp_path / "cameras/PosB.json", LocalisedRig(default_rig(), POSE, "labels", evaluation))
     write_metrics(tmp_path / "evaluation.csv", "cameras", 1, [])
     _, alignment = tabulated(tmp_path)
     assert alignment.iloc[0][["evidence", "between", "mean_iou"]].tolist() == ["labels", "B and its boxes", 0.8]

@@ -20,8 +20,8 @@ def strip(tmp_path):
 
     def make(photos, tested=None):
         for key in (DARK, SHOWN, TESTED):
-            png.write(tmp_path / f"twins/{key}.png", np.full((1216, 1936), 1000, np.uint16))
-            png.write(tmp_path / f"photos/{key}.png", np.full((1216, 1936), 508, np.uint16))
+            png.write_png(tmp_path / f"twins/{key}.png", np.full((1216, 1936), 1000, np.uint16))
+            png.write_png(tmp_path / f"photos/{key}.png", np.full((1216, 1936), 508, np.uint16))
         rows = [{"key": str(key), "path": str(tmp_path / f"photos/{key}.png")} for key in photos]
         write_parquet(tmp_path / "photos.parquet", pd.DataFrame(rows, columns=["key", "path"]).astype("str"))
         label = {"kind": "rock", "rock": 7, "source": "seed", "confidence": 1.0} | BOX
@@ -45,10 +45,10 @@ def test_a_photo_with_a_twin_and_a_detector_has_five_panels(strip):
     key, panels, folder = strip([DARK, SHOWN, TESTED], tested=[TESTED])
     assert key == str(TESTED)
     assert list(panels) == ["photo", "twin", "difference", "labels", "detections"]
-    assert all(png.read(folder / f"{name}.png").shape[1] == PANEL_WIDTH for name in panels)
-    difference = png.read(folder / "difference.png")
+    assert all(png.read_png(folder / f"{name}.png").shape[1] == PANEL_WIDTH for name in panels)
+    difference = png.read_png(folder / "difference.png")
     np.testing.assert_allclose(difference[300, 300], [255, 128, 128], atol=3)  # twice as bright: 1 stop of 2
-    detections = png.read(folder / "detections.png").astype(int)
+    detections = png.read_png(folder / "detections.png").astype(int)
     scale = PANEL_WIDTH / 1936
     assert tuple(detections[round(550 * scale), round(500 * scale)]) == (255, 176, 0)
     assert len(set(detections[round(550 * scale), round(1800 * scale)])) == 1  # grey: below the minimum confidence

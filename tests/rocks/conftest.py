@@ -10,15 +10,15 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose, looking
-from polarsim.geometry.stereo import rectified_left, stated_rig
-from polarsim.rocks.scans import ScanPoints, merged, scan_in_sandbox
+from polarsim.geometry.poses import Pose, camera_pose
+from polarsim.geometry.stereo import default_rig, rectified_left
+from polarsim.rocks.scans import ScanPoints, merge_scans, scan_in_sandbox
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scans import trusted_pixels
 
 TRIPODS = {
-    "A": looking(np.array([3.55, -0.35, 1.52]), np.radians(180), np.radians(25)),
-    "C": looking(np.array([0.70, -3.55, 1.50]), np.radians(104), np.radians(27)),
+    "A": camera_pose(np.array([3.55, -0.35, 1.52]), np.radians(180), np.radians(25)),
+    "C": camera_pose(np.array([0.70, -3.55, 1.50]), np.radians(104), np.radians(27)),
 }
 FULL_LENS = Lens(1990.6, 1990.6, 966.7, 600.6)  # of the rectified left grid
 
@@ -86,7 +86,7 @@ class Scene:
         for sandbox_from_camera in TRIPODS.values():
             seen = self.range_map(sandbox_from_camera, lens, noise, rng)
             scans.append(scan_in_sandbox(seen[trusted_pixels(seen, lens.fx)].astype(float), sandbox_from_camera))
-        return merged(scans)
+        return merge_scans(scans)
 
 
 SIZES = {(0.9, 0.6): 0.25, (-0.2, -0.9): 0.12, (1.1, -0.5): 0.08}  # position (x, y): longest side, metres
@@ -122,6 +122,6 @@ def tripods() -> dict[str, Pose]:
 @pytest.fixture(scope="session")
 def localised(tripods: dict[str, Pose]) -> dict[str, LocalisedRig]:
     """Return the stated rig with its rectified left cameras at the tripods."""
-    rig = stated_rig()
+    rig = default_rig()
     left_from_rectified = rectified_left(rig).left_from_rectified
     return {name: LocalisedRig(rig, pose @ left_from_rectified.inverse(), "truth") for name, pose in tripods.items()}

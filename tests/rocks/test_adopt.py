@@ -7,13 +7,13 @@ from polarsim.errors import FormatError
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.rims import rim
-from polarsim.geometry.topology import compacted
+from polarsim.geometry.topology import remove_unused_vertices
 from polarsim.rocks.adopt import adopt_rocks, volume_above
 from polarsim.rocks.fitted_ground import FOOT_SD, fit_ground
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.scans import Extent
 from polarsim.run_files.inventory import Inventory, write_inventory
-from polarsim.run_files.scene import made_from
+from polarsim.run_files.scene import mesh_origins
 
 GRID = FloorGrid(Extent(-2.1, -2.1, 2.1, 2.1), 0.02)
 
@@ -42,7 +42,7 @@ def half_ball(x, y, z, radius=0.06):
     ball = trimesh.creation.icosphere(subdivisions=4, radius=radius)
     vertices = np.array(ball.vertices)
     faces = np.array(ball.faces)[(vertices[ball.faces][:, :, 2] >= -1e-9).all(axis=1)]
-    return compacted(vertices + np.array([x, y, z]), faces)
+    return remove_unused_vertices(vertices + np.array([x, y, z]), faces)
 
 
 @pytest.mark.release
@@ -54,11 +54,11 @@ def test_published_rocks_are_cleaned_and_get_a_ground_at_their_feet(release_root
     assert set(table["source"]) == {"published"}
     assert (figures["islands"] == 1).all()
     assert (table["volume_m3"] > 0).all()
-    ground = obj.read(tmp_path / "meshes" / obj.ground_name(terrain))
+    ground = obj.read_obj(tmp_path / "meshes" / obj.ground_name(terrain))
     heights = ground.vertices[:, 2].reshape(FloorGrid(GRID.extent, 0.02).shape)
     for rock, path in paths.items():
-        adopted = obj.read(tmp_path / "meshes" / obj.rock_name(terrain, rock))
-        published = obj.read(path)
+        adopted = obj.read_obj(tmp_path / "meshes" / obj.rock_name(terrain, rock))
+        published = obj.read_obj(path)
         assert np.isin(np.round(adopted.vertices[:50], 6), np.round(published.vertices, 6)).all()  # the same frame
         foot = rim(adopted)
         assert np.median(np.abs(foot[:, 2] - GRID.sample(heights, foot))) < FOOT_SD
@@ -68,11 +68,11 @@ def test_a_terrain_without_meshes_is_level_ground_and_an_empty_table(tmp_path):
     table, figures = adopt(tmp_path, 6, {})
     assert len(table) == 0
     assert list(figures.index) == ["terrain06_ground.obj"]
-    assert not obj.read(tmp_path / "meshes" / "terrain06_ground.obj").vertices[:, 2].any()
+    assert not obj.read_obj(tmp_path / "meshes" / "terrain06_ground.obj").vertices[:, 2].any()
 
 
 def test_a_published_ground_is_used(tmp_path):
-    obj.write(
+    obj.write_obj(
         tmp_path / "ground.obj", Mesh(np.array([[-2, -2, 1], [2, -2, 1], [0, 2, 1.0]]), np.array([[0, 1, 2]])), "g"
     )
     _, figures = adopt(tmp_path, 4, {}, ground=str(tmp_path / "ground.obj"))
@@ -101,26 +101,26 @@ PLACES = {3: (0.9, 0.8), 5: (-1.1, 0.4), 8: (0.2, -1.3)}
 
 def adopt_on(folder, ground):
     """Adopt three half balls on the wavy ground, published with a given ground."""
-    obj.write(folder / "terrain04_ground.obj", ground, "ground")
+    obj.write_obj(folder / "terrain04_ground.obj", ground, "ground")
     paths = {}
     for rock, (x, y) in PLACES.items():
         paths[str(rock)] = str(folder / f"rock{rock}.obj")
-        obj.write(paths[str(rock)], half_ball(x, y, wavy(x, y)), "rock")
+        obj.write_obj(paths[str(rock)], half_ball(x, y, wavy(x, y)), "rock")
     return adopt(folder, 4, paths, ground=str(folder / "terrain04_ground.obj"))
 
 
 def test_tables_state_the_published_ground(tmp_path):
     table, figures = adopt_on(tmp_path, wavy_ground())
     assert figures.loc["terrain04_ground.obj", "made_from"] == "published"
-    assert made_from(tmp_path / "meshes")["terrain04_rock3.obj"] == "published"
+    assert mesh_origins(tmp_path / "meshes")["terrain04_rock3.obj"] == "published"
     np.testing.assert_allclose(table["height_m"], 0.06, atol=0.008)  # of a half ball, on waves of up to 3.4 degrees
-    ground = obj.read(tmp_path / "meshes" / "terrain04_ground.obj")
+    ground = obj.read_obj(tmp_path / "meshes" / "terrain04_ground.obj")
     centre = np.linalg.norm(ground.vertices[:, :2], axis=1).argmin()
     assert ground.vertices[centre, 2] == pytest.approx(wavy(0, 0), abs=1e-5)  # including the pit
 
 
 def test_tables_distinguish_fitted_and_published_ground(tmp_path):
-    obj.write(tmp_path / "rock.obj", half_ball(0, 0, 0.2), "rock")
+    obj.write_obj(tmp_path / "rock.obj", half_ball(0, 0, 0.2), "rock")
     _, figures = adopt(tmp_path, 4, {"2": str(tmp_path / "rock.obj")})
     assert figures["made_from"].to_dict() == {
         "terrain04_ground.obj": "fitted",
@@ -132,7 +132,7 @@ def test_tables_distinguish_fitted_and_published_ground(tmp_path):
 def test_a_published_ground_that_faces_down_is_flipped(tmp_path):
     ground = wavy_ground()
     adopt_on(tmp_path, Mesh(ground.vertices, ground.faces[:, ::-1]))
-    assert obj.read(tmp_path / "meshes" / "terrain04_ground.obj").normals()[:, 2].min() > 0.5
+    assert obj.read_obj(tmp_path / "meshes" / "terrain04_ground.obj").normals()[:, 2].min() > 0.5
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from polarsim.rocks.bumps import Bumps, add_bumps, curvature
 from polarsim.rocks.evidence import Evidence
-from polarsim.rocks.ground import Sand, find_ground
+from polarsim.rocks.ground import SandSurface, find_ground
 from polarsim.rocks.heights import FloorGrid
-from polarsim.rocks.regions import Limits, Region, measure_mask
+from polarsim.rocks.regions import Limits, RockRegion, measure_mask
 from polarsim.rocks.scans import Extent, ScanPoints
 
 CELL, HALF = 0.005, 0.4  # metres
@@ -21,7 +21,7 @@ NOBODY = Evidence({}, {}, 0.3)
 Height = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
-def sand_of(height: Height, seed: int = 1, unseen: Height | None = None) -> Sand:
+def sand_of(height: Height, seed: int = 1, unseen: Height | None = None) -> SandSurface:
     """Return sand of noisy points on z(x, y), without points where `unseen` is positive."""
     rng = np.random.default_rng(seed)
     x, y = rng.uniform(-HALF, HALF, (2, DENSITY * round(2 * HALF / CELL) ** 2))
@@ -33,7 +33,7 @@ def sand_of(height: Height, seed: int = 1, unseen: Height | None = None) -> Sand
     return find_ground(ScanPoints(points, up, np.ones(len(x))), extent, CELL, np.radians(40))
 
 
-def found(sand: Sand, regions: list[Region] | None = None, bumps: Bumps = BUMPS) -> list[Region]:
+def found(sand: SandSurface, regions: list[RockRegion] | None = None, bumps: Bumps = BUMPS) -> list[RockRegion]:
     return add_bumps(sand, regions or [], LIMITS, NOBODY, bumps)[1]
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from polarsim.geometry.boxes import around
+from polarsim.geometry.boxes import box_around_points
 from polarsim.rocks.carving import add_carved_rocks
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import find_ground
-from polarsim.rocks.regions import Limits, find_regions, measure_mask, surface_points
+from polarsim.rocks.regions import Limits, find_regions, measure_mask, scanned_points
 from polarsim.rocks.scans import Extent
 from tests.rocks.conftest import Scene, angular_rock
 
@@ -41,7 +41,7 @@ def sand(rocks):
 def box(localised, position, rock):
     points = rock.points[rock.points[:, 2] > 0]
     feet = rock.points * [1, 1, 0]  # annotations extend to the sand
-    return around(
+    return box_around_points(
         localised[position].project("L", np.concatenate([points, feet[rock.vertices] * 0.9 + 0.1 * feet.mean(0)]))
     )
 
@@ -81,7 +81,7 @@ def test_a_box_of_one_position_cuts_out_the_rock(sand, localised, rocks):
 
 def test_a_cut_that_worsens_the_fit_of_the_other_rock_is_rejected(sand, localised, rocks):
     whole = np.concatenate([rock.points[rock.points[:, 2] > 0] for rock in rocks])
-    joint = around(localised["C"].project("L", whole))
+    joint = box_around_points(localised["C"].project("L", whole))
     alone = found(sand, localised, C=[joint])
     assert sizes(found(sand, localised, A=[box(localised, "A", rocks[1])], C=[joint])) == sizes(alone)
 
@@ -94,7 +94,7 @@ def test_touching_regions_are_joined_if_boxes_show_one_rock(sand, localised):
         mask = np.zeros(sand.surface.shape, bool)
         mask.ravel()[rock.seen[half]] = True
         halves.append(measure_mask(sand, mask))
-    annotated = around(localised["A"].project("L", surface_points(sand, rock.seen)))
+    annotated = box_around_points(localised["A"].project("L", scanned_points(sand, rock.seen)))
     [joined] = add_carved_rocks(sand, halves, LIMITS, Evidence(localised, {"A": [annotated[None]]}, 0.3))[1]
     np.testing.assert_array_equal(joined.seen, np.sort(rock.seen))
     assert joined.confirmed == ("A",)
@@ -104,4 +104,4 @@ def test_touching_regions_are_joined_if_boxes_show_one_rock(sand, localised):
 def test_a_box_on_bare_sand_adds_no_rock(sand, localised):
     x, y = -0.8, 0.7
     corners = np.array([(x + dx, y + dy, z) for dx in (-0.06, 0.06) for dy in (-0.06, 0.06) for z in (0.0, 0.04)])
-    assert len(found(sand, localised, A=[around(localised["A"].project("L", corners))])) == 1
+    assert len(found(sand, localised, A=[box_around_points(localised["A"].project("L", corners))])) == 1

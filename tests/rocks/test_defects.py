@@ -8,7 +8,7 @@ from scipy.spatial import KDTree
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.rims import rim
-from polarsim.geometry.topology import compacted, is_watertight, open_edges, part_of_face
+from polarsim.geometry.topology import is_watertight, open_edges, part_of_face, remove_unused_vertices
 from polarsim.rocks.adopt import cleaned, volume_above
 from polarsim.rocks.fitted_ground import fit_ground
 from polarsim.rocks.heights import FloorGrid
@@ -26,7 +26,7 @@ def half_ball():
     """Return the upper half of a ball on level ground, open below."""
     ball = trimesh.creation.icosphere(subdivisions=5, radius=RADIUS)
     vertices, faces = np.array(ball.vertices), np.array(ball.faces)
-    return compacted(vertices, faces[(vertices[faces][:, :, 2] >= -1e-9).all(axis=1)])
+    return remove_unused_vertices(vertices, faces[(vertices[faces][:, :, 2] >= -1e-9).all(axis=1)])
 
 
 def with_skirt(mesh, reach=0.03):
@@ -97,7 +97,7 @@ def test_a_closed_copy_keeps_the_surface_and_loses_the_skirt():
 @pytest.mark.parametrize("terrain", [8, 11])
 def test_published_rocks_become_closed_solids(release_root, terrain):
     rocks = {
-        k: obj.read(p) for k, p in obj.rock_files(release_root / "TerrainMeshes" / f"Terrain{terrain:02d}").items()
+        k: obj.read_obj(p) for k, p in obj.rock_files(release_root / "TerrainMeshes" / f"Terrain{terrain:02d}").items()
     }
     assert not defect_table(rocks)["watertight"].any()  # undersides are not scanned
     adopted = {rock: cleaned(mesh) for rock, mesh in rocks.items()}

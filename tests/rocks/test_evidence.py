@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from polarsim.geometry.boxes import around
+from polarsim.geometry.boxes import box_around_points
 from polarsim.rocks.annotated import add_annotated_rocks
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import find_ground
@@ -21,7 +21,7 @@ def ball(x, y, radius=0.05):
 
 
 def box(localised, position, points):
-    return around(localised[position].project("L", points)) + np.array([-2, -2, 2, 2])
+    return box_around_points(localised[position].project("L", points)) + np.array([-2, -2, 2, 2])
 
 
 def evidence(localised, **annotated):
@@ -39,7 +39,7 @@ def test_parts_have_a_box_in_every_photo_that_was_annotated_in(localised):
     shown, behind = ball(0.2, 0.0), ball(20.0, 0.0)  # the second has negative depth at tripod A
     boxes = evidence(localised, A=[[0, 0, 9, 9]], B=[]).boxes([shown, behind])
     assert list(boxes) == ["A"]
-    np.testing.assert_allclose(boxes["A"][0], around(localised["A"].project("L", shown)))
+    np.testing.assert_allclose(boxes["A"][0], box_around_points(localised["A"].project("L", shown)))
     assert np.isnan(boxes["A"][1]).all()
 
 

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import nasa, obj, ply
-from polarsim.geometry.stereo import rectified_left, stated_rig
+from polarsim.geometry.stereo import default_rig, rectified_left
 from polarsim.geometry.topology import is_watertight
 from polarsim.rocks import find
 from polarsim.rocks.find import find_rocks
@@ -32,7 +32,7 @@ def coarse():
 
 def write_scene(folder, scene, tripods, reduction=0.5):
     """Write cameras, clouds and an inventory, as earlier stages do; clouds are a fast form of scans."""
-    rng, rig, clouds = np.random.default_rng(9), stated_rig(), {}
+    rng, rig, clouds = np.random.default_rng(9), default_rig(), {}
     grid = rectified_left(rig)
     for position, sandbox_from_rectified in tripods.items():
         sandbox_from_left = sandbox_from_rectified @ grid.left_from_rectified.inverse()
@@ -101,7 +101,7 @@ def test_scans_become_a_table_of_rocks(worked):
 
 def test_every_rock_has_a_cloud_with_unit_normals_inside_its_cuboid(worked):
     for row in pd.read_parquet(worked / "rocks.parquet").itertuples():
-        cloud = ply.read(worked / "clouds" / f"rock{row.rock}.ply")
+        cloud = ply.read_ply(worked / "clouds" / f"rock{row.rock}.ply")
         np.testing.assert_allclose(np.linalg.norm(cloud.normals, axis=1), 1, atol=1e-6)
         assert (cloud.points >= np.array([row.x0, row.y0, row.z0]) - 0.005).all()
         assert (cloud.points <= np.array([row.x1, row.y1, row.z1]) + 0.005).all()
@@ -113,13 +113,15 @@ def test_every_rock_gets_a_closed_mesh_and_a_small_copy(worked):
     assert figures.drop("terrain01_ground.obj")["watertight"].all()
     assert (figures["islands"] == 1).all()
     for rock in pd.read_parquet(worked / "rocks.parquet")["rock"]:
-        full, copy = (obj.read(worked / "meshes" / obj.rock_name(1, rock, decimated=small)) for small in (False, True))
+        full, copy = (
+            obj.read_obj(worked / "meshes" / obj.rock_name(1, rock, decimated=small)) for small in (False, True)
+        )
         assert is_watertight(full.faces)
         assert len(copy.vertices) < 0.1 * len(full.vertices)
 
 
 def test_the_ground_covers_the_sand(worked):
-    ground = obj.read(worked / "meshes" / "terrain01_ground.obj").vertices
+    ground = obj.read_obj(worked / "meshes" / "terrain01_ground.obj").vertices
     assert (ground[:, :2].min(axis=0) < -2.0).all()
     assert (ground[:, :2].max(axis=0) > 2.0).all()
 
@@ -171,7 +173,7 @@ def test_a_terrain_without_scans_is_level_ground_without_rocks(tmp_path, caplog)
     run(tmp_path)
     assert "terrain 01 has no scan" in caplog.text
     assert len(pd.read_parquet(tmp_path / "rocks.parquet")) == 0
-    assert np.abs(obj.read(tmp_path / "meshes" / "terrain01_ground.obj").vertices[:, 2]).max() < 1e-3
+    assert np.abs(obj.read_obj(tmp_path / "meshes" / "terrain01_ground.obj").vertices[:, 2]).max() < 1e-3
     assert [path.name for path in (tmp_path / "meshes").glob("*.obj")] == ["terrain01_ground.obj"]
 
 

@@ -81,7 +81,7 @@ def test_a_slope_within_the_bound_is_kept():
 def test_published_rocks_stand_on_a_ground_without_cliffs(release_root, terrain):
     """With inverse distances, the steepest triangles had 76 and 70 degrees."""
     paths = obj.rock_files(release_root / "TerrainMeshes" / f"Terrain{terrain:02d}").values()
-    rims = [rim(cleaned(obj.read(path))) for path in paths]
+    rims = [rim(cleaned(obj.read_obj(path))) for path in paths]
     grid = FloorGrid(Extent(-2.1, -2.1, 2.1, 2.1), 0.02)
     heights = fit_ground(rims, grid)
     assert steepest_deg(grid, heights) <= MAX_SLOPE_DEG

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial import KDTree
 
 from polarsim.formats.obj import Mesh, rock_files
-from polarsim.geometry.stereo import StereoRig, stated_rig
+from polarsim.geometry.stereo import StereoRig, default_rig
 from polarsim.rocks.options import RocksOptions
 
 SCRIPT = Path(__file__).parents[2] / "benchmarks/foreign.py"
@@ -72,9 +72,9 @@ def test_the_ground_truth_excludes_rocks_under_the_sand(foreign, tmp_path):
 
 @pytest.mark.slow
 def test_cameras_rocks_and_meshes_of_foreign_scans_are_accurate(foreign, tmp_path, monkeypatch):
-    full = stated_rig()
+    full = default_rig()
     half = StereoRig(full.left.scaled(0.5), full.right.scaled(0.5), full.left_from_right)  # to save time
-    monkeypatch.setattr(foreign, "stated_rig", lambda: half)
+    monkeypatch.setattr(foreign, "default_rig", lambda: half)
     monkeypatch.setattr(foreign, "TRIPODS", {position: foreign.TRIPODS[position] for position in "AC"})
     foreign.make(tmp_path, seed=5, meshes=None, count=7)
     foreign.reconstruct(tmp_path, RocksOptions(rock_cell_mm=3.5, ground_mesh_cell_mm=16))

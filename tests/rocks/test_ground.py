@@ -9,7 +9,7 @@ from polarsim.rocks.crops import crop_rocks
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import find_ground, sand_extent
 from polarsim.rocks.overrides import Cuboid, Overrides
-from polarsim.rocks.regions import Limits, Region, find_regions, number_regions
+from polarsim.rocks.regions import Limits, RockRegion, find_regions, number_regions
 from polarsim.rocks.scans import Extent, ScanPoints
 
 CELL = 0.008
@@ -114,7 +114,7 @@ def test_ids_do_not_change_with_other_noise(three_rocks, found):
 
 def region(x, y, size=0.1):
     cells = np.zeros(0, int)
-    return Region(cells, cells, np.array([x, y]), size, 0.05, 1e-4)
+    return RockRegion(cells, cells, np.array([x, y]), size, 0.05, 1e-4)
 
 
 def test_an_id_is_the_number_of_a_square_of_the_sandbox():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from polarsim.rocks.regions import Limits, Region, _has_rock_shape
+from polarsim.rocks.regions import Limits, RockRegion, _has_rock_shape
 
 LIMITS = Limits(foot=0.008, height=0.015, confirmed_height=0.01, size=0.035)
 
@@ -19,5 +19,5 @@ LIMITS = Limits(foot=0.008, height=0.015, confirmed_height=0.01, size=0.035)
     ],
 )
 def test_rocks_are_neither_flat_nor_upright(size, height, rock):
-    region = Region(np.zeros(1, int), np.zeros(1, int), np.zeros(2), size, height, 0.0)
+    region = RockRegion(np.zeros(1, int), np.zeros(1, int), np.zeros(2), size, height, 0.0)
     assert _has_rock_shape(region, LIMITS) == rock

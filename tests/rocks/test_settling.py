@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from polarsim.rocks.clouds import alignment_translations
-from polarsim.rocks.scans import ScanPoints, merged
+from polarsim.rocks.scans import ScanPoints, merge_scans
 
 OFF = np.array([0.0015, -0.0020, 0.0010])  # metres
 
@@ -54,7 +54,7 @@ def test_the_order_of_scans_and_points_hardly_matters():
         [scan((2.0, -1.0, 1.5))],
         [scan((2.0, -1.0, 1.5)), scan((0.5, -3.0, 1.5), count=80)],
         [scan((2.0, -1.0, 1.5), flat=True), scan((0.5, -3.0, 1.5), seed=1, flat=True)],
-        [merged([])],
+        [merge_scans([])],
         [],
     ],
     ids=["one scan", "few points of the other", "a plate", "no point", "no scan"],

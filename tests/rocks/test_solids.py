@@ -11,8 +11,8 @@ from polarsim.rocks import surfaces
 from polarsim.rocks.adopt import volume_above
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.scans import Extent
-from polarsim.rocks.solids import decimated, merged_vertices, volume
-from polarsim.rocks.surfaces import closed_rock, closing_points, ground_surface, hull_mesh, hull_points
+from polarsim.rocks.solids import decimate_mesh, merged_vertices, volume
+from polarsim.rocks.surfaces import closed_rock, closing_points, ground_surface, hull_mesh, sample_hull
 
 GRID = FloorGrid(Extent(-0.3, -0.3, 0.3, 0.3), 0.005)
 LEVEL = np.zeros(GRID.shape)
@@ -115,7 +115,7 @@ def test_the_ground_is_one_sheet_at_its_heights():
 
 def test_a_decimated_solid_stays_closed_and_keeps_its_volume():
     ball = as_mesh(trimesh.creation.icosphere(subdivisions=5))
-    copy = decimated(ball, 0.05)
+    copy = decimate_mesh(ball, 0.05)
     assert as_trimesh(copy).is_watertight
     assert len(copy.vertices) == pytest.approx(0.05 * len(ball.vertices), rel=0.1)
     assert volume(copy) == pytest.approx(volume(ball), rel=0.02)
@@ -158,8 +158,8 @@ def test_points_on_a_hull_are_dense_and_skip_faces_without_area():
     rng = np.random.default_rng(8)
     hull = hull_mesh(rng.normal(size=(40, 3)) * 0.1)
     sliver = Mesh(hull.vertices, np.concatenate([hull.faces[:5], [[0, 0, 1]], hull.faces[5:]]))
-    found, spacing = hull_points(sliver, 0.004), 0.004
-    assert np.array_equal(found.points, hull_points(hull, spacing).points)
+    found, spacing = sample_hull(sliver, 0.004), 0.004
+    assert np.array_equal(found.points, sample_hull(hull, spacing).points)
     heights = ((hull.vertices[None] - found.points[:, None]) * found.normals[:, None]).sum(axis=2)
     assert heights.max() < 1e-12  # no point of the hull is outside a face
     assert np.sort(-heights, axis=1)[:, 2].max() < 1e-12  # and three corners on it

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from polarsim.formats import nasa, obj, tables
-from polarsim.geometry.stereo import StereoRig, rectified_left, stated_rig
+from polarsim.geometry.stereo import StereoRig, default_rig, rectified_left
 from polarsim.geometry.topology import is_watertight, part_of_face
 from polarsim.rocks.adopt import adopt_rocks
 from polarsim.rocks.find import find_rocks
@@ -20,7 +20,7 @@ from polarsim.run_files.scene import read_terrain
 from .conftest import TRIPODS, Scene
 
 TERRAIN = 1
-FULL = stated_rig()
+FULL = default_rig()
 RIG = StereoRig(FULL.left.scaled(0.5), FULL.right.scaled(0.5), FULL.left_from_right)  # to save time
 
 
@@ -86,7 +86,7 @@ def test_rock_meshes_are_closed_outward_and_connected(three_rocks_on_disk):
     files = obj.rock_files(folder / "meshes")
     assert len(files) == 3
     for path in files.values():
-        mesh = obj.read(path)
+        mesh = obj.read_obj(path)
         assert is_watertight(mesh.faces)
         assert volume(mesh) > 0  # outward
         assert len(np.unique(part_of_face(mesh.faces))) == 1
@@ -96,7 +96,7 @@ def test_rock_meshes_are_closed_outward_and_connected(three_rocks_on_disk):
 def test_the_visible_surface_of_the_rocks_is_accurate(three_rocks_on_disk):
     folder, scene = three_rocks_on_disk
     for path in obj.rock_files(folder / "meshes").values():
-        vertices = obj.read(path).vertices
+        vertices = obj.read_obj(path).vertices
         rock = min(scene.rocks, key=lambda r: np.linalg.norm(r.points.mean(axis=0)[:2] - vertices.mean(axis=0)[:2]))
         facing = vertices[:, 0] - rock.points[:, 0].mean() > 0.01  # towards tripod A
         above = vertices[:, 2] > rock.points[:, 2].max() - 0.3 * np.ptp(rock.points[:, 2])
@@ -106,7 +106,7 @@ def test_the_visible_surface_of_the_rocks_is_accurate(three_rocks_on_disk):
 
 def test_the_ground_covers_the_sand_and_follows_it(three_rocks_on_disk):
     folder, scene = three_rocks_on_disk
-    ground = obj.read(folder / "meshes" / obj.ground_name(TERRAIN)).vertices
+    ground = obj.read_obj(folder / "meshes" / obj.ground_name(TERRAIN)).vertices
     assert (ground[:, :2].min(axis=0) < -1.95).all()
     assert (ground[:, :2].max(axis=0) > 1.95).all()
     inner = ground[(np.abs(ground[:, :2]) < 1.6).all(axis=1)]
@@ -138,7 +138,7 @@ def test_published_meshes_keep_their_ids_and_get_a_ground_at_their_feet(release_
     assert scene.rocks == sorted(meshes)
     ground = scene.vertices[np.unique(scene.faces[scene.rock_of_face == -1])]
     for rock, path in obj.rock_files(tmp_path / "meshes").items():
-        mesh = obj.read(path)
+        mesh = obj.read_obj(path)
         assert len(np.unique(part_of_face(mesh.faces))) == 1
         centre, foot = mesh.vertices[:, :2].mean(axis=0), mesh.vertices[:, 2].min()
         near = ground[np.linalg.norm(ground[:, :2] - centre, axis=1) < 0.5 * np.ptp(mesh.vertices[:, 0])]

@@ -7,7 +7,7 @@ import pandas as pd
 
 from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.options import CameraSuiteOptions
-from polarsim.rover.drive.trace import COLUMNS, GroundChanges, Trace
+from polarsim.rover.drive.trace import COLUMNS, LevelChanges, Trace
 from polarsim.rover.vehicle.table import Vehicle, read_vehicle
 from polarsim.rover.world.surface import ROCK_COLUMNS, World
 
@@ -87,7 +87,7 @@ def trace(seconds: float = 6.0, start: float = 5.5, hz: float = 50, picture_hz: 
     )
 
 
-def tracks(ground: World, rover: np.ndarray, start: float, times: np.ndarray) -> GroundChanges:
+def tracks(ground: World, rover: np.ndarray, start: float, times: np.ndarray) -> LevelChanges:
     before, cells, levels, first = ground.level.copy(), [], [], [0]
     for time in times:
         now = ground.level.copy()
@@ -102,6 +102,6 @@ def tracks(ground: World, rover: np.ndarray, start: float, times: np.ndarray) ->
         levels.append(now.ravel()[changed])
         first.append(first[-1] + len(changed))
         before = now
-    return GroundChanges(
+    return LevelChanges(
         times, np.array(first), np.concatenate(cells).astype(np.int32), np.concatenate(levels).astype(np.float32)
     )

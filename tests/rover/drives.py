@@ -10,7 +10,7 @@ from polarsim.formats import obj, png, tables
 from polarsim.geometry.meshes import Mesh
 from polarsim.rover.cameras.frames import pose_table
 from polarsim.rover.cameras.layout import TRUTH_COLUMNS
-from polarsim.rover.drive.trace import COLUMNS, GroundChanges, Trace, trace_table, write_trace
+from polarsim.rover.drive.trace import COLUMNS, LevelChanges, Trace, trace_table, write_trace
 from polarsim.rover.vehicle.mounts import mount_of
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
 from polarsim.rover.world.practice import PracticeGround, practice_world
@@ -58,7 +58,7 @@ def straight_drive(seconds: float = 2.0, log_hz: float = 100.0, picture_hz: floa
         rows[:, column(f"{code}_load_n")] = 174.0
         rows[:, column(f"{code}_contact")] = number
     shots = np.arange(0, seconds + 1e-9, 1 / picture_hz)
-    tracks = GroundChanges(
+    tracks = LevelChanges(
         shots, np.arange(len(shots) + 1), np.arange(len(shots), dtype=np.int32), np.full(len(shots), -1e-3, np.float32)
     )
     return Trace(trace_table(rows), bare_world(np.zeros((41, 81)), 0.05, -2.0, -1.0), tracks, {"ended": "finished"})
@@ -77,7 +77,7 @@ def write_drive(
         for frame in frames:
             cameras[frame] = mount.at(trace.pose_at(float(trace.tracks.time[frame]))).world_from_camera
             pixels = np.full((mount.lens.height, mount.lens.width), 16 + frame, np.uint16)
-            png.write(folder / view / "1_hapke_0256" / f"{frame:05d}.png", pixels)
+            png.write_png(folder / view / "1_hapke_0256" / f"{frame:05d}.png", pixels)
         tables.write_parquet(folder / view / "poses.parquet", pose_table(cameras, trace.tracks.time))
         labels = pd.DataFrame(
             [(f, float(trace.tracks.time[f]), "rock", 7, 10.0, 20.0, 30.0, 50.0, 500, 3.0, 0.1) for f in frames],
@@ -102,8 +102,8 @@ def write_meshes(folder: Path, terrain: int) -> None:
     a, b, c, d = (part.ravel() for part in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]))
     nodes = np.stack([x, y, world.level], axis=-1).reshape(-1, 3)
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    obj.write(folder / obj.ground_name(terrain), Mesh(nodes - centre, faces), "ground")
+    obj.write_obj(folder / obj.ground_name(terrain), Mesh(nodes - centre, faces), "ground")
     for rock in world.rocks["rock"]:
         vertices, triangles = world.rock_mesh(int(rock))
         name = obj.rock_name(terrain, int(rock) + 1)
-        obj.write(folder / name, Mesh(vertices - centre, triangles), f"rock{rock + 1}")
+        obj.write_obj(folder / name, Mesh(vertices - centre, triangles), f"rock{rock + 1}")

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from polarsim.rover.cameras.tracks import Lattice, WheelTracks
+from polarsim.rover.cameras.tracks import NodeGrid, WheelTracks
 
 CELL = 0.02
 
 
 def hills(rows=97, columns=129):
     y, x = np.mgrid[:rows, :columns] * CELL
-    return Lattice(-0.5, 0.3, CELL, 0.03 * np.sin(2 * x) * np.cos(3 * y))
+    return NodeGrid(-0.5, 0.3, CELL, 0.03 * np.sin(2 * x) * np.cos(3 * y))
 
 
 def rutted(lattice, columns=slice(30, 90)):

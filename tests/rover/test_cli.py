@@ -96,7 +96,7 @@ def test_a_drive_of_other_code_is_repeated(tmp_path, monkeypatch):
     monkeypatch.setattr(run, "drive_to_end", lambda *given: driven_now.append(1) or drive_to_end(*given))
 
     def drive():
-        run.run_all(
+        run.run_drive_pipeline(
             meshes=tmp_path / "meshes", folder=tmp_path / "drive", options=options,
             render=RenderOptions(), detector=None, seed=0, pictures=False,
         )  # fmt: skip

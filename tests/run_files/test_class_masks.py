@@ -11,8 +11,8 @@ from polarsim.run_files.instances import BACKGROUND, GROUND, RELIEF_SHADOW, ROCK
 
 def test_a_mask_reads_back(tmp_path):
     mask = np.array([[0, 1, 2, 255], [2, 2, 0, 0]], np.uint8)
-    class_masks.write(tmp_path / "a.png", mask)
-    np.testing.assert_array_equal(class_masks.read(tmp_path / "a.png"), mask)
+    class_masks.write_class_mask(tmp_path / "a.png", mask)
+    np.testing.assert_array_equal(class_masks.read_class_mask(tmp_path / "a.png"), mask)
 
 
 @pytest.mark.parametrize(
@@ -24,9 +24,9 @@ def test_a_mask_reads_back(tmp_path):
     ],
 )
 def test_other_images_are_errors(tmp_path, pixels):
-    png.write(tmp_path / "a.png", pixels)
+    png.write_png(tmp_path / "a.png", pixels)
     with pytest.raises(FormatError, match=r"a\.png"):
-        class_masks.read(tmp_path / "a.png")
+        class_masks.read_class_mask(tmp_path / "a.png")
 
 
 def test_ids_become_classes_and_unlabelled_objects_are_ignored():

@@ -3,14 +3,14 @@ import pytest
 
 from polarsim.errors import FormatError
 from polarsim.geometry.poses import Pose
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.stereo import default_rig
 from polarsim.run_files import lamps
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.survey import SURVEYED_LEFT, lamp_position
 
 LIFT = np.array([0.0, 0.0, 0.18])
 RIGS = {
-    position: LocalisedRig(stated_rig(), Pose(np.eye(3), point + LIFT)) for position, point in SURVEYED_LEFT.items()
+    position: LocalisedRig(default_rig(), Pose(np.eye(3), point + LIFT)) for position, point in SURVEYED_LEFT.items()
 }
 
 
@@ -22,7 +22,7 @@ def test_lamps_that_are_not_localised_have_surveyed_positions_at_the_height_of_t
 
 def test_cameras_of_another_sandbox_do_not_affect_the_height_of_the_survey(tmp_path):
     beside = {
-        position: LocalisedRig(stated_rig(), Pose(np.eye(3), np.array([2.0, -0.15, 1.25]))) for position in "ABCDEFG"
+        position: LocalisedRig(default_rig(), Pose(np.eye(3), np.array([2.0, -0.15, 1.25]))) for position in "ABCDEFG"
     }
     np.testing.assert_array_equal(lamps.read_suns(tmp_path, beside)["30"], lamp_position("30"))
     one_there = beside | {"A": RIGS["A"]}
@@ -45,6 +45,6 @@ def test_an_invalid_file_is_an_error(tmp_path, text):
 
 
 def test_the_file_has_only_localised_lamps(tmp_path):
-    assert lamps.read_found_suns(tmp_path) == {}
+    assert lamps.read_localised_suns(tmp_path) == {}
     lamps.write_suns(tmp_path, {"180": np.array([-3.5, 0.4, 0.8])})
-    assert list(lamps.read_found_suns(tmp_path)) == ["180"]
+    assert list(lamps.read_localised_suns(tmp_path)) == ["180"]

@@ -9,7 +9,7 @@ from polarsim.photo import NO_ROCK
 from polarsim.run_files.materials import (
     ALBEDO_FILE,
     TABLE_FILE,
-    Fitted,
+    FittedMaterial,
     FittedMaterials,
     read_materials,
     rock_of_vertex,
@@ -20,7 +20,7 @@ from polarsim.run_files.scene import TerrainMesh
 MESH = TerrainMesh(
     np.arange(24.0).reshape(8, 3), np.array([[0, 1, 2], [3, 4, 5], [4, 5, 6]]), np.array([NO_ROCK, 7, 7])
 )
-FIT = Fitted(
+FIT = FittedMaterial(
     {"albedo": 0.2}, {"30": 1.5, "rover": 12.25}, {7: 1.25}, np.linspace(0.5, 1.2, 8, dtype=np.float32), {"a": 1}
 )
 FOUND = FittedMaterials(True, False, {"lambert": FIT}, np.arange(8))

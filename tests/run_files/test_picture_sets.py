@@ -59,6 +59,6 @@ def test_a_drive_is_read_back_from_its_name_in_every_model_and_exposure(exposure
 def test_a_drive_is_shown_at_any_exposure_in_any_model(model, exposure, tmp_path):
     pictures = str(PictureSet("night", model, exposure))
     write_parquet(tmp_path / "poses.parquet", pd.DataFrame({"frame": [0], "time_s": [0.0]}))
-    png.write(tmp_path / pictures / "00000.png", np.full((8, 12), 900, np.uint16))
+    png.write_png(tmp_path / pictures / "00000.png", np.full((8, 12), 900, np.uint16))
     draw_sequence(view=tmp_path, pictures=pictures, figure=tmp_path / "figure.png", width=300)
     assert (tmp_path / "figure.png").is_file()

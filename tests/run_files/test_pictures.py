@@ -9,7 +9,7 @@ import pytest
 
 from polarsim.errors import FormatError
 from polarsim.formats import png
-from polarsim.formats.files import found_from, relative_to
+from polarsim.formats.files import relative_to, resolve_from
 from polarsim.formats.tables import write_parquet
 from polarsim.photo import PhotoKey
 from polarsim.run_files.pictures import picture_finder, pictures_at
@@ -23,7 +23,7 @@ def clone(tmp_path):
     """A clone with photos, and a run with a table of photo paths relative to the clone."""
     rows = []
     for key in KEYS:
-        png.write(tmp_path / "clone/data/analog" / f"Cam_{key}.png", np.zeros((2, 3), np.uint16))
+        png.write_png(tmp_path / "clone/data/analog" / f"Cam_{key}.png", np.zeros((2, 3), np.uint16))
         rows.append({"key": str(key), "path": f"data/analog/Cam_{key}.png"})
     write_parquet(tmp_path / "clone/results/demo/acquire/Terrain01/photos.parquet", pd.DataFrame(rows))
     return tmp_path / "clone"
@@ -50,14 +50,14 @@ def test_paths_are_unchanged_in_the_folder_of_the_run(clone, monkeypatch):
 
 
 def test_a_missing_or_absolute_path_is_unchanged(tmp_path):
-    assert found_from("nowhere/x.png", tmp_path / "table.csv") == Path("nowhere/x.png")
-    assert found_from("/nowhere/x.png", tmp_path / "table.csv") == Path("/nowhere/x.png")
+    assert resolve_from("nowhere/x.png", tmp_path / "table.csv") == Path("nowhere/x.png")
+    assert resolve_from("/nowhere/x.png", tmp_path / "table.csv") == Path("/nowhere/x.png")
 
 
 def test_the_nearest_folder_is_preferred(tmp_path):
     for folder in ("", "run"):
         (tmp_path / folder / "meshes").mkdir(parents=True)
-    assert found_from("meshes", tmp_path / "run/views.yaml") == tmp_path / "run/meshes"
+    assert resolve_from("meshes", tmp_path / "run/views.yaml") == tmp_path / "run/meshes"
     assert relative_to(tmp_path / "meshes", tmp_path / "run") == "../meshes"
 
 
@@ -70,7 +70,9 @@ def test_a_missing_folder_or_table_is_an_error(tmp_path, name):
 
 def test_a_string_instead_of_a_path_is_an_error(clone, monkeypatch):
     monkeypatch.chdir(clone)
-    png.write(clone / f"{KEYS[0]}.png", np.zeros((2, 3), np.uint16))  # would be found in ".", a character of the name
+    png.write_png(
+        clone / f"{KEYS[0]}.png", np.zeros((2, 3), np.uint16)
+    )  # would be found in ".", a character of the name
     with pytest.raises(FormatError) as found:
         picture_finder("analog", "results/demo/acquire/Terrain01/photos.parquet")
     assert found.value.path == Path("r")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from polarsim.errors import FormatError
-from polarsim.geometry.poses import Pose, looking
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.poses import Pose, camera_pose
+from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.rigs import (
     LocalisedRig,
     read_all_localised,
@@ -15,8 +15,8 @@ from polarsim.run_files.rigs import (
     write_rig,
 )
 
-SANDBOX_FROM_LEFT = looking(np.array([3.6, -0.4, 1.5]), 3.1, 0.44, -0.01)
-LOCALISED = LocalisedRig(stated_rig(), SANDBOX_FROM_LEFT, "labels", {"sd_mm": 12.5})
+SANDBOX_FROM_LEFT = camera_pose(np.array([3.6, -0.4, 1.5]), 3.1, 0.44, -0.01)
+LOCALISED = LocalisedRig(default_rig(), SANDBOX_FROM_LEFT, "labels", {"sd_mm": 12.5})
 
 
 def test_a_localised_rig_reads_back(tmp_path):
@@ -28,10 +28,10 @@ def test_a_localised_rig_reads_back(tmp_path):
 
 
 def test_a_calibration_reads_back(tmp_path):
-    write_rig(tmp_path / "calibration.json", stated_rig(), "stated")
+    write_rig(tmp_path / "calibration.json", default_rig(), "stated")
     back = read_rig(tmp_path / "calibration.json")
-    assert back.right == stated_rig().right
-    np.testing.assert_allclose(back.left_from_right.matrix, stated_rig().left_from_right.matrix, atol=1e-15)
+    assert back.right == default_rig().right
+    np.testing.assert_allclose(back.left_from_right.matrix, default_rig().left_from_right.matrix, atol=1e-15)
 
 
 def test_positions_are_found_by_file_names(tmp_path):
@@ -63,7 +63,7 @@ def test_a_missing_key_is_an_error_with_the_file(tmp_path, key):
 @pytest.mark.parametrize("rotation", [np.diag([1.0, 1, 1.01]), np.diag([1.0, 1, -1]), np.full((3, 3), np.nan)])
 def test_an_invalid_rotation_is_an_error(tmp_path, rotation):
     path = tmp_path / "PosA.json"
-    write_localised(path, LocalisedRig(stated_rig(), Pose(np.eye(3), np.zeros(3))))
+    write_localised(path, LocalisedRig(default_rig(), Pose(np.eye(3), np.zeros(3))))
     content = json.loads(path.read_text())
     matrix = np.eye(4)
     matrix[:3, :3] = rotation

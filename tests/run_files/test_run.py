@@ -13,7 +13,7 @@ KEY = PhotoKey.parse("01_A_off_180_L_0256")
 @pytest.fixture
 def run(tmp_path):
     for folder in ("hapke", "principled", "maps", "instances"):
-        png.write(tmp_path / "renders" / folder / "Terrain01" / f"{KEY}.png", np.zeros((2, 3), np.uint16))
+        png.write_png(tmp_path / "renders" / folder / "Terrain01" / f"{KEY}.png", np.zeros((2, 3), np.uint16))
     (tmp_path / "renders/principled/Terrain01" / f"{KEY}.png").unlink()
     (tmp_path / "meshes/Terrain01").mkdir(parents=True)
     for name in ("view", "photo"):

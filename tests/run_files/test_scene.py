@@ -5,16 +5,16 @@ from polarsim.errors import FormatError
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
-from polarsim.run_files.scene import TerrainMesh, read_terrain, terrain_in
+from polarsim.run_files.scene import TerrainMesh, read_terrain, terrain_of_folder
 
 TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
 FACE = np.array([[0, 1, 2]])
 
 
 def test_each_face_has_the_rock_and_position_of_the_mesh(tmp_path):
-    obj.write(tmp_path / "terrain04_ground.obj", Mesh(TRIANGLE, FACE), "ground")
-    obj.write(tmp_path / "terrain04_rock7.obj", Mesh(TRIANGLE + 2, FACE), "rock7")
-    obj.write(tmp_path / "terrain04_rock3.obj", Mesh(TRIANGLE + 1, FACE), "rock3")
+    obj.write_obj(tmp_path / "terrain04_ground.obj", Mesh(TRIANGLE, FACE), "ground")
+    obj.write_obj(tmp_path / "terrain04_rock7.obj", Mesh(TRIANGLE + 2, FACE), "rock7")
+    obj.write_obj(tmp_path / "terrain04_rock3.obj", Mesh(TRIANGLE + 1, FACE), "rock3")
     terrain = read_terrain(tmp_path, 4)
     assert terrain.rocks == [3, 7]
     assert terrain.rock_of_face.tolist() == [NO_ROCK, 3, 7]
@@ -30,13 +30,13 @@ def test_a_folder_without_ground_is_an_error(tmp_path):
 
 def test_the_ground_mesh_has_the_number_of_the_terrain(tmp_path):
     with pytest.raises(FormatError):
-        terrain_in(tmp_path)
-    obj.write(tmp_path / "terrain11_ground.obj", Mesh(TRIANGLE, FACE), "ground")
-    obj.write(tmp_path / "terrain11_rock3.obj", Mesh(TRIANGLE, FACE), "rock3")
-    assert terrain_in(tmp_path) == 11
-    obj.write(tmp_path / "terrain04_ground.obj", Mesh(TRIANGLE, FACE), "ground")
+        terrain_of_folder(tmp_path)
+    obj.write_obj(tmp_path / "terrain11_ground.obj", Mesh(TRIANGLE, FACE), "ground")
+    obj.write_obj(tmp_path / "terrain11_rock3.obj", Mesh(TRIANGLE, FACE), "rock3")
+    assert terrain_of_folder(tmp_path) == 11
+    obj.write_obj(tmp_path / "terrain04_ground.obj", Mesh(TRIANGLE, FACE), "ground")
     with pytest.raises(FormatError, match=r"found terrain04_ground\.obj"):
-        terrain_in(tmp_path)
+        terrain_of_folder(tmp_path)
 
 
 def test_given_normals_replace_normals_of_triangles():

@@ -44,4 +44,4 @@ def test_jobs_that_do_not_end_are_named(tmp_path, queue, monkeypatch):
 
 def test_without_slurm_nothing_was_submitted(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert cluster.submitted(tmp_path) == []
+    assert cluster.submitted_jobs(tmp_path) == []

@@ -2,7 +2,7 @@
 
 import pytest
 
-from polarsim.running.jobs import Job, read_jobs
+from polarsim.running.jobs import WorkflowJob, read_jobs
 
 ALONE = """\
 [Wed Nov 25 22:30:24 2026]
@@ -65,8 +65,8 @@ GROUP_FAILED = """\
         log: results/toy/logs/second_01.log (check log file(s) for error details)
 """
 FINISHED = "[Wed Nov 25 22:32:00 2026]\nFinished jobid: {} (Rule: of any name)\n"
-FIRST = Job("first", 3, ("results/toy/first/Terrain01",), "results/toy/logs/first_01.log", "terrain=01")
-SECOND = Job("second", 2, ("results/toy/second/Terrain01.txt",), "results/toy/logs/second_01.log", "terrain=01")
+FIRST = WorkflowJob("first", 3, ("results/toy/first/Terrain01",), "results/toy/logs/first_01.log", "terrain=01")
+SECOND = WorkflowJob("second", 2, ("results/toy/second/Terrain01.txt",), "results/toy/logs/second_01.log", "terrain=01")
 
 
 @pytest.mark.parametrize(("log", "jobs"), [(ALONE, [FIRST]), (GROUP, [FIRST, SECOND])], ids=["alone", "group"])

@@ -14,7 +14,7 @@ import pytest
 
 from polarsim.config import read_config
 from polarsim.running import processes
-from polarsim.running.run import MISSING, UNFINISHED
+from polarsim.running.run import MISSING_PAGE, UNFINISHED
 
 pytestmark = pytest.mark.slow
 AT_ONCE = pytest.mark.parametrize("folder", [0], indirect=True, ids=["no pause"])
@@ -28,14 +28,14 @@ def expected(terrain: int) -> str:
 
 def assert_whole(folder: Path) -> None:
     """Check that the outputs equal those of an uninterrupted run, without other files and active processes."""
-    assert processes.marked(folder) == []
+    assert processes.processes_of_run(folder) == []
     results = folder / "results/toy"
     for terrain in (1, 2):
         assert (results / f"last/Terrain{terrain:02d}.txt").read_text() == expected(terrain)
     assert (results / "together.txt").read_text() == "".join(f"{expected(terrain)}and so on\n" for terrain in (1, 2))
     assert [path for path in results.rglob(".*") if path.name != ".snakemake_timestamp"] == []
     assert len(list(results.glob("first/*/*.txt"))) == 2 * 6
-    assert not (results / MISSING).exists()
+    assert not (results / MISSING_PAGE).exists()
     assert not (folder / UNFINISHED).exists()
 
 
@@ -47,7 +47,7 @@ def ended(process: subprocess.Popen) -> tuple[int, str]:
 def jobs_at_work(folder: Path, process: subprocess.Popen) -> tuple[psutil.Process, list[psutil.Process]]:
     """Wait for the first job; return the processes of Snakemake and of the jobs."""
     for _ in range(2000):
-        found = processes.marked(folder)
+        found = processes.processes_of_run(folder)
         scripts = [one for one in found if any("/.snakemake/scripts/" in word for word in command_of(one))]
         if scripts:
             (snakemake,) = [one for one in found if one.ppid() == process.pid]
@@ -82,10 +82,10 @@ def test_the_same_command_resumes_after_stops_and_kills(folder, start):
         return ended(process)
 
     assert disturbed("hang-up")[0] == 130
-    assert processes.marked(folder) == []
+    assert processes.processes_of_run(folder) == []
     assert disturbed("run")[0] == -signal.SIGKILL  # Snakemake is killed too; the next call ends the jobs
     code, terminal = disturbed("snakemake")
-    assert (code, processes.marked(folder)) == (1, [])
+    assert (code, processes.processes_of_run(folder)) == (1, [])
     assert "signal 9" in terminal
     code, terminal = disturbed("job")
     assert code == 0, terminal  # second attempt
@@ -119,7 +119,7 @@ def test_a_failed_terrain_is_reported_and_does_not_stop_others(folder, start):
     ]
     assert any("data/analog/Terrain01.txt" in line and "results/toy/logs/first_01.log" in line for line in report_lines)
     assert [line for line in report_lines if "Terrain02" in line] == ["Terrain02: complete"]
-    page = (folder / "results/toy" / MISSING).read_text()
+    page = (folder / "results/toy" / MISSING_PAGE).read_text()
     assert all(f"- {line}\n" in page for line in report_lines)
     scan.write_text("scan of 1\n")
     code, terminal = ended(start(folder))
@@ -137,7 +137,7 @@ def one_line(process: subprocess.Popen) -> str:
 
 def test_a_second_run_is_rejected_with_the_pid_of_the_first(folder, start):
     (folder / ".snakemake").mkdir()
-    with processes.owned(folder):
+    with processes.folder_lock(folder):
         line = one_line(start(folder))
         assert line.startswith(f"error: {folder}: ")
         assert str(os.getpid()) in line
@@ -202,7 +202,7 @@ def test_a_stopped_run_reports_no_failure(folder, start):
     report_lines = [line for line in terminal.splitlines() if line.startswith("polarsim run: ")]
     assert not any(word in line for line in report_lines for word in ("failed", "killed", "error"))
     assert any(" jobs done, stopped" in line for line in report_lines)
-    page = (folder / "results/toy" / MISSING).read_text()
+    page = (folder / "results/toy" / MISSING_PAGE).read_text()
     assert "stopped" in page
     assert "failed" not in page
 

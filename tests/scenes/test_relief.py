@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.geometry.heightfields import crater, grid_mesh, rough_waves, smooth_noise, summed_noise
+from polarsim.geometry.heightfields import crater, grid_mesh, rough_waves, smooth_noise, sum_noise
 from polarsim.scenes.options import SceneRanges
 from polarsim.scenes.relief import draw_relief
 
@@ -56,6 +56,6 @@ def test_rough_sand_has_no_structure_below_its_finest_size(rng):
     """Steps between neighbours with a finest size of 8 cells are less than half of the steps with 1 cell."""
     steps = []
     for finest in (1, 8):
-        noise = summed_noise((256, 256), [(1.0, rough_waves((256, 256), finest, 40))], rng)
+        noise = sum_noise((256, 256), [(1.0, rough_waves((256, 256), finest, 40))], rng)
         steps.append(np.abs(np.diff(noise)).mean())
     assert steps[1] < 0.5 * steps[0]

@@ -9,7 +9,7 @@ from polarsim.photo import BLACK_LEVEL, HEIGHT, WHITE_LEVEL, WIDTH
 from polarsim.run_files import class_masks
 from polarsim.run_files.instances import GROUND, ROCK_IDS
 from polarsim.scenes.options import SceneOptions, SceneRanges
-from polarsim.scenes.render_scenes import contrast, render_scenes, tone_curve
+from polarsim.scenes.render_scenes import render_scenes, rock_contrast, tone_curve
 from tests.scenes.conftest import block
 
 STRAIGHT = tone_curve(1)
@@ -18,7 +18,7 @@ STRAIGHT = tone_curve(1)
 @pytest.fixture
 def rendered(tmp_path):
     for rock, size in ((1, (0.2, 0.15, 0.12)), (4, (0.3, 0.2, 0.2))):
-        obj.write(tmp_path / "meshes" / obj.rock_name(1, rock), block(*size), "rock")
+        obj.write_obj(tmp_path / "meshes" / obj.rock_name(1, rock), block(*size), "rock")
 
     def render(name, number=1, **ranges):
         chosen = {"rocks": (4, 4), "rig_share": 0, "max_strokes": 0, "cell_m": 0.05} | ranges
@@ -40,7 +40,7 @@ def test_every_scene_and_lamp_has_an_image_and_labels(rendered):
     assert all((boxes >= -1e-3).all() and (boxes <= [WIDTH, HEIGHT] * 2).all() for _, boxes in labels)
     assert sum((classes == 0).sum() for classes, _ in labels) >= 6
     assert sum((classes == 1).sum() for classes, _ in labels) >= 3
-    pictures = [png.read(folder / "images" / f"{name}.png") for name in names]
+    pictures = [png.read_png(folder / "images" / f"{name}.png") for name in names]
     assert all((picture.dtype, picture.shape) == (np.uint8, (80, 128)) for picture in pictures)
     assert all(picture.std() > 3 for picture in pictures)
 
@@ -48,8 +48,8 @@ def test_every_scene_and_lamp_has_an_image_and_labels(rendered):
 def test_masks_contain_labelled_objects_and_ignore_others(rendered):
     folder = rendered("scenes", number=2)
     for path in sorted((folder / "images").iterdir()):
-        mask = class_masks.read(folder / "masks" / path.name)
-        assert mask.shape == png.read(path).shape
+        mask = class_masks.read_class_mask(folder / "masks" / path.name)
+        assert mask.shape == png.read_png(path).shape
         classes, boxes = yolo.read_boxes(folder / "labels" / f"{path.stem}.txt", (128, 80))
         labelled = {kind: np.zeros(mask.shape, bool) for kind in (0, 1)}
         for kind, box in zip(classes, boxes, strict=True):
@@ -60,7 +60,9 @@ def test_masks_contain_labelled_objects_and_ignore_others(rendered):
             shown = mask == 1 + kind
             assert not shown.any() or inside[shown].mean() > 0.95  # small components may be outside the box
     invisible = rendered("invisible", min_contrast=1.01)
-    assert {value for path in (invisible / "masks").iterdir() for value in np.unique(class_masks.read(path))} == {
+    assert {
+        value for path in (invisible / "masks").iterdir() for value in np.unique(class_masks.read_class_mask(path))
+    } == {
         0,
         255,
     }
@@ -82,7 +84,7 @@ def test_labels_cover_the_bright_rocks(rendered):
     )  # fmt: skip
     inside, outside = [], []
     for path in sorted((folder / "images").iterdir()):
-        picture = png.read(path).astype(float)
+        picture = png.read_png(path).astype(float)
         classes, boxes = yolo.read_boxes(folder / "labels" / f"{path.stem}.txt", (128, 80))
         rock = np.zeros(picture.shape, bool)
         for x0, y0, x1, y1 in boxes[classes == 0].round().astype(int):
@@ -109,15 +111,17 @@ def test_contrast_is_measured_in_the_image():
     radiance = np.where(ids == GROUND, 0.6, 0.2).astype(np.float32)
     white = WHITE_LEVEL - BLACK_LEVEL
     for light, expected in ((1, 0.4), (0.1, 0.04), (10, 0)):
-        assert contrast(ids, ROCK_IDS + 4, box, radiance, light * white, STRAIGHT) == pytest.approx(expected, abs=0.005)
-    assert contrast(ids, ROCK_IDS + 4, box, radiance, 0.1 * white, tone_curve(2)) == pytest.approx(
+        assert rock_contrast(ids, ROCK_IDS + 4, box, radiance, light * white, STRAIGHT) == pytest.approx(
+            expected, abs=0.005
+        )
+    assert rock_contrast(ids, ROCK_IDS + 4, box, radiance, 0.1 * white, tone_curve(2)) == pytest.approx(
         0.06**0.5 - 0.02**0.5, abs=0.005
     )
     far = np.full_like(radiance, 0.2)
     far[:, 20:] = 0.9
-    assert contrast(ids, ROCK_IDS + 4, box, far, white, STRAIGHT) == 0
+    assert rock_contrast(ids, ROCK_IDS + 4, box, far, white, STRAIGHT) == 0
     edge = np.where(np.arange(40) < 3, ROCK_IDS + 4, GROUND)[None].repeat(30, 0).astype(np.uint16)
-    assert contrast(edge, ROCK_IDS + 4, np.array([0, 0, 3, 30.0]), radiance * 0 + 0.5, white, STRAIGHT) == 0
+    assert rock_contrast(edge, ROCK_IDS + 4, np.array([0, 0, 3, 30.0]), radiance * 0 + 0.5, white, STRAIGHT) == 0
 
 
 @pytest.mark.parametrize("gamma", [1.0, 1.5, 2.0])

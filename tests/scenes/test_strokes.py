@@ -11,8 +11,8 @@ from polarsim.scenes.strokes import (
     COLOURS,
     augment_with_annotations,
     draw_strokes,
-    drawn_boxes,
     erase_strokes,
+    find_drawn_boxes,
     find_strokes,
 )
 
@@ -65,7 +65,7 @@ def test_the_grey_value_at_an_antialiased_edge_is_recovered():
 def test_drawn_boxes_are_detected(x, y, wide, high, width):
     photo = np.full((160, 240), 80, np.uint8)
     drawn = draw_strokes(photo, np.array([[x, y, x + wide, y + high]]), [7], COLOURS[0], width, 12)
-    inner = [box for box in drawn_boxes(find_strokes(drawn)) if box[2] - box[0] > wide / 2]
+    inner = [box for box in find_drawn_boxes(find_strokes(drawn)) if box[2] - box[0] > wide / 2]
     half = (width + 1) / 2
     np.testing.assert_allclose(inner, [[x + half, y + half, x + wide - half + 1, y + high - half + 1]], atol=1)
 
@@ -102,5 +102,5 @@ def test_augmentation_without_strokes_returns_the_photo(rng):
 
 @pytest.mark.parametrize(("terrain", "position", "boxes"), [(1, "A", 15), (1, "C", 15), (11, "C", 9), (4, "C", 0)])
 def test_the_number_of_boxes_on_published_covers(release_root, terrain, position, boxes):
-    picture = png.read(release.cover_photos(release_root, terrain)[position])[..., :3]
-    assert len(drawn_boxes(find_strokes(picture))) == boxes  # counted by eye
+    picture = png.read_png(release.cover_photos(release_root, terrain)[position])[..., :3]
+    assert len(find_drawn_boxes(find_strokes(picture))) == boxes  # counted by eye

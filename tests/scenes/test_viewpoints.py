@@ -7,12 +7,12 @@ from polarsim.errors import DetectError
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import looking, yaw_pitch_roll
+from polarsim.geometry.poses import camera_pose, yaw_pitch_roll
 from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
 from polarsim.render.hits import cast_strip
 from polarsim.render.options import RenderOptions
-from polarsim.render.surfaces import surfaces_of
+from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.scenes.options import SceneRanges
 from polarsim.scenes.viewpoints import coarse_sand, draw_camera, draw_lamp, level_sand
@@ -23,14 +23,14 @@ LENS = Lens(64, 64, 30, 19, width=60, height=38)
 def level(half, chosen):
     x, y = np.meshgrid([-half, half], [-half, half])
     ground = grid_mesh(x, y, np.zeros_like(x))
-    return surfaces_of(TerrainMesh(ground.vertices, ground.faces, np.full(2, NO_ROCK)), chosen)
+    return build_surfaces(TerrainMesh(ground.vertices, ground.faces, np.full(2, NO_ROCK)), chosen)
 
 
 @pytest.mark.parametrize(("x", "height", "pitch"), [(-3.5, 1.5, 25), (-3.0, 0.5, 8), (0.0, 0.4, 20), (-2.2, 0.35, 10)])
 def test_visible_sand_agrees_with_rays(x, height, pitch):
     """Comparison with rays of the renderer for cameras outside, near and inside the walls."""
     chosen = RenderOptions(rim=True, rim_half_width_m=2.0, rim_height_m=0.3)
-    camera = Camera(looking(np.array([x, 0.3, height]), 0.1, np.radians(pitch)), LENS)
+    camera = Camera(camera_pose(np.array([x, 0.3, height]), 0.1, np.radians(pitch)), LENS)
     points = level_sand(camera, chosen)
     surfaces = level(2.0, chosen)
     hits = cast_strip(surfaces, camera, slice(0, 38), smooth=False)
@@ -65,7 +65,7 @@ def test_random_lamps_are_in_their_ranges(near_share):
     options = SceneRanges(near_share=near_share, elevation_deg=(4, 9), lamp_distance_m=(3, 5), min_lit_share=0)
     chosen = RenderOptions(rim=False)
     surfaces = level(3.0, chosen)
-    camera = Camera(looking(np.array([-2.0, 0, 1.0]), 0, 0.4), Lens(1000, 1000, 484, 304, width=968, height=608))
+    camera = Camera(camera_pose(np.array([-2.0, 0, 1.0]), 0, 0.4), Lens(1000, 1000, 484, 304, width=968, height=608))
     sand = coarse_sand(surfaces, camera, options)
     for number in range(20):
         lamp = draw_lamp(surfaces, sand, options, generator(number, "lamp"))
@@ -80,7 +80,7 @@ def test_lamps_light_the_minimum_share_of_sand():
     options = SceneRanges(near_share=0, min_lit_share=0.75)
     chosen = RenderOptions(rim=True, rim_half_width_m=2.0, rim_height_m=0.3)
     surfaces = level(2.0, chosen)
-    camera = Camera(looking(np.array([0, 0, 2.0]), 0, np.pi / 2), Lens(500, 500, 484, 304, width=968, height=608))
+    camera = Camera(camera_pose(np.array([0, 0, 2.0]), 0, np.pi / 2), Lens(500, 500, 484, 304, width=968, height=608))
     sand = coarse_sand(surfaces, camera, options)
     for number in range(10):
         lamp = draw_lamp(surfaces, sand, options, generator(number, "lamp"))

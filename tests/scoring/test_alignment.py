@@ -5,13 +5,13 @@ from hypothesis import strategies as st
 
 from polarsim.errors import RegistrationError
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.poses import Pose, angle_between, looking
+from polarsim.geometry.poses import Pose, angle_between, camera_pose
 from polarsim.geometry.topology import part_of_face
 from polarsim.scoring.alignment import fit_alignment, refine_alignment
 from polarsim.scoring.surface import Surface
 
-A = looking(np.array([3.6, -0.4, 1.5]), np.pi, 0.4)
-C = looking(np.array([0.8, -3.8, 1.5]), 1.8, 0.4)
+A = camera_pose(np.array([3.6, -0.4, 1.5]), np.pi, 0.4)
+C = camera_pose(np.array([0.8, -3.8, 1.5]), 1.8, 0.4)
 numbers = st.floats(-1, 1)
 
 

@@ -8,19 +8,19 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from polarsim.formats import png
-from polarsim.geometry.casters import caster
+from polarsim.geometry.casters import make_caster
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import Outlines
-from polarsim.geometry.poses import Pose, looking
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.poses import Pose, camera_pose
+from polarsim.geometry.stereo import default_rig
 from polarsim.photo import BLACK_LEVEL, NO_ROCK, PhotoKey
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
-from polarsim.scoring.complaints import LIMITS, complaint, complaints
+from polarsim.scoring.complaints import LIMITS, metric_warning, warnings_of
 from polarsim.scoring.consistency import box_overlaps, cameras_together, ground_support, scans_on_meshes
 from polarsim.scoring.left_right import boxes_of_both, photos_of_both
 from polarsim.scoring.metrics import Metric, metrics_table
-from polarsim.scoring.score import Labels
+from polarsim.scoring.score import PhotoLabels
 from polarsim.scoring.surface import Surface
 
 
@@ -47,7 +47,7 @@ def scans(scene, rng):
 
 def exceeded(metrics):
     """Return subject and name of the metrics that exceed their limits."""
-    return {(m.subject, m.metric) for m in metrics if complaint(m.subject, m.metric, m.value)}
+    return {(m.subject, m.metric) for m in metrics if metric_warning(m.subject, m.metric, m.value)}
 
 
 def rotated(points, degrees, axis, translation_mm=(0, 0, 0)):
@@ -62,7 +62,7 @@ def test_a_consistent_run_exceeds_no_limit(scans, scene):
 
 def test_every_metric_above_the_limit_has_a_warning_with_terrain_and_subject():
     metrics = [Metric("scan A", name, 100.0 if limit.above else -1.0, "1", 1, "own") for name, limit in LIMITS.items()]
-    sentences = complaints(metrics_table("consistency", 3, metrics))
+    sentences = warnings_of(metrics_table("consistency", 3, metrics))
     assert len(sentences) == len(LIMITS)
     assert all(sentence.startswith("Terrain 3: scan A: ") for sentence in sentences)
 
@@ -82,13 +82,13 @@ def test_scans_that_were_aligned_after_the_poses_were_written_are_reported(scans
 
 
 def test_a_camera_that_only_the_survey_localises_is_reported(world):
-    localised = {position: LocalisedRig(stated_rig(), pose, "labels", {}) for position, pose in world.poses.items()}
-    localised["C"] = LocalisedRig(stated_rig(), world.poses["C"], "survey", {})
+    localised = {position: LocalisedRig(default_rig(), pose, "labels", {}) for position, pose in world.poses.items()}
+    localised["C"] = LocalisedRig(default_rig(), world.poses["C"], "survey", {})
     assert exceeded(cameras_together(localised, localised)) == {("camera C", "surveyed")}
 
 
 def test_a_common_rotation_of_cameras_since_the_meshes_is_reported(world):
-    before = {position: LocalisedRig(stated_rig(), pose, "scans", {}) for position, pose in world.poses.items()}
+    before = {position: LocalisedRig(default_rig(), pose, "scans", {}) for position, pose in world.poses.items()}
     rotation = Pose.from_rotvec(np.radians([0.15, 0.1, 0]), np.zeros(3))
     after = {
         position: LocalisedRig(rig.rig, rotation @ rig.sandbox_from_left, "scans, photos", {})
@@ -113,7 +113,9 @@ def wavy():
     height = 0.3 * gaussian_filter(rng.normal(size=x.shape), 6)
     corner = (np.arange(160)[:, None] * 161 + np.arange(160)).ravel()
     faces = np.concatenate([corner[:, None] + [0, 1, 162], corner[:, None] + [0, 162, 161]])
-    return caster(np.stack([x, y, height], -1).reshape(-1, 3), faces), gaussian_filter(rng.normal(size=(1200, 1200)), 3)
+    return make_caster(np.stack([x, y, height], -1).reshape(-1, 3), faces), gaussian_filter(
+        rng.normal(size=(1200, 1200)), 3
+    )
 
 
 @pytest.fixture(scope="module")
@@ -132,12 +134,14 @@ def stereo(wavy, tmp_path_factory):
         photo = (BLACK_LEVEL + np.clip(grey, 0, 3000)).reshape(lens.shape).astype(np.uint16)
         for azimuth in ("30", "270"):
             path = folder / f"03_A_off_{azimuth}_{camera}_0256.png"
-            png.write(path, photo)
+            png.write_png(path, photo)
             pictures.setdefault(("A", camera), {})[azimuth] = path
     return rays, pictures
 
 
-STANDING = LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans, photos", {})
+STANDING = LocalisedRig(
+    default_rig(), camera_pose(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans, photos", {}
+)
 
 
 def rotated_right(rig, degrees):
@@ -191,7 +195,7 @@ def rocky(rng):
         boxes = outlines.seen(STANDING.camera(camera))
         for azimuth in ("30", "180", "270"):
             shown = np.round(boxes + rng.normal(0, 2, boxes.shape))
-            annotated[PhotoKey(3, "A", "off", azimuth, camera, 256)] = Labels(np.zeros(len(boxes), int), shown)
+            annotated[PhotoKey(3, "A", "off", azimuth, camera, 256)] = PhotoLabels(np.zeros(len(boxes), int), shown)
     return outlines, annotated
 
 

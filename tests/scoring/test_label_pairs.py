@@ -8,14 +8,14 @@ from polarsim.photo import PhotoKey
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.label_pairs import pair_labels, pair_photo
 from polarsim.scoring.options import ScoringOptions
-from polarsim.scoring.score import Counts, Labels, count_photo
+from polarsim.scoring.score import MatchCounts, PhotoLabels, count_photo
 
 KEY = PhotoKey.parse("03_A_off_30_R_0256")
 OPTIONS = ScoringOptions()
 
 
 def labels(*boxes, kind=0):
-    return Labels(np.full(len(boxes), kind), np.array(boxes, float).reshape(-1, 4))
+    return PhotoLabels(np.full(len(boxes), kind), np.array(boxes, float).reshape(-1, 4))
 
 
 def label_rows(key, *boxes, kind="rock", **told):
@@ -67,7 +67,7 @@ def test_photos_without_task_are_excluded_and_the_table_may_be_empty():
 )
 def test_shadows_are_annotated_in_photos_with_true_shadows_and_enough_exposure(key, against, annotated):
     key = PhotoKey.parse(key)
-    true = Labels(np.array([0, 1]), np.array([[0, 0, 10, 10], [50, 0, 90, 10]], float))
+    true = PhotoLabels(np.array([0, 1]), np.array([[0, 0, 10, 10], [50, 0, 90, 10]], float))
     found = paired({key: true}, label_rows(key, [200, 0, 240, 10], kind="shadow"), against=against)
     assert found["kind"].tolist() == ["rock", "shadow", "shadow"]
     assert found["annotated"].tolist() == [False, annotated, annotated]
@@ -92,7 +92,9 @@ boxes = st.lists(
     max_size=6,
 )
 sets = st.tuples(boxes, boxes).map(
-    lambda two: Labels(np.repeat([0, 1], [len(two[0]), len(two[1])]), np.array(two[0] + two[1], float).reshape(-1, 4))
+    lambda two: PhotoLabels(
+        np.repeat([0, 1], [len(two[0]), len(two[1])]), np.array(two[0] + two[1], float).reshape(-1, 4)
+    )
 )
 
 
@@ -104,7 +106,7 @@ def test_rows_add_up_to_the_counts_of_the_scores(truth, found):
         of_kind = pairs.kind == number
         true, hit = of_kind & ~np.isnan(pairs.truth[:, 0]), of_kind & ~np.isnan(pairs.iou)
         told = of_kind & (pairs.label >= 0)
-        summed = Counts(1, hit.sum(), (told & ~hit).sum(), (true & ~hit).sum(), pairs.iou_best[true].sum())
+        summed = MatchCounts(1, hit.sum(), (told & ~hit).sum(), (true & ~hit).sum(), pairs.iou_best[true].sum())
         assert (summed.tp, summed.fp, summed.fn) == (counts.tp, counts.fp, counts.fn)
         assert summed.iou_sum == pytest.approx(counts.iou_sum)
     used = pairs.label[pairs.label >= 0]

@@ -43,7 +43,7 @@ def scores(tmp_path):
         for key, annotated in polygons.items():
             yolo.write_polygons(polygon_folder(tmp_path, 3) / f"{key}.txt", annotated)
         for key, shown in masks.items():
-            class_masks.write(tmp_path / f"masks/{key}.png", shown)
+            class_masks.write_class_mask(tmp_path / f"masks/{key}.png", shown)
         score_masks(
             masks=[tmp_path / "masks"], root=tmp_path, scores=tmp_path / "scores.parquet", seed=0, resamples=100
         )

@@ -4,9 +4,9 @@ import pytest
 
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.poses import Pose, looking
-from polarsim.geometry.stereo import stated_rig
-from polarsim.run_files.materials import Fitted, FittedMaterials, write_materials
+from polarsim.geometry.poses import Pose, camera_pose
+from polarsim.geometry.stereo import default_rig
+from polarsim.run_files.materials import FittedMaterial, FittedMaterials, write_materials
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.run_files.scene import read_terrain
 from polarsim.scoring.materials import held_out_metrics, score_materials
@@ -34,19 +34,22 @@ def scored(tmp_path):
 
     def score(off_ground, off_rock, looks=1, albedo_known=True):
         for name, mesh in ((obj.ground_name(1), grid(0, 0.5, 0)), (obj.rock_name(1, 3), grid(0.1, 0.2, 0.1))):
-            obj.write(tmp_path / "meshes" / name, mesh, "part")
+            obj.write_obj(tmp_path / "meshes" / name, mesh, "part")
         mesh = read_terrain(tmp_path / "meshes", 1)
         rock = mesh.vertices[:, 2] > 0.05
         true = np.where(rock, 0.4, 0.2 + 0.1 * mesh.vertices[:, 0])
         factor = 3 * true * np.where(rock, 1 + off_rock, 1 + off_ground)
         found = FittedMaterials(
-            True, True, {"hapke": Fitted({}, {}, {}, factor.astype(np.float32), CHECK)}, np.full(len(true), looks)
+            True,
+            True,
+            {"hapke": FittedMaterial({}, {}, {}, factor.astype(np.float32), CHECK)},
+            np.full(len(true), looks),
         )
         write_materials(tmp_path / "materials", mesh, found)
-        pose = looking(np.array([2.0, 0, 1]), np.pi, 0.4)
-        write_localised(tmp_path / "cameras" / "PosA.json", LocalisedRig(stated_rig(), pose, "test"))
+        pose = camera_pose(np.array([2.0, 0, 1]), np.pi, 0.4)
+        write_localised(tmp_path / "cameras" / "PosA.json", LocalisedRig(default_rig(), pose, "test"))
         translated = Pose(np.eye(3), TRANSLATION) @ pose
-        write_localised(tmp_path / "truth" / "cameras" / "PosA.json", LocalisedRig(stated_rig(), translated, "truth"))
+        write_localised(tmp_path / "truth" / "cameras" / "PosA.json", LocalisedRig(default_rig(), translated, "truth"))
         table = pd.DataFrame(mesh.vertices + TRANSLATION, columns=list("xyz")).assign(
             rock=np.where(rock, 5, -1), albedo=true, pixels=9
         )

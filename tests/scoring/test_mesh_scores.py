@@ -76,9 +76,9 @@ def test_surface_iou_is_the_common_area_over_the_area_of_the_union():
 
 
 def test_a_folder_gives_a_row_for_the_ground_and_each_rock(tmp_path, rng):
-    obj.write(tmp_path / obj.ground_name(1), LEVEL, "ground")
-    obj.write(tmp_path / obj.rock_name(1, 4), ball(0.03), "rock")
-    obj.write(tmp_path / obj.rock_name(1, 4, decimated=True), ball(0.03, radius=0.052, detail=2), "copy")
+    obj.write_obj(tmp_path / obj.ground_name(1), LEVEL, "ground")
+    obj.write_obj(tmp_path / obj.rock_name(1, 4), ball(0.03), "rock")
+    obj.write_obj(tmp_path / obj.rock_name(1, 4, decimated=True), ball(0.03, radius=0.052, detail=2), "copy")
     rows = [
         {"mesh": obj.ground_name(1), "made_from": "fitted"},
         {"mesh": obj.rock_name(1, 4), "made_from": "published"},

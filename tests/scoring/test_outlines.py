@@ -21,7 +21,7 @@ def ring(box):
 
 def annotation(kind, box, rock=4):
     left, top, right, bottom = box.astype(int)
-    return coco.Annotation(kind, rock, box, rle.encode(np.ones((bottom - top, right - left), bool), left, top))
+    return coco.Annotation(kind, rock, box, rle.encode_rle(np.ones((bottom - top, right - left), bool), left, top))
 
 
 @pytest.fixture

@@ -10,8 +10,8 @@ from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.reliability import (
     COLUMNS,
     LabelConfidences,
+    binned_calibration_error,
     brier_score,
-    calibration_error,
     equal_bins,
     label_confidences,
     reliability_bins,
@@ -68,13 +68,13 @@ def test_calibrated_labels_have_no_calibration_error_and_the_expected_brier_scor
         np.tile([True, False, False, False, False], 10).tolist() + np.tile([True, True, True, True, False], 10).tolist()
     )
     bins = reliability_bins(LabelConfidences(confidence, np.array(right), np.ones(100)))
-    assert calibration_error(bins) == pytest.approx(0)
+    assert binned_calibration_error(bins) == pytest.approx(0)
     assert brier_score(bins) == pytest.approx(0.2 * 0.8)
 
 
 def test_the_calibration_error_of_overconfident_labels_is_the_excess():
     bins = reliability_bins(LabelConfidences(np.full(80, 0.9), np.arange(80) % 2 == 0, np.ones(80)))
-    assert calibration_error(bins) == pytest.approx(0.4)
+    assert binned_calibration_error(bins) == pytest.approx(0.4)
     assert brier_score(bins) == pytest.approx((0.1**2 + 0.9**2) / 2)
 
 
@@ -108,7 +108,7 @@ def test_bins_are_sorted_by_confidence_and_include_all_labels(confidences):
     assert ((table["right_low"] <= table["right"] + 1e-9) & (table["right"] <= table["right_high"] + 1e-9)).all()
     expected = (confidences.weight * (confidences.confidence - confidences.right) ** 2).sum() / confidences.weight.sum()
     assert brier_score(table) == pytest.approx(expected)
-    assert brier_score(table) >= calibration_error(table) ** 2 - 1e-12  # Jensen
+    assert brier_score(table) >= binned_calibration_error(table) ** 2 - 1e-12  # Jensen
 
 
 def test_many_labels_make_ten_bins_of_equal_size_and_few_make_one():

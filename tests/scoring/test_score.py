@@ -9,7 +9,7 @@ import pytest
 from polarsim.errors import FormatError, LabelError
 from polarsim.formats import release, yolo
 from polarsim.photo import SUNS, PhotoKey
-from polarsim.scoring.score import Labels, count_boxes, score, score_folders
+from polarsim.scoring.score import PhotoLabels, count_boxes, score_boxes, score_folders
 
 KEY = PhotoKey.parse("01_A_off_180_L_0256")
 RIGHT = PhotoKey.parse("04_B_on_30_R_0512")
@@ -19,11 +19,11 @@ def square(x: float, y: float, side: float = 10) -> list[float]:
     return [x, y, x + side, y + side]
 
 
-def labels(*boxes: list[float], kind: int = 0) -> Labels:
-    return Labels(np.full(len(boxes), kind), np.array(boxes, float).reshape(-1, 4))
+def labels(*boxes: list[float], kind: int = 0) -> PhotoLabels:
+    return PhotoLabels(np.full(len(boxes), kind), np.array(boxes, float).reshape(-1, 4))
 
 
-def write(folder, key, found: Labels):
+def write(folder, key, found: PhotoLabels):
     yolo.write_boxes(folder / f"{key}.txt", found.classes, found.boxes)
 
 
@@ -55,28 +55,28 @@ def test_an_iou_of_exactly_the_threshold_is_a_hit(side, hits):
 
 
 def test_a_rock_never_matches_a_shadow():
-    found = score({KEY: labels(square(0, 0), kind=0)}, {KEY: labels(square(0, 0), kind=1)})["classes"]
+    found = score_boxes({KEY: labels(square(0, 0), kind=0)}, {KEY: labels(square(0, 0), kind=1)})["classes"]
     assert (found["rock"]["fn"], found["rock"]["fp"], found["shadow"]["fp"]) == (1, 0, 1)
 
 
 def test_a_photo_without_labels_misses_all_its_boxes():
-    assert score({KEY: labels(square(0, 0), square(50, 0))}, {})["classes"]["rock"]["fn"] == 2
+    assert score_boxes({KEY: labels(square(0, 0), square(50, 0))}, {})["classes"]["rock"]["fn"] == 2
 
 
 def test_labels_where_the_truth_has_none_are_false_positives():
-    rock = score({KEY: Labels.none()}, {KEY: labels(square(0, 0))})["classes"]["rock"]
+    rock = score_boxes({KEY: PhotoLabels.none()}, {KEY: labels(square(0, 0))})["classes"]["rock"]
     assert (rock["fp"], rock["precision"], rock["recall"], rock["miou"]) == (1, 0.0, None, None)
 
 
 def test_ratios_are_those_of_the_summed_counts():
     truth = {KEY: labels(square(0, 0)), RIGHT: labels(square(0, 0), square(50, 0), square(90, 0))}
     found = {KEY: labels(square(0, 0)), RIGHT: labels(square(200, 0))}
-    rock = score(truth, found)["classes"]["rock"]
+    rock = score_boxes(truth, found)["classes"]["rock"]
     assert (rock["recall"], rock["precision"], rock["f1"]) == (1 / 4, 1 / 2, 2 / 6)
 
 
 def test_photos_are_grouped_by_each_part_of_the_key():
-    by = score({KEY: labels(square(0, 0)), RIGHT: labels(square(0, 0))}, {RIGHT: labels(square(0, 0))})["by"]
+    by = score_boxes({KEY: labels(square(0, 0)), RIGHT: labels(square(0, 0))}, {RIGHT: labels(square(0, 0))})["by"]
     assert {group: sorted(values) for group, values in by.items()} == {
         "terrain": ["01", "04"], "position": ["A", "B"], "light": ["off", "on"],
         "azimuth": ["180", "30"], "camera": ["L", "R"],
@@ -145,7 +145,7 @@ def test_rocks_copied_to_another_azimuth_score_as_measured_before(release_root):
         sets = {}
         for key, path in release.label_files(release_root, terrain).items():
             if key.camera == "L" and key.light == "off" and key.azimuth != "no":
-                sets.setdefault(key.bracket, {})[key] = Labels(*yolo.read_boxes(path))
+                sets.setdefault(key.bracket, {})[key] = PhotoLabels(*yolo.read_boxes(path))
         for files in sets.values():
             best = max(files, key=lambda k: (len(files[k].classes), -abs(np.log2(k.exposure_ms / 256)), k.exposure_ms))
             seeds[best.station, best.azimuth] = files[best]

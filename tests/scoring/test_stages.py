@@ -11,7 +11,7 @@ from polarsim.formats import obj, png, yolo
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, read_csv, read_parquet, write_parquet
 from polarsim.geometry import boxes as box_geometry
 from polarsim.geometry.poses import Pose, surveyed_pose
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.stereo import default_rig
 from polarsim.photo import PhotoKey
 from polarsim.run_files.rigs import LocalisedRig, read_localised, write_localised
 from polarsim.schemas.evaluation import LABEL_PAIRS
@@ -20,7 +20,7 @@ from polarsim.scoring.labels import score_labels, task_of, visible
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.rock_pairs import RockPairs, pair_rocks, recall_and_precision
 from polarsim.scoring.rocks import score_rocks
-from polarsim.scoring.twins import compare_pictures, log_ratio, score_twins, similarity, typical_photos
+from polarsim.scoring.twins import compare_pictures, log_ratio, score_twins, structural_similarity, typical_photos
 
 OPTIONS = ScoringOptions()
 OTHER_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0.1, -0.05, 0.02]))
@@ -104,14 +104,15 @@ def test_a_single_position_has_no_errors_after_alignment(tmp_path, world):
 
 
 def test_cameras_are_scored_on_consensus_boxes_of_a_view(tmp_path, cube):
-    rig = LocalisedRig(stated_rig(), surveyed_pose("A"))
+    rig = LocalisedRig(default_rig(), surveyed_pose("A"))
     write_localised(tmp_path / "cameras" / "PosA.json", rig)
     points = {1: (0.2, 0.4, 0.0), 2: (-0.5, -0.3, 0.0), 3: (0.9, -0.7, 0.0)}
     for rock, position in points.items():
-        obj.write(tmp_path / "meshes" / obj.rock_name(3, rock), cube(position, 0.15), "rock")
+        obj.write_obj(tmp_path / "meshes" / obj.rock_name(3, rock), cube(position, 0.15), "rock")
     for camera in "LR":
         around = [
-            box_geometry.around(rig.project(camera, cube(position, 0.15).vertices)) for position in points.values()
+            box_geometry.box_around_points(rig.project(camera, cube(position, 0.15).vertices))
+            for position in points.values()
         ]
         for azimuth, off_px in (("30", 0.0), ("180", 0.0), ("270", 30.0)):  # a single azimuth with poor annotations
             moved = np.array(around) + (off_px if camera == "R" else 0.0)
@@ -408,8 +409,8 @@ def test_a_twin_at_half_the_brightness_is_one_stop_down():
 
 def test_similarity_is_one_with_itself_and_falls_with_an_offset(rng):
     photo = (16 + 2000 * rng.random((80, 80))).astype(np.uint16)
-    assert similarity(photo, photo) == pytest.approx(1)
-    assert similarity(photo, np.roll(photo, 3, axis=1)) < 0.3
+    assert structural_similarity(photo, photo) == pytest.approx(1)
+    assert structural_similarity(photo, np.roll(photo, 3, axis=1)) < 0.3
 
 
 def test_typical_photos_are_of_middle_exposure_and_spread_over_the_sets():
@@ -427,8 +428,8 @@ def test_typical_photos_are_of_middle_exposure_and_spread_over_the_sets():
 def test_twins_are_scored_by_boxes_and_pixels_if_available(tmp_path):
     key = PhotoKey.parse("03_A_off_30_L_0256")
     photo = np.full((1216, 1936), 16 + 800, np.uint16)
-    png.write(tmp_path / "photo.png", photo)
-    png.write(tmp_path / f"hapke/{key}.png", photo + 800)
+    png.write_png(tmp_path / "photo.png", photo)
+    png.write_png(tmp_path / f"hapke/{key}.png", photo + 800)
     yolo.write_boxes(tmp_path / f"boxes/{key}.txt", [0], [BOX])
     yolo.write_boxes(tmp_path / f"truth/{key}.txt", [0, 0], [BOX, [500, 500, 540, 530]])
     row = {**dict.fromkeys(PHOTO_COLUMNS, 0), **key_columns(key), "path": str(tmp_path / "photo.png"), "sha256": ""}
@@ -455,8 +456,8 @@ def test_twins_are_scored_by_boxes_and_pixels_if_available(tmp_path):
 
 
 def test_a_twin_of_another_size_is_an_error(tmp_path):
-    png.write(tmp_path / "photo.png", np.zeros((10, 20), np.uint16))
-    png.write(tmp_path / "twin.png", np.zeros((10, 10), np.uint16))
+    png.write_png(tmp_path / "photo.png", np.zeros((10, 20), np.uint16))
+    png.write_png(tmp_path / "twin.png", np.zeros((10, 10), np.uint16))
     with pytest.raises(FormatError, match=r"twin\.png"):
         compare_pictures(tmp_path / "photo.png", tmp_path / "twin.png")
 

@@ -6,9 +6,9 @@ from polarsim.formats.files import read_json, write_json
 from polarsim.formats.tables import read_parquet, write_parquet
 from polarsim.geometry.poses import Pose, angle_between
 from polarsim.run_files.inventory import Inventory, write_inventory
-from polarsim.run_files.lamps import read_found_suns
+from polarsim.run_files.lamps import read_localised_suns
 from polarsim.run_files.rigs import read_all_localised
-from polarsim.scoring.true_scene import thin_meshes, write_truth
+from polarsim.scoring.true_scene import thin_meshes, write_true_scene
 
 SANDBOX_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0.1, -0.05, 0.02]))
 
@@ -23,7 +23,7 @@ def laid(world, tmp_path):
     (meshes / obj.rock_name(world.terrain, 2)).rename(meshes / obj.rock_name(world.terrain, 9))
     write_parquet(tmp_path / "run/rocks.parquet", read_parquet(tmp_path / "run/rocks.parquet").assign(rock=9))
     write_inventory(tmp_path / "inventory.json", Inventory(world.terrain, "analog"))
-    write_truth(
+    write_true_scene(
         terrain=world.terrain,
         rocks=tmp_path / "run/rocks.parquet",
         meshes=tmp_path / "run/meshes",
@@ -43,7 +43,7 @@ def test_true_cameras_and_lamps_are_in_the_frame_of_the_run(laid, sun_lamps):
         pose, own = rig.sandbox_from_left, ours[position].sandbox_from_left
         assert np.linalg.norm(pose.translation - own.translation) < 1e-4
         assert angle_between(pose, own) < 1e-4
-    lamps = read_found_suns(laid / "laid/cameras")
+    lamps = read_localised_suns(laid / "laid/cameras")
     assert sorted(lamps) == sorted(sun_lamps)  # the rover light is on the rig
     for name, lamp_position in lamps.items():
         np.testing.assert_allclose(lamp_position, SANDBOX_FROM_TRUTH.apply(np.array(sun_lamps[name])), atol=5e-4)
@@ -54,14 +54,14 @@ def test_true_meshes_match_the_meshes_and_ids_of_the_run(laid, world):
     ground, rock, unknown = obj.ground_name(world.terrain), obj.rock_name(world.terrain, 9), 10
     assert names == sorted([ground, rock, obj.rock_name(world.terrain, unknown)])  # a rock that the run did not find
     for name in (ground, rock):
-        true, own = (obj.read(laid / folder / "meshes" / name) for folder in ("laid", "run"))
+        true, own = (obj.read_obj(laid / folder / "meshes" / name) for folder in ("laid", "run"))
         np.testing.assert_allclose(true.vertices, own.vertices, atol=5e-4)
 
 
 def test_thinned_meshes_are_decimated_meshes_if_available(world, tmp_path, cube):
     world.write(tmp_path)
     thin = obj.rock_name(world.terrain, 1, decimated=True)
-    obj.write(tmp_path / "meshes" / thin, cube((0.5, 0.4, 0.05), 0.19), "thin")
+    obj.write_obj(tmp_path / "meshes" / thin, cube((0.5, 0.4, 0.05), 0.19), "thin")
     thin_meshes(terrain=world.terrain, meshes=tmp_path / "meshes", thinned=tmp_path / "thinned")
     expected = {obj.ground_name(world.terrain), thin, obj.rock_name(world.terrain, 2)}
     assert {path.name for path in (tmp_path / "thinned").iterdir()} == expected

@@ -2,7 +2,7 @@ import numpy as np
 
 from polarsim.formats import nasa
 from polarsim.geometry.poses import Pose
-from polarsim.geometry.stereo import rectified_left, stated_rig
+from polarsim.geometry.stereo import default_rig, rectified_left
 from polarsim.run_files.inventory import Inventory
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.scoring.surface import Surface
@@ -15,8 +15,8 @@ UP = np.tile([0.0, 0, 1], (3, 1))
 
 
 def seen(known=None):
-    grid = rectified_left(stated_rig())
-    rig = LocalisedRig(stated_rig(), DOWN @ grid.left_from_rectified.inverse())
+    grid = rectified_left(default_rig())
+    rig = LocalisedRig(default_rig(), DOWN @ grid.left_from_rectified.inverse())
     (view,) = true_views({"A": rig, "B": rig}, {"A"}, known)
     return view.visible(FLOOR, PLACES, UP).tolist(), view.visible(FLOOR, PLACES, -UP).tolist()
 
@@ -26,7 +26,7 @@ def test_without_range_map_points_inside_the_image_that_face_the_camera_are_visi
 
 
 def test_a_point_without_a_return_is_invisible(tmp_path):
-    lens = rectified_left(stated_rig()).lens
+    lens = rectified_left(default_rig()).lens
     points = 3.0 * lens.pixel_directions()
     points[:, : int(lens.cx) + 20] = np.nan  # the left half of the image has no returns
     nasa.write_range_map(tmp_path / "map.tif", points)
@@ -34,6 +34,6 @@ def test_a_point_without_a_return_is_invisible(tmp_path):
 
 
 def test_a_point_behind_a_closer_return_is_invisible(tmp_path):
-    lens = rectified_left(stated_rig()).lens
+    lens = rectified_left(default_rig()).lens
     nasa.write_range_map(tmp_path / "map.tif", 2.9 * lens.pixel_directions())
     assert seen(Inventory(1, "polar", range_maps={"A": str(tmp_path / "map.tif")}))[0] == [False, False, False]

@@ -44,8 +44,8 @@ from polarsim.formats import (
 )
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.poses import Pose, looking
-from polarsim.geometry.stereo import StereoRig, stated_rig
+from polarsim.geometry.poses import Pose, camera_pose
+from polarsim.geometry.stereo import StereoRig, default_rig
 from polarsim.photo import BOX_CLASSES, HEIGHT, NO_ROCK, POLYGON_CLASSES, SUNS, WIDTH, PhotoKey
 from polarsim.run_files import (
     best_photos,
@@ -63,8 +63,10 @@ from polarsim.run_files import pictures as run_files
 from polarsim.run_files.rigs import LocalisedRig
 
 KEY = PhotoKey.parse("01_A_off_30_L_0256")
-RIG = StereoRig(stated_rig().left.scaled(0.02), stated_rig().right.scaled(0.02), stated_rig().left_from_right)
-LOCALISED = LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.pi, 0.44, -0.01), "scans", {"rmse_mm": 1})
+RIG = StereoRig(default_rig().left.scaled(0.02), default_rig().right.scaled(0.02), default_rig().left_from_right)
+LOCALISED = LocalisedRig(
+    default_rig(), camera_pose(np.array([3.6, -0.4, 1.5]), np.pi, 0.44, -0.01), "scans", {"rmse_mm": 1}
+)
 TETRAHEDRON = Mesh(
     np.array([[0.0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]]),
     np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]),
@@ -200,7 +202,7 @@ def sound_polygons(found: Any) -> None:
     for number, ring in found:
         assert 0 <= number < len(POLYGON_CLASSES)
         assert len(ring) >= 3
-        assert (np.abs(ring) <= coco.FAR_PX).all()
+        assert (np.abs(ring) <= coco.MAX_POLYGON_COORDINATE_PX).all()
 
 
 def sound_lens(lens: Lens) -> None:
@@ -263,15 +265,17 @@ CLASS_MASK = np.array([[0, 1, 2, class_masks.IGNORED], [2, 2, 0, 0]], np.uint8)
 POINTS = np.abs(RNG.normal(1.5, 0.1, (*RIG.left.shape, 3))).astype(np.float32)
 BOXES = np.array([[100.0, 200, 150, 230], [60, 210, 105, 230]])
 RING = np.array([[60.0, 210], [105, 210], [105, 230], [60, 228]])
-MASK = rle.encode(np.ones((15, 20)), 100, 100)
+MASK = rle.encode_rle(np.ones((15, 20)), 100, 100)
 LABELS = {KEY: [coco.Annotation("rock", 4, BOXES[0], MASK), coco.Annotation("shadow", 4, BOXES[1])]}
 MADE = tables.label_table([{**tables.key_columns(KEY), "kind": "rock", "rock": 4, "source": "seed", "confidence": 1.0,
                             "x0": 1.0, "y0": 2.0, "x1": 3.0, "y1": 4.0}] * 3)  # fmt: skip
-FIT = materials.Fitted({"albedo": 0.2}, {"30": 1.5}, {7: 1.25}, np.linspace(0.5, 1.2, 8, dtype=np.float32), {"a": 1})
+FIT = materials.FittedMaterial(
+    {"albedo": 0.2}, {"30": 1.5}, {7: 1.25}, np.linspace(0.5, 1.2, 8, dtype=np.float32), {"a": 1}
+)
 FITTED = materials.FittedMaterials(True, False, {"lambert": FIT}, np.arange(8))
 INVENTORY = inventory.Inventory(1, "analog", "a/stereo.calibration", {"A": "m.tif"}, {}, {"3": "r.obj"}, "g.obj",
                                 {"A": "c.png"}, ("x",))  # fmt: skip
-PHOTO = png.encode(np.zeros((HEIGHT, WIDTH), np.uint16))
+PHOTO = png.encode_png(np.zeros((HEIGHT, WIDTH), np.uint16))
 DETECTOR = detectors.Detector("compact", 160, 2, "scratch", {}, (((160, 320), (0.5,)),) * 2, ((1.0, 0.0),) * 2)
 YOLO_BOXES = "0 0.06456 0.1768 0.02583 0.02467\n1 0.04261 0.18092 0.02324 0.01645\n"
 YOLO_RING = "2 " + " ".join(f"{x / WIDTH:.6f} {y / HEIGHT:.6f}" for x, y in RING) + "\n"
@@ -326,7 +330,7 @@ def make_bag(folder: Path) -> Path:
     messages = [
         (n, "/tf", "geometry_msgs/msg/TransformStamped", ros.transform(n, "a", "b", Pose.identity())) for n in (1, 2)
     ]
-    bags.write(folder / "a.mcap", [iter(messages)])
+    bags.write_mcap_bag(folder / "a.mcap", [iter(messages)])
     return folder / "a.mcap"
 
 
@@ -398,27 +402,27 @@ def make_geotiff(folder: Path) -> Path:
 
 
 CASES: dict[str, list[Case]] = {
-    "formats.bags.metadata": [Case(make_bag, lambda path: bags.metadata(path, "a.mcap"))],
-    "run_files.best_photos.read_shrunk": [
+    "formats.bags.bag_metadata": [Case(make_bag, lambda path: bags.bag_metadata(path, "a.mcap"))],
+    "run_files.best_photos.read_resized": [
         Case(
             content("a.png", PHOTO),
-            lambda path: best_photos.read_shrunk(path, RIG.left),
+            lambda path: best_photos.read_resized(path, RIG.left),
             same(np.zeros(RIG.left.shape, np.float32)),
         ),
     ],
-    "run_files.best_photos.read_all_shrunk": [
+    "run_files.best_photos.read_all_resized": [
         Case(
             content("a.png", PHOTO),
-            lambda path: best_photos.read_all_shrunk({("A", "L"): {"30": path}}, {"A": LOCALISED}, 0.02),
+            lambda path: best_photos.read_all_resized({("A", "L"): {"30": path}}, {"A": LOCALISED}, 0.02),
         ),
     ],
-    "run_files.class_masks.read": [
-        Case(file("a.png", class_masks.write, CLASS_MASK), class_masks.read, same(CLASS_MASK)),
+    "run_files.class_masks.read_class_mask": [
+        Case(file("a.png", class_masks.write_class_mask, CLASS_MASK), class_masks.read_class_mask, same(CLASS_MASK)),
     ],
-    "formats.coco.read_pictures": [
+    "formats.coco.read_coco_images": [
         Case(
             file("a.json", coco.write_coco, LABELS),
-            coco.read_pictures,
+            coco.read_coco_images,
             lambda found: sound_coco(  # names of images may be any text
                 {PhotoKey.parse("01_A_off_30_L_0256"): [row.annotation for _, _, rows in found for row in rows]}
             ),
@@ -432,10 +436,12 @@ CASES: dict[str, list[Case]] = {
         Case(text("a.json", json.dumps({"a": [1, 2.5, None], "b": {"c": "d"}})), files.read_json)
     ],
     "formats.geotiff.read_elevation": [Case(make_geotiff, lambda path: geotiff.read_elevation(path, 2.0, 3.0))],
-    "run_files.instances.read": [Case(file("a.png", png.write, IDS), instances.read, same(IDS))],
+    "run_files.instances.read_instances": [
+        Case(file("a.png", png.write_png, IDS), instances.read_instances, same(IDS))
+    ],
     "run_files.instances.read_kind_masks": [
         Case(
-            file("a.png", png.write, IDS),
+            file("a.png", png.write_png, IDS),
             instances.read_kind_masks,
             lambda found: same(IDS >= instances.SHADOW_IDS)(found["shadow"]),
         ),
@@ -450,10 +456,10 @@ CASES: dict[str, list[Case]] = {
             lambda found: [_shape(found[sun], (3,)) for sun in SUNS],
         ),
     ],
-    "run_files.lamps.read_found_suns": [
+    "run_files.lamps.read_localised_suns": [
         Case(
             the_folder(file(lamps.FILE, lambda path, suns: lamps.write_suns(path.parent, suns), {"30": POINTS[0, 0]})),
-            lamps.read_found_suns,
+            lamps.read_localised_suns,
             lambda found: [_shape(one, (3,)) for one in found.values()],
         ),
     ],
@@ -466,7 +472,7 @@ CASES: dict[str, list[Case]] = {
         ),
     ],
     "formats.nasa.read_calibration": [
-        Case(file("stereo.calibration", nasa.write_calibration, stated_rig()), nasa.read_calibration, sound_rig),
+        Case(file("stereo.calibration", nasa.write_calibration, default_rig()), nasa.read_calibration, sound_rig),
     ],
     "formats.nasa.read_range_map": [
         Case(
@@ -477,7 +483,7 @@ CASES: dict[str, list[Case]] = {
     ],
     "formats.nasa.read_cloud": [
         Case(file("PosA.xyz", nasa.write_cloud, POINTS[0], np.arange(len(POINTS[0]))), nasa.read_cloud, sound_cloud),
-        Case(file("PosA.ply", ply.write, ply.Cloud(POINTS[0], POINTS[0])), nasa.read_cloud, sound_cloud),
+        Case(file("PosA.ply", ply.write_ply, ply.Cloud(POINTS[0], POINTS[0])), nasa.read_cloud, sound_cloud),
     ],
     "formats.npz.read_arrays": [
         Case(
@@ -487,24 +493,26 @@ CASES: dict[str, list[Case]] = {
         )
         for packed in (True, False)
     ],
-    "formats.obj.read": [
-        Case(file("terrain01_rock3.obj", obj.write, TETRAHEDRON, "rock"), obj.read, sound_mesh),
+    "formats.obj.read_obj": [
+        Case(file("terrain01_rock3.obj", obj.write_obj, TETRAHEDRON, "rock"), obj.read_obj, sound_mesh),
         Case(
             text("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nv 1 1 0\nf 1/1 2/1 4/1 3/1\nf -1 -2 -3\n"),
-            obj.read,
+            obj.read_obj,
             sound_mesh,
         ),
     ],
-    "formats.ply.read": [
+    "formats.ply.read_ply": [
         Case(
-            file("a.ply", ply.write, ply.Cloud(POINTS[0], POINTS[0])), ply.read, lambda found: sound_cloud(found.points)
+            file("a.ply", ply.write_ply, ply.Cloud(POINTS[0], POINTS[0])),
+            ply.read_ply,
+            lambda found: sound_cloud(found.points),
         ),
     ],
-    "formats.png.read": [
-        Case(file("a.png", png.write, PIXELS), png.read, same(PIXELS)),
+    "formats.png.read_png": [
+        Case(file("a.png", png.write_png, PIXELS), png.read_png, same(PIXELS)),
         Case(
-            file("a.png", png.write, np.dstack([PIXELS] * 3).astype(np.uint8)),
-            png.read,
+            file("a.png", png.write_png, np.dstack([PIXELS] * 3).astype(np.uint8)),
+            png.read_png,
             lambda found: _shape(found, (12, 16, 3)),
         ),
     ],
@@ -513,25 +521,25 @@ CASES: dict[str, list[Case]] = {
         for name, divisor in (("a.png", 1), ("a.tif", 1), ("a.jpg", 16), ("a.webp", 16), ("a.bmp", 16))
     ],
     "formats.png.read_photo": [
-        Case(file("a.png", png.write, PIXELS), lambda path: png.read_photo(path, _SMALL), same(PIXELS))
+        Case(file("a.png", png.write_png, PIXELS), lambda path: png.read_photo(path, _SMALL), same(PIXELS))
     ],
     "formats.png.parse_header": [
         Case(
-            file("a.png", png.write, PIXELS),
+            file("a.png", png.write_png, PIXELS),
             lambda path: png.parse_header(path.read_bytes()),
             named=False,
             check=lambda found: same(np.array([16, 12, 16, 1, 1]))(np.array(list(vars(found).values()))),
         ),
     ],
-    "formats.release.read_annotated": [
+    "formats.release.read_annotated_boxes": [
         Case(
             the_folder(text(f"{KEY}.txt", YOLO_BOXES), text(yolo.CLASS_FILE, "rock\nshadow\n")),
-            release.read_annotated,
+            release.read_annotated_boxes,
             lambda found: [own_boxes(one) for one in found.values()],
         ),
     ],
     "run_files.rigs.read_rig": [
-        Case(file("calibration.json", rigs.write_rig, stated_rig(), "stated"), rigs.read_rig, sound_rig)
+        Case(file("calibration.json", rigs.write_rig, default_rig(), "stated"), rigs.read_rig, sound_rig)
     ],
     "run_files.rigs.read_localised": [
         Case(file("PosA.json", rigs.write_localised, LOCALISED), rigs.read_localised, sound_localised),
@@ -597,19 +605,19 @@ CASES: dict[str, list[Case]] = {
     "run_files.scene.read_terrain": [
         Case(
             the_folder(
-                file(obj.ground_name(1), obj.write, TETRAHEDRON, "ground"),
-                file(obj.rock_name(1, 3), obj.write, TETRAHEDRON, "rock"),
+                file(obj.ground_name(1), obj.write_obj, TETRAHEDRON, "ground"),
+                file(obj.rock_name(1, 3), obj.write_obj, TETRAHEDRON, "rock"),
             ),
             lambda folder: scene.read_terrain(folder, 1),
             sound_mesh,
         ),
     ],
-    "run_files.scene.made_from": [
+    "run_files.scene.mesh_origins": [
         Case(
             the_folder(
                 text(scene.MESH_TABLE, "mesh,made_from\nterrain01_ground.obj,scan\nterrain01_rock3.obj,fitted\n")
             ),
-            scene.made_from,
+            scene.mesh_origins,
             lambda found: [_is(word, str) for pair in found.items() for word in pair],
         ),
     ],
@@ -714,7 +722,7 @@ CASES: dict[str, list[Case]] = {
         ),
     ],
     "detect.detectors.files.read_detector": [Case(make_detector, detectors.read_detector, sound_detector)],
-    "detect.detectors.files.load": [Case(make_detector, detectors.load)],
+    "detect.detectors.files.load_tensors": [Case(make_detector, detectors.load_tensors)],
 }
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from polarsim.geometry.poses import looking
-from polarsim.geometry.stereo import stated_rig
+from polarsim.geometry.poses import camera_pose
+from polarsim.geometry.stereo import default_rig
 from polarsim.photo import NO_ROCK
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
@@ -13,7 +13,9 @@ from polarsim.run_files.scene import TerrainMesh
 
 def surveyed_rig() -> LocalisedRig:
     """Return an approximate rig at position A."""
-    return LocalisedRig(stated_rig(), looking(np.array([3.6, -0.4, 1.5]), np.radians(178), np.radians(25)), "benchmark")
+    return LocalisedRig(
+        default_rig(), camera_pose(np.array([3.6, -0.4, 1.5]), np.radians(178), np.radians(25)), "benchmark"
+    )
 
 
 def grid(height: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -30,7 +30,7 @@ def find_picture(figure: Path, picture: Path) -> tuple[float, np.ndarray]:
     position
         (2,) float: x and y of the part's centre, as shares of the figure's width.
     """
-    sheet, photo = grey(png.read(figure)), grey(to_8bit(png.read(picture)))
+    sheet, photo = grey(png.read_png(figure)), grey(to_8bit(png.read_png(picture)))
     sheet = resized(sheet, sheet.shape[1] // REDUCED)
     photo = resized(photo, sheet.shape[1])
     best, position = -1.0, np.zeros(2)
@@ -47,7 +47,7 @@ def find_picture(figure: Path, picture: Path) -> tuple[float, np.ndarray]:
 
 def pictured_share(figure: Path) -> float:
     """Return the share of blocks of a figure that show photos or renderings: many greys, none of them dominant."""
-    pixels = np.round(grey(png.read(figure))).astype(int)
+    pixels = np.round(grey(png.read_png(figure))).astype(int)
     rows, columns = (size // BLOCK for size in pixels.shape)
     blocks = pixels[: rows * BLOCK, : columns * BLOCK].reshape(rows, BLOCK, columns, BLOCK).swapaxes(1, 2)
     ordered = np.sort(blocks.reshape(rows * columns, -1), axis=1)
@@ -112,7 +112,7 @@ def empty_figures(results: Path) -> dict[str, str]:
 
 def inked_share(figure: Path) -> float:
     """Return the share of pixels that are not white."""
-    return float((grey(png.read(figure)) < WHITE).mean())
+    return float((grey(png.read_png(figure)) < WHITE).mean())
 
 
 LEAST = (  # start of the path, measure, and minimum value of a figure that is not blank

@@ -25,10 +25,10 @@ from polarsim.annotate.export import TOOLS
 from polarsim.cli import app
 from polarsim.cli.labels import import_
 from polarsim.explore.corrections import Corrections
-from polarsim.explore.site import site
+from polarsim.explore.site import page_of_run
 from polarsim.explore.tables import shown_predictions
 from polarsim.formats import coco, png, yolo
-from polarsim.geometry.boxes import area, clip, iou, match
+from polarsim.geometry.boxes import area, clip, iou, match_by_iou
 from polarsim.labels.seeds import read_corrections
 from polarsim.lint.rules import RULES
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey
@@ -175,7 +175,7 @@ def same_boxes(folder: Path, wanted: pd.DataFrame) -> None:
             own, other = boxes[classes == number], rows.loc[rows["kind"] == kind, EDGES].to_numpy(float)
             assert len(own) == len(other), (key, kind)
             if len(own):
-                pairs = match(iou(own, other), 0.5)
+                pairs = match_by_iou(iou(own, other), 0.5)
                 assert len(pairs[0]) == len(own)
                 np.testing.assert_allclose(own[pairs[0]], other[pairs[1]], atol=0.06)
 
@@ -280,9 +280,9 @@ def test_polygons_of_the_run_are_painted_as_its_masks(call, here, tmp_path, belo
     wanted = sorted((here / "labels/masks/Terrain01").glob("*.png"))
     assert len(wanted) == len(painted) == 16
     for path in wanted:
-        different = png.read(painted[path.stem]) != png.read(path)
+        different = png.read_png(painted[path.stem]) != png.read_png(path)
         assert different.mean() < 2e-4  # on edges: the files have 6 decimals
-        assert {43, 86, 128} <= set(np.unique(png.read(path)))
+        assert {43, 86, 128} <= set(np.unique(png.read_png(path)))
 
 
 @pytest.mark.parametrize("kind", ["boxes", "polygons"])
@@ -427,7 +427,7 @@ def test_show_draws_the_labels_over_the_picture(call, here, labels, tmp_path, mo
         x0, y0, x1, y1 = (round(row[edge]) for edge in EDGES)
         assert coloured[max(0, y0 - 4) : y1 + 5, max(0, x0 - 4) : x1 + 5].any(), row
     domain = "hapke" if "hapke" in more else "photo"
-    picture = png.read(Run(here).pictures_of(domain, 1)[PhotoKey.parse(KEY)]).astype(float)
+    picture = png.read_png(Run(here).pictures_of(domain, 1)[PhotoKey.parse(KEY)]).astype(float)
     grey = shown[:HEIGHT, :WIDTH, :3].mean(axis=2)
     plain = ~coloured[:HEIGHT, :WIDTH]
     assert np.corrcoef(np.sqrt(picture[plain]), grey[plain])[0, 1] > 0.8  # the image is visible under the labels
@@ -510,9 +510,9 @@ def test_meshes_of_the_run_are_rendered_and_the_pictures_are_read(call, here, tm
     twin = tmp_path / f"{KEY}.png"
     call("render", meshes, twin, "--maps", tmp_path / "maps", "--cameras", here / "cameras/Terrain01/PosA.json")
     assert has_content(twin).dtype == np.uint16
-    depth = png.read(tmp_path / "maps/depth.png")
+    depth = png.read_png(tmp_path / "maps/depth.png")
     assert 1000 < np.median(depth[depth > 0]) < 8000  # mm
-    ids = png.read(tmp_path / "maps/ids.png")
+    ids = png.read_png(tmp_path / "maps/ids.png")
     assert len(np.unique(ids)) > 5  # rocks
     call("detect", twin, "--out", tmp_path / "found")
     assert len(pd.read_csv(tmp_path / "found/detections.csv")) > 3
@@ -567,7 +567,7 @@ def test_a_drive_over_the_meshes_of_the_run(call, place, here, tmp_path):
     trace = pd.read_parquet(here / "rover/seed0/trace.parquet")
     assert len(trace) > 50
     assert np.isfinite(trace[["x_m", "y_m", "z_m"]].to_numpy()).all()
-    drive = json.loads(site(Run.at(here))["data/drives/seed0.json"]())
+    drive = json.loads(page_of_run(Run.at(here))["data/drives/seed0.json"]())
     assert drive["length_m"] > 0.01
     assert len(drive["path"]) > 1
     call("publish", "small", tmp_path / "bags", "--format", "tum")

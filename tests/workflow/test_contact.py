@@ -18,7 +18,7 @@ def test_a_contact_sheet_ignores_images_in_the_working_folder(checkout, snakemak
     keys = selected_grid(1, ["A"], GridOptions(**SMALL["grid"]))
     for key in keys:
         coarse = rng.uniform(200, 4000, (12, 19)).astype(np.float32)
-        png.write(checkout / f"data/{key}.png", resized(coarse, WIDTH)[:HEIGHT].astype(np.uint16))
+        png.write_png(checkout / f"data/{key}.png", resized(coarse, WIDTH)[:HEIGHT].astype(np.uint16))
     acquired = checkout / "results/small/acquire/Terrain01/photos.parquet"
     write_parquet(acquired, pd.DataFrame([{"key": str(key), "path": f"data/{key}.png"} for key in keys]))
     write_inventory(acquired.with_name("inventory.json"), Inventory(1, "analog"))
@@ -26,10 +26,10 @@ def test_a_contact_sheet_ignores_images_in_the_working_folder(checkout, snakemak
         write_parquet(checkout / f"results/small/{stage}/tables/Terrain01.parquet", label_table([]))
     (checkout / "results/small/renders/hapke/Terrain01").mkdir(parents=True)
     call = (SHEET, "--configfile", "config/small.yaml", "--rerun-triggers", "mtime", "--allowed-rules", "draw_photos")
-    png.write(
+    png.write_png(
         checkout / "03_A_on_350_R_0256_hapke.png", np.zeros((8, 8), np.uint8)
     )  # name of an output of `polarsim show`
-    png.write(checkout / f"{keys[0]}.png", np.zeros((HEIGHT, WIDTH), np.uint16))  # same name as a photo
+    png.write_png(checkout / f"{keys[0]}.png", np.zeros((HEIGHT, WIDTH), np.uint16))  # same name as a photo
     done = snakemake(checkout, *call)
     assert done.returncode == 0, done.stderr[-3000:]
     usual = [key for key in keys if key.exposure_ms == 256]  # without labels, this exposure represents the bracket

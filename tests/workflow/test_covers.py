@@ -10,7 +10,7 @@ from polarsim.formats import obj, png, yolo
 from polarsim.formats.release import polygon_folder
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import HEIGHT, POLYGON_CLASSES, WIDTH
-from polarsim.render.surfaces import box
+from polarsim.render.surfaces import box_mesh
 from polarsim.run_files import class_masks
 from polarsim.scenes.strokes import COLOURS, draw_strokes
 
@@ -35,7 +35,7 @@ def release(tmp_path):
         photo[500:620, 900:1000] = 200
         cover = draw_strokes(photo, np.array([ROCK]) + np.array([-4, -4, 4, 4]), [1], COLOURS[0], 3, 26)
         cover = cover[::2, ::2] if terrain == 3 else cover
-        png.write(root / "CoverPhotoOfIndices" / f"cover_photo_indexed_{terrain:02d}_A.png", cover)
+        png.write_png(root / "CoverPhotoOfIndices" / f"cover_photo_indexed_{terrain:02d}_A.png", cover)
         for azimuth in ("30", "180"):
             position = root / "Labels" / f"Terrain{terrain:02d}" / f"{terrain:02d}_A_off_{azimuth}_L_0256.txt"
             shadow = np.array(SHADOW) - (0 if azimuth == "30" else np.array([300, 0, 300, 0]))
@@ -58,14 +58,14 @@ def ring(box):
 @pytest.mark.slow
 def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, release):
     for terrain in TERRAINS:
-        vertices, faces, _ = box(np.zeros(3), np.array([0.2, 0.15, 0.1 * terrain]))
+        vertices, faces, _ = box_mesh(np.zeros(3), np.array([0.2, 0.15, 0.1 * terrain]))
         copies = checkout / f"results/covers/repaired/Terrain{terrain:02d}"
         (checkout / f"results/covers/cameras/located/Terrain{terrain:02d}").mkdir(
             parents=True
         )  # without located positions
         ground = checkout / f"results/covers/meshes/Terrain{terrain:02d}/terrain{terrain:02d}_ground.obj"
-        obj.write(ground, Mesh(vertices, faces), "ground")
-        obj.write(copies / f"terrain{terrain:02d}_rock1.obj", Mesh(vertices, faces), "rock")
+        obj.write_obj(ground, Mesh(vertices, faces), "ground")
+        obj.write_obj(copies / f"terrain{terrain:02d}_rock1.obj", Mesh(vertices, faces), "rock")
     content = yaml.safe_load((checkout / "config/covers.yaml").read_text()) | {"terrains": list(TERRAINS)}
     content["covers"] |= {"folds": [], "carved_scenes": 4, "carved_epochs": 1, "widths": [96, 128]}
     content["covers"]["scenes"] = {"number": 2, "lamps": 5, "scale": 0.1}
@@ -107,8 +107,8 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
     masks = pd.read_csv(run / "tables/masks.csv")
     assert set(masks["key"]) == {"01_A_off_30_L_0256", "all"}
     assert masks.loc[masks["kind"] == "rock", "pixels"].eq(100 * 120).all()
-    assert class_masks.read(run / "covers/folds/03/masks/03_A_off_30_L_0256.png").shape == (HEIGHT, WIDTH)
-    assert [png.read(run / f"figures/{name}.png").shape[1] for name in ("covers", "scenes")] == [1600, 1600]
+    assert class_masks.read_class_mask(run / "covers/folds/03/masks/03_A_off_30_L_0256.png").shape == (HEIGHT, WIDTH)
+    assert [png.read_png(run / f"figures/{name}.png").shape[1] for name in ("covers", "scenes")] == [1600, 1600]
     page = (run / "results.html").read_text()
     assert "Real cover photos of held-out terrains" in page
     assert "IoU of class masks" in page

@@ -191,7 +191,7 @@ def test_every_stage_is_a_target(dry_run):
 
 
 def test_the_schema_is_the_configurations():
-    assert (CONFIGURATIONS / "schema.json").read_text() == config.schema(), "run make schema"
+    assert (CONFIGURATIONS / "schema.json").read_text() == config.config_schema(), "run make schema"
 
 
 @pytest.fixture(scope="module")

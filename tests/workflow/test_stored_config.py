@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from polarsim.config import Config, parse_config, read_config
 from polarsim.errors import ConfigError
 from polarsim.formats.yaml_files import read_yaml
-from polarsim.running.configuration import STORED, base_of, config_of_run, read_configs, store_config
+from polarsim.running.configuration import STORED, base_configuration, config_of_run, read_configs, store_config
 
 CONFIGURATIONS = Path(__file__).parents[2] / "config"
 CURVES = "results/mine/renders/reflectance.csv"  # fastest output of a run, without data
@@ -205,7 +205,7 @@ def test_overlays_apply_to_the_demo_unless_a_file_defines_the_source(tmp_path, m
     assert read_configs([overlay]).rocks.ground_mesh_cell_mm == 9
     assert read_configs([whole, overlay]).rocks.rock_cell_mm == Config(source={"kind": "analog"}).rocks.rock_cell_mm
     assert (read_configs([whole, overlay]).run, read_configs([overlay, whole]).run) == ("mine", "whole")
-    assert base_of([overlay, whole]) == []
+    assert base_configuration([overlay, whole]) == []
 
 
 @pytest.mark.parametrize(

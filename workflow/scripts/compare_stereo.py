@@ -4,13 +4,13 @@ from pathlib import Path
 
 from polarsim.detect.options import ComparisonOptions
 from polarsim.detect.stereo.compare import compare_stereo
-from polarsim.job_files import paths
+from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     compare_stereo(
-        pairs=paths(snakemake.input.pairs),
-        rocks=paths(snakemake.input.rocks),
+        pairs=list_of_paths(snakemake.input.pairs),
+        rocks=list_of_paths(snakemake.input.rocks),
         stereo=Path(snakemake.output.stereo),
         instances=Path(snakemake.output.instances),
         ipd=Path(snakemake.output.ipd),

@@ -5,14 +5,14 @@ from pathlib import Path
 from polarsim.detect.options import PicturesOptions
 from polarsim.detect.pictures import convert_domain
 from polarsim.grid import GridOptions, selected_grids
-from polarsim.job_files import paths
+from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     convert_domain(
         domain=snakemake.wildcards.domain,
         pictures=Path(snakemake.params.pictures),
-        labels=paths(snakemake.input.labels),
+        labels=list_of_paths(snakemake.input.labels),
         keys=selected_grids(
             terrains=snakemake.params.terrains,
             positions=snakemake.params.positions,
@@ -20,5 +20,5 @@ with reporting(log=snakemake.log[0]):
         ),
         folder=Path(snakemake.output.pictures),
         options=PicturesOptions(**snakemake.params.options),
-        masks=paths(snakemake.input.masks),
+        masks=list_of_paths(snakemake.input.masks),
     )

@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from polarsim.job_files import paths
+from polarsim.job_files import list_of_paths
 from polarsim.report.figures.drive import draw_drive
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     draw_drive(
-        traces=paths(snakemake.input.traces),
+        traces=list_of_paths(snakemake.input.traces),
         figure=Path(snakemake.output.figure),
         origin=snakemake.params.origin,
     )

@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-from polarsim.job_files import paths
+from polarsim.job_files import list_of_paths
 from polarsim.lint.errata import lint_and_draw
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     lint_and_draw(
         root=Path(snakemake.params.root),
-        twins=paths(snakemake.input.twins),
+        twins=list_of_paths(snakemake.input.twins),
         page=Path(snakemake.output.page),
         table=Path(snakemake.output.table),
         workers=snakemake.threads,

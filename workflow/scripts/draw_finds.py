@@ -2,20 +2,20 @@
 
 from pathlib import Path
 
-from polarsim.job_files import paths
-from polarsim.report.figures.finds import draw_finds
+from polarsim.job_files import list_of_paths
+from polarsim.report.figures.finds import draw_detector_results
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
-    draw_finds(
+    draw_detector_results(
         domains=snakemake.params.domains,
         photo_domain=snakemake.params.photo_domain,
-        pictures=paths(snakemake.input.pictures),
+        pictures=list_of_paths(snakemake.input.pictures),
         instances=Path(snakemake.input.instances),
         ipd=Path(snakemake.input.ipd),
-        predictions=paths(snakemake.input.predictions),
-        labels=dict(zip(snakemake.params.domains, paths(snakemake.input.labels), strict=True)),
-        seen=paths(snakemake.output.seen),
-        gap_rocks=paths(snakemake.output.gap_rocks),
+        predictions=list_of_paths(snakemake.input.predictions),
+        labels=dict(zip(snakemake.params.domains, list_of_paths(snakemake.input.labels), strict=True)),
+        seen=list_of_paths(snakemake.output.seen),
+        gap_rocks=list_of_paths(snakemake.output.gap_rocks),
         origin=snakemake.params.origin,
     )

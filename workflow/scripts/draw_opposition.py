@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.grid import GridOptions, selected_grids
-from polarsim.job_files import paths
+from polarsim.job_files import list_of_paths
 from polarsim.report.figures.opposition import draw_opposition
 from polarsim.reporting import reporting
 
@@ -14,10 +14,10 @@ with reporting(log=snakemake.log[0]):
             positions=snakemake.params.positions,
             grid=GridOptions(**snakemake.params.grid),
         ),
-        cameras=dict(zip(snakemake.params.terrains, paths(snakemake.input.cameras), strict=True)),
+        cameras=dict(zip(snakemake.params.terrains, list_of_paths(snakemake.input.cameras), strict=True)),
         photo_domain=snakemake.params.photo_domain,
         models=snakemake.params.models,
-        pictures=paths(snakemake.input.pictures),
+        pictures=list_of_paths(snakemake.input.pictures),
         figure=Path(snakemake.output.figure),
         text=Path(snakemake.output.text),
     )

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.grid import GridOptions
-from polarsim.job_files import paths
+from polarsim.job_files import list_of_paths
 from polarsim.report.figures.photos import draw_photos
 from polarsim.reporting import reporting
 
@@ -14,10 +14,10 @@ with reporting(log=snakemake.log[0]):
         grid=GridOptions(**snakemake.params.grid),
         photos=Path(snakemake.input.photos),
         inventory=Path(snakemake.input.inventory),
-        twins=dict(zip(snakemake.params.models, paths(snakemake.input.twins), strict=True)),
+        twins=dict(zip(snakemake.params.models, list_of_paths(snakemake.input.twins), strict=True)),
         stand_ins=snakemake.params.stand_ins,
         labels=Path(snakemake.input.labels),
         rendered=Path(snakemake.input.rendered),
-        comparisons=paths(snakemake.output.comparisons),
-        contacts=paths(snakemake.output.contacts),
+        comparisons=list_of_paths(snakemake.output.comparisons),
+        contacts=list_of_paths(snakemake.output.contacts),
     )

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.job_files import paths
+from polarsim.job_files import list_of_paths
 from polarsim.render.options import RenderOptions
 from polarsim.reporting import reporting
 from polarsim.rover.cameras.options import CameraSuiteOptions
@@ -16,7 +16,7 @@ from polarsim.rover.world.options import WorldOptions
 with reporting(log=snakemake.log[0]):
     drive_case(
         case=snakemake.wildcards.case,
-        meshes=paths(snakemake.input.meshes)[0].parent,
+        meshes=list_of_paths(snakemake.input.meshes)[0].parent,
         folder=Path(snakemake.output.figures).parent,
         world=WorldOptions(**snakemake.params.world),
         soil=SoilOptions(**snakemake.params.soil),

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.job_files import paths
+from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.ride import run_drive
@@ -11,7 +11,7 @@ from polarsim.rover.world.options import WorldOptions
 
 with reporting(log=snakemake.log[0]):
     run_drive(
-        meshes=paths(snakemake.input.meshes)[0].parent,
+        meshes=list_of_paths(snakemake.input.meshes)[0].parent,
         folder=Path(snakemake.output.trace).parent,
         world=WorldOptions(**snakemake.params.world),
         soil=SoilOptions(**snakemake.params.soil),

@@ -4,14 +4,14 @@ from pathlib import Path
 
 from polarsim.detect.evaluate import Evaluation, evaluate
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
-from polarsim.job_files import paths
+from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     evaluate(
-        predictions=paths(snakemake.input.predictions),
-        labels=dict(zip(snakemake.params.domains, paths(snakemake.input.labels), strict=True)),
-        datasets=dict(zip(snakemake.params.trained, paths(snakemake.input.datasets), strict=True)),
+        predictions=list_of_paths(snakemake.input.predictions),
+        labels=dict(zip(snakemake.params.domains, list_of_paths(snakemake.input.labels), strict=True)),
+        datasets=dict(zip(snakemake.params.trained, list_of_paths(snakemake.input.datasets), strict=True)),
         split=Path(snakemake.input.split),
         by=snakemake.wildcards.split,
         tables_of=Evaluation(

@@ -5,7 +5,7 @@ from pathlib import Path
 from polarsim.detect.options import StereoOptions
 from polarsim.detect.stereo.measure import measure_stereo
 from polarsim.grid import GridOptions, selected_grid
-from polarsim.job_files import paths
+from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
@@ -21,7 +21,11 @@ with reporting(log=snakemake.log[0]):
         pictures={
             snakemake.params.domain: Path(snakemake.input.photos),
             # The function finds the twins of a terrain below the folder of their model.
-            **dict(zip(snakemake.params.models, [path.parent for path in paths(snakemake.input.twins)], strict=True)),
+            **dict(
+                zip(
+                    snakemake.params.models, [path.parent for path in list_of_paths(snakemake.input.twins)], strict=True
+                )
+            ),
         },
         pairs=Path(snakemake.output.pairs),
         rocks=Path(snakemake.output.rocks),

@@ -4,12 +4,12 @@ from pathlib import Path
 
 from polarsim.cover_photos.merging import merge_seeds
 from polarsim.detect.options import PredictionOptions
-from polarsim.job_files import paths
+from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     merge_seeds(
-        predictions=paths(snakemake.input.predictions),
+        predictions=list_of_paths(snakemake.input.predictions),
         merged=Path(snakemake.output.merged),
         options=PredictionOptions(**snakemake.params.options),
     )

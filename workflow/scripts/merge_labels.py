@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from polarsim.formats.tables import merge_label_tables
-from polarsim.job_files import paths
+from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     merge_label_tables(
-        tables=paths(snakemake.input.tables),
+        tables=list_of_paths(snakemake.input.tables),
         merged=Path(snakemake.output.merged),
     )

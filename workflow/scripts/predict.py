@@ -4,16 +4,16 @@ from pathlib import Path
 
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import predict_domains
-from polarsim.job_files import paths
+from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     predict_domains(
         weights=Path(snakemake.input.weights),
-        datasets=paths(snakemake.input.datasets),
-        predictions=paths(snakemake.output.predictions),
+        datasets=list_of_paths(snakemake.input.datasets),
+        predictions=list_of_paths(snakemake.output.predictions),
         options=PredictionOptions(**snakemake.params.options),
         threads=snakemake.threads,
-        cameras=paths(snakemake.input.cameras),
-        meshes=paths(snakemake.input.meshes),
+        cameras=list_of_paths(snakemake.input.cameras),
+        meshes=list_of_paths(snakemake.input.meshes),
     )

@@ -4,15 +4,15 @@ from pathlib import Path
 
 from polarsim.cover_photos.publish import publish_detector
 from polarsim.detect.options import PredictionOptions
-from polarsim.job_files import paths
+from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     publish_detector(
         weights=Path(snakemake.input.weights),
         labels=Path(snakemake.input.labels),
-        found=dict(zip(snakemake.params.folds, paths(snakemake.input.found), strict=True)),
-        datasets=dict(zip(snakemake.params.folds, paths(snakemake.input.datasets), strict=True)),
+        found=dict(zip(snakemake.params.folds, list_of_paths(snakemake.input.found), strict=True)),
+        datasets=dict(zip(snakemake.params.folds, list_of_paths(snakemake.input.datasets), strict=True)),
         scores=Path(snakemake.input.scores),
         detector=Path(snakemake.output.detector),
         card=Path(snakemake.output.card),

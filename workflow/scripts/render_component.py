@@ -4,7 +4,7 @@ from pathlib import Path
 
 from polarsim.detect.split import tested_keys
 from polarsim.grid import GridOptions, selected_grid
-from polarsim.job_files import optional_path, paths
+from polarsim.job_files import list_of_paths, optional_path
 from polarsim.render.options import RenderOptions
 from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.reporting import reporting
@@ -31,5 +31,5 @@ with reporting(log=snakemake.log[0]):
         threads=snakemake.threads,
         materials=optional_path(snakemake.input.materials),
         lamps=optional_path(snakemake.input.lamps),
-        only=tested_keys(splits=paths(snakemake.input.splits)),
+        only=tested_keys(splits=list_of_paths(snakemake.input.splits)),
     )

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.grid import GridOptions, selected_grid
-from polarsim.job_files import optional_path, paths
+from polarsim.job_files import list_of_paths, optional_path
 from polarsim.render.options import RenderOptions
 from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.reporting import reporting
@@ -19,7 +19,7 @@ with reporting(log=snakemake.log[0]):
         cameras=Path(snakemake.input.cameras),
         meshes=Path(snakemake.input.meshes),
         photos=optional_path(snakemake.input.photos),
-        twins=dict(zip(snakemake.params.models, paths(snakemake.output.twins), strict=True)),
+        twins=dict(zip(snakemake.params.models, list_of_paths(snakemake.output.twins), strict=True)),
         labels=LabelPaths(
             boxes=Path(snakemake.output.boxes),
             instances=Path(snakemake.output.instances),

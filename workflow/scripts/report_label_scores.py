@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-from polarsim.job_files import paths
+from polarsim.job_files import list_of_paths
 from polarsim.report.figures.labels import draw_label_scores
 from polarsim.report.labels_table import tabulate_labels
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     tabulate_labels(
-        pairs=paths(snakemake.input.pairs),
+        pairs=list_of_paths(snakemake.input.pairs),
         table=Path(snakemake.output.table).with_suffix(""),
         reliability=Path(snakemake.output.reliability).with_suffix(""),
         seeds=snakemake.params.seeds,
@@ -17,9 +17,9 @@ with reporting(log=snakemake.log[0]):
     )
     draw_label_scores(
         terrains=[int(terrain) for terrain in snakemake.params.terrains],
-        pairs=paths(snakemake.input.pairs),
+        pairs=list_of_paths(snakemake.input.pairs),
         reliability=Path(snakemake.output.reliability),
-        label_errors=paths(snakemake.output.label_errors),
+        label_errors=list_of_paths(snakemake.output.label_errors),
         reliability_figure=Path(snakemake.output.reliability_figure),
         origin=snakemake.params.origin,
     )

@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from polarsim.job_files import paths
+from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
 from polarsim.scoring.masks import score_masks
 
 with reporting(log=snakemake.log[0]):
     score_masks(
-        masks=paths(snakemake.input.masks),
+        masks=list_of_paths(snakemake.input.masks),
         root=Path(snakemake.params.root),
         scores=Path(snakemake.output.scores),
         resamples=snakemake.params.resamples,

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.job_files import optional_path, paths
+from polarsim.job_files import list_of_paths, optional_path
 from polarsim.reporting import reporting
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.twins import score_twins
@@ -12,7 +12,7 @@ with reporting(log=snakemake.log[0]):
         terrain=int(snakemake.wildcards.terrain),
         boxes=Path(snakemake.input.boxes),
         truth=optional_path(snakemake.params.truth),
-        twins=dict(zip(snakemake.params.models, paths(snakemake.input.twins), strict=True)),
+        twins=dict(zip(snakemake.params.models, list_of_paths(snakemake.input.twins), strict=True)),
         photos=Path(snakemake.input.photos),
         evaluation=Path(snakemake.output.evaluation),
         pairs=Path(snakemake.output.pairs),

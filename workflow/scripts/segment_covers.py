@@ -4,12 +4,12 @@ from pathlib import Path
 
 from polarsim.detect.masks import segment_pictures
 from polarsim.detect.options import PredictionOptions
-from polarsim.job_files import paths
+from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     segment_pictures(
-        weights=paths(snakemake.input.weights),
+        weights=list_of_paths(snakemake.input.weights),
         dataset=Path(snakemake.input.dataset),
         masks=Path(snakemake.output.masks),
         options=PredictionOptions(**snakemake.params.options),

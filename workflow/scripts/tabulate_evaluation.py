@@ -2,20 +2,20 @@
 
 from pathlib import Path
 
-from polarsim.job_files import paths
+from polarsim.job_files import list_of_paths
 from polarsim.report.evaluation_table import gather_evaluation
 from polarsim.report.render_table import tabulate_render
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     gather_evaluation(
-        parts=paths(snakemake.input.parts),
+        parts=list_of_paths(snakemake.input.parts),
         stem=Path(snakemake.output.evaluation).with_suffix(""),
         origin=snakemake.params.origin,
     )
     tabulate_render(
-        pairs=paths(snakemake.input.twin_pairs),
-        evaluation=paths(snakemake.input.twins),
+        pairs=list_of_paths(snakemake.input.twin_pairs),
+        evaluation=list_of_paths(snakemake.input.twins),
         table=Path(snakemake.output.twins).with_suffix(""),
         origin=snakemake.params.origin,
     )

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from polarsim.reporting import reporting
-from polarsim.scoring.true_scene import write_truth
+from polarsim.scoring.true_scene import write_true_scene
 
 with reporting(log=snakemake.log[0]):
-    write_truth(
+    write_true_scene(
         terrain=int(snakemake.wildcards.terrain),
         rocks=Path(snakemake.input.rocks),
         meshes=Path(snakemake.input.meshes),

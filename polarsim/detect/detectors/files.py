@@ -36,7 +36,7 @@ class Detector:
 
 def write_detector(path: Path, detector: Detector) -> None:
     """Write tensors and plain values without code, paths or dates. Equal detectors give equal bytes."""
-    save(path, {"format": _FORMAT, "classes": list(BOX_CLASSES), **vars(detector)})
+    save_tensors(path, {"format": _FORMAT, "classes": list(BOX_CLASSES), **vars(detector)})
 
 
 @reader("detector", error=DetectError)
@@ -48,7 +48,7 @@ def read_detector(path: Path) -> Detector:
     DetectError
         Missing file, or not a detector written by polarsim.
     """
-    content = load(path)
+    content = load_tensors(path)
     if not isinstance(content, dict) or content.get("format") != _FORMAT:
         raise DetectError(f"not a detector written by polarsim, expected format {_FORMAT!r}", path=path)
     if content.get("classes") != list(BOX_CLASSES):
@@ -67,7 +67,7 @@ def read_detector(path: Path) -> Detector:
     return detector
 
 
-def save(path: Path, content: dict[str, Any]) -> None:
+def save_tensors(path: Path, content: dict[str, Any]) -> None:
     """Write tensors and plain values. Equal content gives equal bytes."""
     buffer = io.BytesIO()  # with a path, torch writes the file name into the archive
     load_torch().save(content, buffer)
@@ -75,7 +75,7 @@ def save(path: Path, content: dict[str, Any]) -> None:
 
 
 @reader("detector", error=DetectError)
-def load(path: Path) -> Any:
+def load_tensors(path: Path) -> Any:
     """Read a file of `save` without executing code.
 
     Raises

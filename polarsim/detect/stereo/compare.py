@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from polarsim.detect.ipd import Rules, instance_performance_difference
+from polarsim.detect.ipd import IpdRules, instance_performance_difference
 from polarsim.detect.options import ComparisonOptions
 from polarsim.detect.stereo.measure import PAIR_COLUMNS, ROCK_COLUMNS, stereo_table
 from polarsim.formats import tables
@@ -36,7 +36,7 @@ def compare_stereo(
             instance_performance_difference(
                 by_domain[first],
                 by_domain[second],
-                rules=Rules(unit=options.resampled),
+                rules=IpdRules(unit=options.resampled),
                 resamples=options.resamples,
             )
         )

@@ -13,7 +13,9 @@ _BLOCK = 5  # side of the compared windows, px
 _UNIQUE_PERCENT, _LEFT_RIGHT_PX, _SPECKLE_PX, _SPECKLE_STEP = 10, 1, 100, 2  # as in the OpenCV examples
 
 
-def match(left: np.ndarray, right: np.ndarray, rig: Rectification, nearest_m: float, farthest_m: float) -> np.ndarray:
+def match_stereo(
+    left: np.ndarray, right: np.ndarray, rig: Rectification, nearest_m: float, farthest_m: float
+) -> np.ndarray:
     """Return depth (h, w) float32 along z in the frame of the rectified left camera, metres; NaN without a match.
 
     Semi-global block matching (Hirschmueller, IEEE TPAMI 30 (2008) 328; `StereoSGBM` of OpenCV) between the disparities

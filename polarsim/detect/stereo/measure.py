@@ -12,13 +12,13 @@ import pandas as pd
 from polarsim.detect import tone
 from polarsim.detect.options import StereoOptions
 from polarsim.detect.pictures import picture_paths
-from polarsim.detect.stereo.match import match
+from polarsim.detect.stereo.match import match_stereo
 from polarsim.detect.stereo.rectify import Rectification, rectify
-from polarsim.detect.stereo.score import FARTHEST_M, NEAREST_M, rock_performance, score
+from polarsim.detect.stereo.score import FARTHEST_M, NEAREST_M, rock_performance, score_depth
 from polarsim.detect.stereo.truth import depth_truth
-from polarsim.errors import DetectError, about
+from polarsim.errors import DetectError, with_path
 from polarsim.formats import png, tables
-from polarsim.geometry.casters import caster
+from polarsim.geometry.casters import make_caster
 from polarsim.photo import PhotoKey
 from polarsim.progress import track
 from polarsim.run_files.rigs import read_all_localised
@@ -65,11 +65,11 @@ def measure_stereo(
     cv2.setNumThreads(threads)
     chosen = [key for key in sorted(keys) if not options.exposures_ms or key.exposure_ms in options.exposures_ms]
     localised, mesh = read_all_localised(cameras), read_terrain(meshes, terrain)
-    surfaces = caster(mesh.vertices, mesh.faces, threads=threads)
+    surfaces = make_caster(mesh.vertices, mesh.faces, threads=threads)
     by_domain = {domain: picture_paths(folder, chosen) for domain, folder in pictures.items()}
     pair_rows, rock_rows = [], []
     for position in sorted(set(localised) & {key.position for key in chosen}):
-        with about(cameras / f"Pos{position}.json"):
+        with with_path(cameras / f"Pos{position}.json"):
             rig = rectify(localised[position].rig, options.scale)
         truth = depth_truth(mesh, surfaces, localised[position], rig)
         work = [
@@ -80,9 +80,9 @@ def measure_stereo(
         ]
         for domain, key, left_path, right_path in track(work, f"stereo {position}"):
             left, right = (_picture(path, rig) for path in (left_path, right_path))
-            depth = match(left, right, rig, NEAREST_M, FARTHEST_M)
+            depth = match_stereo(left, right, rig, NEAREST_M, FARTHEST_M)
             name = {"domain": domain} | tables.key_columns(key)
-            pair_rows.append(name | score(depth, truth))
+            pair_rows.append(name | score_depth(depth, truth))
             rock_rows += [name | row for row in rock_performance(depth, truth)]
     if not pair_rows:
         raise DetectError(f"terrain {terrain} has no stereo pair of images", path=cameras)
@@ -98,7 +98,7 @@ def _pairs(paths: Mapping[PhotoKey, Path]) -> list[tuple[PhotoKey, PhotoKey]]:
 
 def _picture(path: Path, rig: Rectification) -> np.ndarray:
     """Read a photo, reduce it, and convert it to 8 bits by the tone curve of detectors."""
-    with about(path):
+    with with_path(path):
         pixels = png.read_photo(path)
     return tone.to_8_bits(tone.shrink(pixels, max(rig.lens.width, rig.lens.height)))
 

@@ -12,7 +12,7 @@ NEAREST_M, FARTHEST_M = 1.5, 9.0  # range of evaluated depths: from the nearest 
 MIN_ROCK_PX = 25  # minimum number of pixels of an evaluated rock
 
 
-def score(depth: np.ndarray, truth: DepthTruth) -> dict[str, float]:
+def score_depth(depth: np.ndarray, truth: DepthTruth) -> dict[str, float]:
     """Return the metrics of a pair over pixels visible in both cameras and within the range of depths.
 
     Pixels without depth count as bad, so that omitting difficult pixels does not improve the metrics.

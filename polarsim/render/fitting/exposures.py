@@ -13,7 +13,7 @@ from polarsim.errors import PolarsimError
 from polarsim.formats import png
 from polarsim.geometry.lens import Lens
 from polarsim.photo import BLACK_LEVEL, ELECTRONS_PER_DN, SUNS, WHITE_LEVEL, PhotoKey
-from polarsim.render.lamps import ROVER, lit_by
+from polarsim.render.lamps import ROVER, lamps_on
 
 log = logging.getLogger("polarsim.render")
 
@@ -35,7 +35,7 @@ class Linear:
         return Linear(self.rate - other.rate, self.variance + other.variance)
 
 
-def merged(photos: Iterable[tuple[np.ndarray, float]]) -> Linear | None:
+def merge_exposures(photos: Iterable[tuple[np.ndarray, float]]) -> Linear | None:
     """Merge 12-bit photos (h, w) with exposure times, ms, into a linear image; None without photos.
 
     Photos are weighted by their noise (maximum-likelihood weights of Robertson et al., ICIP 1999). Clipped and nearly
@@ -64,17 +64,17 @@ def single_lamps(paths: Mapping[PhotoKey, Path], lens: Lens) -> dict[str, Linear
     """
     sets: dict[tuple[str, ...], list[PhotoKey]] = {}
     for key in sorted(paths):
-        sets.setdefault(lit_by(key), []).append(key)
+        sets.setdefault(lamps_on(key), []).append(key)
     images: dict[str, Linear] = {}
     for name in (*SUNS, ROVER):
-        image = merged(_photos(sets.get((name,), []), paths, lens))
+        image = merge_exposures(_photos(sets.get((name,), []), paths, lens))
         if image is not None:
             images[name] = image
     if ROVER in images:
         return images
     differences = []
     for name in (name for name in SUNS if name in images):
-        both = merged(_photos(sets.get((name, ROVER), []), paths, lens))
+        both = merge_exposures(_photos(sets.get((name, ROVER), []), paths, lens))
         if both is not None:
             differences.append(both.less(images[name]))
     if differences:

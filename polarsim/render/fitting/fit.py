@@ -16,13 +16,13 @@ from polarsim.render.fitting.exposures import single_lamps
 from polarsim.render.fitting.samples import Darkening, FitSamples, Setting, samples_of_view
 from polarsim.render.fitting.search import cells_of, fitted_models
 from polarsim.render.fitting.texels import Texels, solve, texels_of
-from polarsim.render.lamps import ROVER, lamps_of
+from polarsim.render.lamps import ROVER, lamps_of_rig
 from polarsim.render.materials import Reflectance, between_corners
 from polarsim.render.olat import reflectance_engine
 from polarsim.render.options import Model, RenderOptions
-from polarsim.render.surfaces import surfaces_of
+from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.lamps import read_suns
-from polarsim.run_files.materials import Fitted, FittedMaterials, rock_of_vertex, write_materials
+from polarsim.run_files.materials import FittedMaterial, FittedMaterials, rock_of_vertex, write_materials
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.rigs import read_all_localised
 from polarsim.run_files.scene import TerrainMesh, read_terrain
@@ -86,7 +86,7 @@ def fit(
         return None
     start = {model: options.parameters(model) for model in models}
     darkening, parameters = fitted_models(cells, start, engine, options)
-    fitted: dict[str, Fitted] = {}
+    fitted: dict[str, FittedMaterial] = {}
     observations = np.zeros(len(mesh.vertices), np.int64)
     for model, fitted_parameters in parameters.items():
         after = Setting(model, fitted_parameters, darkening, engine, options)
@@ -94,7 +94,7 @@ def fit(
         texels = texels_of(samples, after.radiance(samples), mesh.faces)
         check = _check(samples, texels, before, after, mesh, held_out)
         solution = solve(texels, mesh.faces, rock_of_vertex(mesh))
-        fitted[model] = Fitted(
+        fitted[model] = FittedMaterial(
             fitted_parameters.model_dump(mode="json"),
             {LAMPS[number]: float(np.exp(gain)) for number, gain in solution.lamps.items()},
             {rock: float(np.exp(mean)) for rock, mean in solution.rocks.items()},
@@ -126,8 +126,8 @@ def _check(
     by_texel = texels_of(test, constant, mesh.faces)
     return {
         "azimuth": after.options.fitting.held_out,
-        "pixels": compared(np.log(test.rate / unfitted), ratio, ratio - albedo),
-        "texels": compared(
+        "pixels": compare_fits(np.log(test.rate / unfitted), ratio, ratio - albedo),
+        "texels": compare_fits(
             texels_of(test, unfitted, mesh.faces).ratio,
             by_texel.ratio,
             by_texel.ratio - solution.albedo[by_texel.vertex],
@@ -141,13 +141,13 @@ def _samples_of_terrain(
     """Return the samples of all views with a proven pose; None without samples."""
     rigs = read_all_localised(cameras)
     suns = read_suns(cameras, rigs)
-    surfaces = surfaces_of(mesh, options)
+    surfaces = build_surfaces(mesh, options)
     paths = _paths_by_view(terrain, photos)
     views = [view for view in sorted(paths) if view[0] in rigs and not rigs[view[0]].unproven]
     parts: list[FitSamples] = []
     for number, view in enumerate(track(views, f"photos of terrain {terrain:02d}")):
         rig = rigs[view[0]]
-        camera, lamps = rig.camera(view[1]), lamps_of(suns, rig)
+        camera, lamps = rig.camera(view[1]), lamps_of_rig(suns, rig)
         photos_of_lamp = single_lamps(paths[view], camera.lens)
         parts += samples_of_view(surfaces, number, camera, lamps, photos_of_lamp, LAMPS, options, threads)
     parts = [part.part(part.face < len(mesh.faces)) for part in parts]  # excludes skirts
@@ -174,7 +174,7 @@ def errors(ratio: np.ndarray) -> dict[str, float]:
     }
 
 
-def compared(before: np.ndarray, constant: np.ndarray, fitted: np.ndarray) -> dict[str, Any]:
+def compare_fits(before: np.ndarray, constant: np.ndarray, fitted: np.ndarray) -> dict[str, Any]:
     """Return the errors of twins without fit, with a fit except albedo, and with the full fit; log ratios (n,)."""
     return {
         "count": len(fitted),

@@ -10,8 +10,8 @@ import numpy as np
 from polarsim.errors import ConfigError, RenderError
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose, looking
-from polarsim.geometry.stereo import StereoRig, stated_rig
+from polarsim.geometry.poses import Pose, camera_pose
+from polarsim.geometry.stereo import StereoRig, default_rig
 from polarsim.randomness import generator
 from polarsim.render.views.options import OrbitCameras, PathCameras, PinholeLens, PointCameras, RandomCameras, Views
 from polarsim.run_files.rigs import read_localised
@@ -63,7 +63,7 @@ def rig_of(views: Views) -> StereoRig:
     if isinstance(views.lens, PinholeLens):
         lens = pinhole(views.lens.hfov_deg, views.lens.width_px, views.lens.height_px)
         return StereoRig(lens, lens, Pose(np.eye(3), np.array([views.lens.baseline_m, 0, 0])))
-    return read_localised(views.lens.localised).rig if views.lens.localised else stated_rig()
+    return read_localised(views.lens.localised).rig if views.lens.localised else default_rig()
 
 
 def pinhole(hfov_deg: float, width_px: int, height_px: int) -> Lens:
@@ -84,7 +84,7 @@ def looking_at(position: np.ndarray, target: np.ndarray, roll: float = 0.0) -> P
     if not ahead.any():
         raise ConfigError(f"camera at {np.round(position, 3).tolist()} m: position and target are equal")
     level = np.hypot(ahead[0], ahead[1])
-    return looking(position, float(np.arctan2(ahead[1], ahead[0])), float(-np.arctan2(ahead[2], level)), roll)
+    return camera_pose(position, float(np.arctan2(ahead[1], ahead[0])), float(-np.arctan2(ahead[2], level)), roll)
 
 
 def curve(waypoints: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray]:
@@ -132,7 +132,7 @@ def _path(section: PathCameras, _: Heights) -> Iterator[Pose]:
         else:
             yaw = float(np.arctan2(direction[1], direction[0]))
             climb = float(np.arctan2(direction[2], np.hypot(direction[0], direction[1])))
-            yield looking(position, yaw, float(np.radians(section.pitch_deg)) - climb)
+            yield camera_pose(position, yaw, float(np.radians(section.pitch_deg)) - climb)
 
 
 def _random(section: RandomCameras, heights: Heights) -> Iterator[Pose]:

@@ -144,7 +144,7 @@ class ViewsJob:
     def write_instances(self, picture: PlannedImage, ids: np.ndarray) -> None:
         """Write the instance map (h, w) uint16, which several images share."""
         self.digests.pop(picture.ground_truth, None)
-        png.write(self.path("instances", picture.ground_truth), ids)
+        png.write_png(self.path("instances", picture.ground_truth), ids)
 
     def write(
         self, picture: PlannedImage, grey: np.ndarray, exposure_ms: float, labels: Sequence[coco.Annotation]
@@ -152,7 +152,7 @@ class ViewsJob:
         """Write an image (h, w) uint16, the boxes, and last the sidecar, which marks the image as complete."""
         self.path("sidecars", picture.name).unlink(missing_ok=True)
         pixels = self.tone(grey)[..., 0] if self.preview else grey
-        png.write(self.path("images", picture.name), pixels)
+        png.write_png(self.path("images", picture.name), pixels)
         yolo.write_boxes(
             self.path("labels", picture.name),
             np.array([BOX_CLASSES.index(label.kind) for label in labels], int),
@@ -186,7 +186,7 @@ def write_listing(out: Path, entries: Sequence[Entry]) -> None:
         )
         for picture, exposure_ms, labels in entries
     ]
-    coco.write_pictures(out / "annotations.json", pictures, "Rocks and shadows of novel views, labelled by polarsim")
+    coco.write_coco_images(out / "annotations.json", pictures, "Rocks and shadows of novel views, labelled by polarsim")
     scenes = {picture.scene.name: picture.scene for picture, _, _ in entries}
     tables.write_csv(out / "rocks.csv", _rocks(list(scenes.values()), out))
     names = "".join(f"  {number}: {name}\n" for number, name in enumerate(BOX_CLASSES))

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, Field, PositiveFloat, PositiveInt, model_validator
 
-from polarsim.formats.files import found_from
+from polarsim.formats.files import resolve_from
 from polarsim.formats.yaml_files import read_model
 from polarsim.photo import HEIGHT, WIDTH
 from polarsim.render.options import RenderOptions
@@ -161,7 +161,7 @@ class LunarSuns(ViewsSection):
     name: Name = "moon"
     latitude_deg: float = Field(ge=-90, le=90, description="Selenographic latitude of the site, degrees north.")
     longitude_deg: float = Field(ge=-180, le=360, description="Selenographic longitude of the site, degrees east.")
-    start_utc: Annotated[datetime, AfterValidator(_utc)] = Field(description="First time, UTC.")
+    start_utc: Annotated[datetime, AfterValidator(_utc)] = Field(description="Time of the first image, UTC.")
     number: PositiveInt = Field(1, description="Number of times; nights are omitted.")
     every_h: PositiveFloat = Field(24, description="Interval between times, hours.")
     north_deg: Finite = Field(90, description="Direction of north, degrees from +X to +Y; 90: east is +X.")
@@ -182,7 +182,7 @@ class RoverLight(ViewsSection):
 
 
 class AutoExposure(ViewsSection):
-    """Automatic exposure."""
+    """Automatic exposure of an image, from the lit pixels."""
 
     percentile: float = Field(95, gt=0, le=100, description="Percentile of the lit pixels that is exposed to `grey`.")
     grey: int = Field(3000, gt=16, le=4095, description="Target DN of the percentile, including black level 16.")
@@ -259,9 +259,9 @@ def read_views(path: str | Path) -> Views:
 
 def _resolved(part: AnyPart, name: str, file: str | Path) -> AnyPart:
     """Return the section with a path made relative to the working folder."""
-    return part.model_copy(update={name: found_from(getattr(part, name), file)})
+    return part.model_copy(update={name: resolve_from(getattr(part, name), file)})
 
 
-def schema() -> str:
+def views_schema() -> str:
     """Return the JSON schema of views files; `config/views.schema.json` contains it for editors."""
     return json.dumps(Views.model_json_schema(), indent=1, sort_keys=True) + "\n"

@@ -13,16 +13,16 @@ from polarsim.formats import coco, png
 from polarsim.photo import BLACK_LEVEL
 from polarsim.progress import track
 from polarsim.render.gain import lit_pixels
-from polarsim.render.ground_truth import amodal_masks, annotations_of, occluded_pixels
+from polarsim.render.ground_truth import amodal_masks, annotate_ids, occluded_pixels
 from polarsim.render.lamps import ROVER
 from polarsim.render.olat import render_view
-from polarsim.render.optics import imaged, through_lens
+from polarsim.render.optics import apply_lens, apply_lens_to_olat_images
 from polarsim.render.options import RenderOptions
-from polarsim.render.sensor import expose, noise_of
+from polarsim.render.sensor import expose, noise_generator
 from polarsim.render.views.folder import Sheet, Tone, ViewsJob, write_listing
 from polarsim.render.views.options import AutoExposure, Views
 from polarsim.render.views.plan import PlannedImage, plan
-from polarsim.render.views.stars import Sky, sky_images, sky_of
+from polarsim.render.views.stars import Sky, build_sky, sky_images
 
 log = logging.getLogger("polarsim.render")
 _IMAGES = 24  # maximum OLAT images in memory
@@ -67,7 +67,7 @@ def render_views(
     units = render_units([picture for picture in chosen if picture.name not in existing], len(views.render.models))
     labels: LabelsByMap = {}
     pending: dict[str, Future[float]] = {}
-    sky = sky_of(views.stars) if views.stars else None
+    sky = build_sky(views.stars) if views.stars else None
     pool = ThreadPoolExecutor(threads)
     try:
         for picture in track(chosen, f"views in {out}"):
@@ -117,10 +117,10 @@ def _render(
     for name, picture in lights.items():
         labels[picture.ground_truth] = _labels(picture, rendering.ids[name], views.render)
         job.write_instances(picture, rendering.ids[name])
-    olat_images = through_lens(rendering.whole, lamps, scene.surfaces, camera, views.render, threads)
+    olat_images = apply_lens_to_olat_images(rendering.whole, lamps, scene.surfaces, camera, views.render, threads)
     skies = {name: picture.light.sandbox_from_celestial for name, picture in lights.items()}
     stars = sky_images(sky, skies, scene.surfaces, camera, threads) if sky else {}
-    stars = {name: imaged(olat_image, camera.lens, views.render) for name, olat_image in stars.items()}
+    stars = {name: apply_lens(olat_image, camera.lens, views.render) for name, olat_image in stars.items()}
 
     def write(picture: PlannedImage) -> float:
         name, gain = picture.light.name, scene.parts[0].scene.gain(picture.model)
@@ -130,7 +130,7 @@ def _render(
         exposure_ms = picture.exposure_ms or auto_exposure(radiance, gain, views.auto_exposure)
         if name in stars:
             radiance = radiance + stars[name]
-        noise = noise_of(views.render, "views", picture.name)
+        noise = noise_generator(views.render, "views", picture.name)
         photo = expose(radiance, exposure_ms * gain, views.render, noise)
         job.write(picture, photo, exposure_ms, labels[picture.ground_truth])
         return exposure_ms
@@ -141,16 +141,16 @@ def _render(
 def _labels(picture: PlannedImage, ids: np.ndarray, options: RenderOptions) -> list[coco.Annotation]:
     """Return the labels of an instance map (h, w), including amodal masks."""
     hidden = occluded_pixels(picture.scene.surfaces, picture.camera, ids)
-    return annotations_of(ids, options, amodal_masks(ids, hidden, options))
+    return annotate_ids(ids, options, amodal_masks(ids, hidden, options))
 
 
 def _read_existing(job: ViewsJob, picture: PlannedImage, labels: LabelsByMap) -> None:
     """Add the labels of an existing image, from the instance map, and the image to the contact sheet."""
     if picture.ground_truth not in labels:
-        ids = png.read(job.path("instances", picture.ground_truth))
+        ids = png.read_png(job.path("instances", picture.ground_truth))
         labels[picture.ground_truth] = _labels(picture, ids, job.views.render)
     if picture.name in job.sheet:
-        job.sheet.add(picture.name, png.read(job.path("images", picture.name)), labels[picture.ground_truth])
+        job.sheet.add(picture.name, png.read_png(job.path("images", picture.name)), labels[picture.ground_truth])
 
 
 def _warn_of_other_images(out: Path, grid: Sequence[PlannedImage]) -> None:

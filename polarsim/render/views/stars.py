@@ -34,7 +34,7 @@ def stars() -> pd.DataFrame:
     return tables.read_parquet(TABLE, COLUMNS)
 
 
-def directions(ra_deg: np.ndarray, dec_deg: np.ndarray) -> np.ndarray:
+def star_directions(ra_deg: np.ndarray, dec_deg: np.ndarray) -> np.ndarray:
     """Return unit vectors (n, 3) to right ascensions and declinations (n,), degrees."""
     return on_sphere(np.radians(np.asarray(ra_deg, float)), np.radians(np.asarray(dec_deg, float)))
 
@@ -47,11 +47,11 @@ class Sky:
     irradiance: np.ndarray
 
 
-def sky_of(field: StarField) -> Sky:
+def build_sky(field: StarField) -> Sky:
     """Return the stars down to the magnitude limit, brightest first."""
     table = stars()
     table = table[table["hp_mag"] <= field.faintest_mag]
-    towards = directions(table["ra_deg"].to_numpy(), table["dec_deg"].to_numpy())
+    towards = star_directions(table["ra_deg"].to_numpy(), table["dec_deg"].to_numpy())
     magnitudes = table["hp_mag"].to_numpy(float)
     return Sky(towards, field.intensity * 10 ** (-0.4 * (magnitudes - SUN_MAGNITUDE)))
 

@@ -14,7 +14,17 @@ import pandas as pd
 
 from polarsim.formats.npz import read_arrays
 from polarsim.formats.tables import read_parquet
-from polarsim.report.figures.canvas import COLUMN_IN, FAINT, FIGURE_WIDTH, INK, LINE, SERIES, heading, legend_line, page
+from polarsim.report.figures.canvas import (
+    COLUMN_IN,
+    FAINT,
+    FIGURE_WIDTH,
+    INK,
+    LINE,
+    SERIES,
+    figure_title,
+    legend_line,
+    page,
+)
 from polarsim.run_files.picture_sets import exposure_order, exposure_title, sun_title
 from polarsim.schemas.rover import ALL, ANY, AUTONOMY, HIGH_M, MODES
 
@@ -58,7 +68,7 @@ def draw_autonomy(
 ) -> None:
     """Draw `figure`, the metrics by mode for a printed column in greys, and `ways`, the paths of the first seed."""
     draw_modes(read_parquet(together, AUTONOMY.columns), figure, origin, width)
-    draw_ways(folders, ways, origin, ways_width)
+    draw_paths(folders, ways, origin, ways_width)
 
 
 def draw_modes(table: pd.DataFrame, figure: Path, origin: dict[str, str], width: int = PRINTED_PX) -> None:
@@ -176,7 +186,7 @@ def _draw_legend(sheet: Any, styles: MarkerStyles, columns: int) -> None:
         )
 
 
-def draw_ways(folders: Sequence[Path], figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
+def draw_paths(folders: Sequence[Path], figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
     """Draw the paths of the first seed's drives over the terrain; rocks above 10 cm are filled."""
     seed = folders[0].name.rpartition("_")[2]
     drives = [folder for folder in folders if folder.name.endswith(f"_{seed}")]
@@ -186,7 +196,7 @@ def draw_ways(folders: Sequence[Path], figure: Path, origin: dict[str, str], wid
         title = (
             f"Paths of autonomous drives by mode, {seed.replace('seed', 'seed ')}; circles: rocks, filled above 10 cm"
         )
-        heading(sheet, f"{title}; source {origin['source']}")
+        figure_title(sheet, f"{title}; source {origin['source']}")
         axis = sheet.subplots()
         _draw_rocks(axis, drives[0] / "world")
         for folder in drives:

@@ -12,7 +12,7 @@ import pandas as pd
 from polarsim.formats.files import read_json
 from polarsim.formats.npz import read_arrays
 from polarsim.formats.tables import read_parquet
-from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, heading, legend_line, page, picture
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, figure_title, legend_line, page, show_image
 from polarsim.run_files.picture_sets import exposure_title, sun_title
 from polarsim.schemas.rover import AUTONOMY_EVENTS, COLLISION, HIGH_M, MODES, STOP, TOUCH
 
@@ -32,7 +32,9 @@ def draw_autonomy_maps(*, folders: Sequence[Path], figure: Path, origin: dict[st
     first = {folder.name.split("_")[0]: folder for folder in reversed(folders)}
     chosen = [first[mode] for mode in MODES if mode in first]
     with page(figure, FIGURE_WIDTH, _ROW_PX * len(chosen) + 110) as sheet:
-        heading(sheet, f"Hazard maps, paths and front camera images of autonomous drives; source {origin['source']}")
+        figure_title(
+            sheet, f"Hazard maps, paths and front camera images of autonomous drives; source {origin['source']}"
+        )
         grid = sheet.add_gridspec(len(chosen), 1 + PICTURES, width_ratios=[1.35] + [1.0] * PICTURES)
         for row, folder in enumerate(chosen):
             path = read_parquet(folder / "trace.parquet", ("time_s", "x_m", "y_m"))
@@ -47,7 +49,9 @@ def draw_autonomy_maps(*, folders: Sequence[Path], figure: Path, origin: dict[st
             if not shown:
                 _write_text(sheet.add_subplot(grid[row, 1]), "no camera in this mode")
             for number, (time_s, image) in enumerate(shown.items()):
-                picture(sheet.add_subplot(grid[row, 1 + number]), _pixels(image), f"{number + 1}: after {time_s:.0f} s")
+                show_image(
+                    sheet.add_subplot(grid[row, 1 + number]), _pixels(image), f"{number + 1}: after {time_s:.0f} s"
+                )
         keys = [legend_line(linestyle="", **style) for style in _MARKS.values()]
         keys += [
             legend_line(linestyle="", marker="s", markersize=10, markeredgecolor=FAINT, color=colour, label=label)

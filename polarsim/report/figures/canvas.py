@@ -62,7 +62,7 @@ def page(path: Path, width_px: int, height_px: int, printed_in: float | None = N
             figure.savefig(temporary, metadata={"Software": None})
 
 
-def heading(figure: Any, text: str) -> None:
+def figure_title(figure: Any, text: str) -> None:
     """Write a title above all panels."""
     figure.suptitle(text, x=0.01, ha="left")
 
@@ -135,7 +135,7 @@ def note(figure: Any, text: str) -> None:
     figure.text(0.5, 0.5, fill(text, NOTE_LETTERS), ha="center", va="center", color=FAINT, fontsize="large")
 
 
-def picture(axes: Any, pixels: Any, title: str) -> None:
+def show_image(axes: Any, pixels: Any, title: str) -> None:
     """Show an image without axes."""
     axes.imshow(pixels, interpolation="antialiased")
     axes.set_title(title)

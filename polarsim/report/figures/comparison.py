@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.annotate.overlay import Marks, draw_labels
+from polarsim.annotate.overlay import OverlayStyle, draw_labels
 from polarsim.annotate.show import rows_of
 from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
-from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, SERIES, note, page, picture
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, SERIES, note, page, show_image
 from polarsim.report.figures.cover_photos import cover_key, near_red
 from polarsim.report.figures.difference import (
     STOPS,
@@ -27,7 +27,7 @@ from polarsim.report.figures.difference import (
     log2_over_photo,
 )
 from polarsim.run_files.pictures import cover_photo, pictures_at
-from polarsim.tone import to_8bit, white_of
+from polarsim.tone import display_white_level, to_8bit
 
 GAP = 130  # height of a title and a colour bar, px
 
@@ -74,8 +74,8 @@ def draw_comparison(
     photo, printed = pictures_at(photos).get(key), cover_photo(inventory, key.position)
     white = None
     if photo is not None and photo.exists():
-        pixels = png.read(photo)
-        white = white_of(pixels)
+        pixels = png.read_png(photo)
+        white = display_white_level(pixels)
         panels.append(Panel(f"Photo {key}", draw_labels(to_8bit(pixels, white), of_photo, width)))
         stops = {model: log2_over_photo(pixels, twin) for model, twin in pictured.items()}
         differences = {
@@ -83,14 +83,14 @@ def draw_comparison(
             for model, twin in pictured.items()
         }
     if printed is not None and printed.exists():
-        cover = to_8bit(png.read(printed))
+        cover = to_8bit(png.read_png(printed))
         shown = _shown_on(cover, table, key)
         panels.append(_cover_panel(cover, table, shown, width))
         differences |= _cover_differences(cover, shown, _read(twins, shown), width) if shown else {}
     if panels and stops:
         panels.append(Panel("Brightness difference of the twins", stops=stops))
     for model, pixels in pictured.items():
-        white = white_of(pixels) if white is None else white
+        white = display_white_level(pixels) if white is None else white
         panels.append(Panel(f"Twin, {model}", draw_labels(to_8bit(pixels, white), of_twins, width)))
         panels += [differences[model]] if model in differences else []
     _draw(figure, panels, width, f"{key}: no photo and no twin")
@@ -136,13 +136,15 @@ def _small(pixels: np.ndarray, width: int) -> np.ndarray:
 
 def _read(twins: Mapping[str, Path], key: PhotoKey) -> dict[str, np.ndarray]:
     paths = {model: folder / f"{key}.png" for model, folder in twins.items()}
-    return {model: png.read(path) for model, path in paths.items() if path.exists()}
+    return {model: png.read_png(path) for model, path in paths.items() if path.exists()}
 
 
 def _cover_panel(cover: np.ndarray, table: pd.DataFrame, shown: PhotoKey | None, width: int) -> Panel:
     if shown is None:
         return Panel("Published photo\nwith ids of the authors", draw_labels(cover, table[:0], width))
-    rocks = draw_labels(cover, rows_of(table, shown), width, Marks((ROCK,)))  # no shadows: the azimuth is not known
+    rocks = draw_labels(
+        cover, rows_of(table, shown), width, OverlayStyle((ROCK,))
+    )  # no shadows: the azimuth is not known
     return Panel(f"Published photo, red: ids of the authors\nyellow: rocks of {shown}", rocks)
 
 
@@ -158,7 +160,7 @@ def _draw(path: Path, panels: list[Panel], width: int, empty: str) -> None:
             axes.set_axis_off()
         for axes, panel in zip(grid.ravel(), panels, strict=False):
             if panel.pixels is not None:
-                picture(axes, panel.pixels, panel.title)
+                show_image(axes, panel.pixels, panel.title)
                 if panel.full == STOPS:
                     difference_bar(figure, [axes])
                 elif panel.full:

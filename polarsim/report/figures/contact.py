@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from polarsim.annotate.overlay import INK, LINK, PAPER, Marks, draw_labels, font
+from polarsim.annotate.overlay import INK, LINK, PAPER, OverlayStyle, draw_labels, font
 from polarsim.annotate.show import rows_of
 from polarsim.formats import png
 from polarsim.formats.files import writing
@@ -127,10 +127,12 @@ def _legend(tiles: Sequence[Tile], doubtful_below: float) -> str:
 
 def _tile_pixels(tile: Tile, width: int, doubtful_below: float) -> np.ndarray:
     if tile.picture is not None and tile.picture.exists():
-        pixels = to_8bit(png.read(tile.picture))
+        pixels = to_8bit(png.read_png(tile.picture))
     else:
         pixels = np.full((HEIGHT, WIDTH, 3), BLANK, np.uint8)
-    marks = Marks(links=True, confidences=False, doubtful_below=doubtful_below, letter_px=max(10, round(width / 42)))
+    marks = OverlayStyle(
+        links=True, confidences=False, doubtful_below=doubtful_below, letter_px=max(10, round(width / 42))
+    )
     return draw_labels(pixels, tile.labels, width, marks)
 
 

@@ -10,9 +10,9 @@ import pandas as pd
 from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.geometry import boxes
-from polarsim.geometry.matching import match
+from polarsim.geometry.matching import match_predictions_of_photo
 from polarsim.photo import COLOURS, HEIGHT, ROCK, WIDTH
-from polarsim.report.figures.canvas import FIGURE_WIDTH, boxed, page, picture
+from polarsim.report.figures.canvas import FIGURE_WIDTH, boxed, page, show_image
 from polarsim.schemas.detect import PREDICTIONS
 
 _COLUMNS = 2
@@ -53,7 +53,9 @@ def draw_covers(*, photos: Path, labels: Path, predictions: Path, figure: Path, 
                 for table, colour in ((annotated, COLOURS[ROCK]), (predicted, _PREDICTED))
                 for box in table.loc[table["key"] == key, _CORNERS].to_numpy(float)
             ]
-            picture(axes, boxed(png.read(path), coloured, column), f"{key}, confidence of at least {threshold:.2f}")
+            show_image(
+                axes, boxed(png.read_png(path), coloured, column), f"{key}, confidence of at least {threshold:.2f}"
+            )
 
 
 def best_confidence(labels: pd.DataFrame, predictions: pd.DataFrame) -> float:
@@ -67,6 +69,8 @@ def best_confidence(labels: pd.DataFrame, predictions: pd.DataFrame) -> float:
     for key, rows in ordered.groupby("key").indices.items():
         label_corners = labels.loc[labels["key"] == key, _CORNERS].to_numpy(float)
         overlap = boxes.iou(corners[rows], label_corners)
-        correct[rows] = match(overlap, np.array([_MIN_IOU]), np.zeros((1, len(label_corners)), bool))[0][0, 0]
+        correct[rows] = match_predictions_of_photo(
+            overlap, np.array([_MIN_IOU]), np.zeros((1, len(label_corners)), bool)
+        )[0][0, 0]
     f1 = 2 * np.cumsum(correct) / (np.arange(1, len(correct) + 1) + len(labels))
     return float(ordered["confidence"].iloc[f1.argmax()]) if correct.any() else 1.0

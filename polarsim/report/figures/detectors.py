@@ -11,7 +11,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES, ROCK
 from polarsim.report import paper
-from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, heading, legend_line, note, page
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, figure_title, legend_line, note, page
 from polarsim.report.figures.matrices import draw_detection, draw_ipd
 from polarsim.report.ipd_rocks_table import tidy_ipd_rocks
 from polarsim.report.seeds import SEED, seed_means, split_panels, title_suffix
@@ -62,7 +62,7 @@ def draw_curves(*, curves: Path, figure: Path, origin: dict[str, str], width: in
             note(sheet, "no labels in the test photos")
             return
         band = "; bands: standard deviation over seeds" if "mean of" in text else ""
-        heading(sheet, f"Precision over recall of detectors, source {origin['source']}{text}{band}")
+        figure_title(sheet, f"Precision over recall of detectors, source {origin['source']}{text}{band}")
         grid = sheet.subplots(len(rows), len(detectors), sharex=True, sharey=True, squeeze=False)
         for row, (kind, split, part) in enumerate(rows):
             for column, trained in enumerate(detectors):
@@ -109,7 +109,7 @@ def draw_ipd_histogram(*, rocks: Path, figure: Path, origin: dict[str, str], wid
         if not len(table):
             note(sheet, "no rock is labelled in two domains")
             return
-        heading(sheet, f"Mean IoU of each rock, first minus second domain, source {origin['source']}{title}")
+        figure_title(sheet, f"Mean IoU of each rock, first minus second domain, source {origin['source']}{title}")
         grid = sheet.subplots(len(rows), len(pairs), sharex=True, sharey=True, squeeze=False)
         for row, (split, part, trained) in enumerate(rows):
             for column, (first, second) in enumerate(pairs):

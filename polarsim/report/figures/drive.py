@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from polarsim.formats.tables import read_parquet
-from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, heading, page
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, figure_title, page
 
 WHEELS = {"lf": "left front", "rf": "right front", "lr": "left rear", "rr": "right rear"}
 COLUMNS = ("time_s", "offset_m", *(f"{code}_{name}" for code in WHEELS for name in ("slip", "sinkage_m", "contact")))
@@ -18,7 +18,7 @@ def draw_drive(*, traces: Sequence[Path], figure: Path, origin: dict[str, str], 
     with page(figure, width, round(width * 0.7)) as sheet:
         axes = sheet.subplots(3, 1, sharex=True)
         others = f", {len(tables) - 1} more drives in grey" if len(tables) > 1 else ""
-        heading(
+        figure_title(
             sheet, f"Slip, sinkage and offset from the path, first drive by wheel{others}; source {origin['source']}"
         )
         for table in tables[1:]:

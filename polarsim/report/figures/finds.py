@@ -15,7 +15,7 @@ from polarsim.formats import png
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry import boxes
 from polarsim.photo import HEIGHT, HEX_COLOURS, ROCK, WIDTH, PhotoKey
-from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, heading, note, page, rectangle
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, figure_title, note, page, rectangle
 from polarsim.report.figures.seen import DetectorResults, draw_predictions, read_detector_results
 from polarsim.run_files.pictures import picture_finder
 from polarsim.schemas.photos import BOX
@@ -37,7 +37,7 @@ class RockShown:
     iou: float
 
 
-def draw_finds(
+def draw_detector_results(
     *,
     domains: Sequence[str],
     photo_domain: str,
@@ -93,7 +93,7 @@ def draw_gap_rocks(results: DetectorResults, figure: Path, width: int = FIGURE_W
             note(sheet, "no rock with different IoU in two domains")
             return
         name = f"Rocks with the largest difference of IoU, detector trained on {results.title(results.trained)}"
-        heading(sheet, f"{name} (yellow: label, blue: prediction, number: IoU)")
+        figure_title(sheet, f"{name} (yellow: label, blue: prediction, number: IoU)")
         sheet.get_layout_engine().set(wspace=0.01, hspace=0.1)
         grid = sheet.subplots(len(rows), 4 * ROCKS_PER_SIDE, squeeze=False)
         for axes in grid.ravel():
@@ -141,7 +141,7 @@ def _rock_shown(results: DetectorResults, domain: str, key: str, rock: int) -> R
 
 def _draw_rock(cells: Any, shown: list[RockShown], results: DetectorResults) -> None:
     """Draw two crops of the same window, each with a separate white level, as twins may be much darker than photos."""
-    reach = boxes.around(np.concatenate([rock.label.reshape(2, 2) for rock in shown]))
+    reach = boxes.box_around_points(np.concatenate([rock.label.reshape(2, 2) for rock in shown]))
     half = min(max(60.0, 1.1 * float((reach[2:] - reach[:2]).max())), HEIGHT / 2)
     centre = np.clip((reach[:2] + reach[2:]) / 2, half, [WIDTH - half, HEIGHT - half])
     key = PhotoKey.parse(shown[0].key)
@@ -152,7 +152,7 @@ def _draw_rock(cells: Any, shown: list[RockShown], results: DetectorResults) -> 
             axes.text(0.5, 0.5, "no image", transform=axes.transAxes, ha="center", color=FAINT)
             continue
         (left, top), side = np.floor(centre - half).astype(int), int(2 * half)
-        crop = png.read(path)[top : top + side, left : left + side]
+        crop = png.read_png(path)[top : top + side, left : left + side]
         extent = (left, left + crop.shape[1], top + crop.shape[0], top)
         axes.imshow(to_8bit(crop), extent=extent, interpolation="antialiased")
         if rock.predicted is not None:

@@ -11,7 +11,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import gap_table, paper
-from polarsim.report.figures.canvas import FIGURE_WIDTH, INK, SERIES, heading, note, page
+from polarsim.report.figures.canvas import FIGURE_WIDTH, INK, SERIES, figure_title, note, page
 from polarsim.report.seeds import seed_means, split_panels, title_suffix
 from polarsim.schemas.detect import ABLATION
 
@@ -39,7 +39,7 @@ def draw_gap(*, ablation: Path, figure: Path, origin: dict[str, str], width: int
             return
         model = paper.domain_title(str(rocks["model"].iloc[0]))
         title = f"source {origin['source']}{title_suffix(rocks)}; whiskers: 95 % intervals"
-        heading(sheet, f"Effect of replacing a component of the {model} twin, rocks, {title}")
+        figure_title(sheet, f"Effect of replacing a component of the {model} twin, rocks, {title}")
         grid = sheet.subplots(len(splits), len(PANELS), sharey=True, squeeze=False)
         for row, (split, rows) in zip(grid, splits, strict=True):
             means = seed_means(rows, ("component", "trained"), [f"{name}_change" for name in PANELS])

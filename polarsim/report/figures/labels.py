@@ -11,11 +11,11 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
-from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, SERIES, heading, legend_line, note, page
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, SERIES, figure_title, legend_line, note, page
 from polarsim.report.figures.reliability import draw_reliability
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.label_pairs import EDGES, TRUE_EDGES
-from polarsim.scoring.labels import EXPOSURES, LIGHT, TASKS
+from polarsim.scoring.labels import EXPOSURES, LIGHT, PROPAGATION_TASKS
 from polarsim.scoring.metrics import TRUTH_NAMES
 
 SIDES = ("left", "top", "right", "bottom")
@@ -49,10 +49,10 @@ def draw_label_errors(*, terrain: int, pairs: Path, figure: Path, width: int = F
         if not errors:
             note(sheet, f"Terrain {terrain:02d}: no label was matched with a true box")
             return
-        heading(sheet, f"Terrain {terrain:02d}: edges of propagated boxes minus edges of {name}")
+        figure_title(sheet, f"Terrain {terrain:02d}: edges of propagated boxes minus edges of {name}")
         grid = sheet.subplots(len(BOX_CLASSES), len(SIDES), sharex=True, squeeze=False)
         for row, kind in enumerate(BOX_CLASSES):
-            parts = {task: errors[kind, task] for task in TASKS if (kind, task) in errors}
+            parts = {task: errors[kind, task] for task in PROPAGATION_TASKS if (kind, task) in errors}
             for column, edge in enumerate(SIDES):
                 _draw_edge(grid[row, column], {task: values[:, column] for task, values in parts.items()})
                 grid[row, column].set_title(f"{kind}, {edge}")
@@ -60,8 +60,10 @@ def draw_label_errors(*, terrain: int, pairs: Path, figure: Path, width: int = F
             axes.set_xlabel("error, px")
         for axes in grid[:, 0]:
             axes.set_ylabel("share of boxes (root scale)")
-        shown = [task for task in TASKS if any(task == part for _, part in errors)]
-        lines = [legend_line(color=SERIES[TASKS.index(task) % len(SERIES)], linewidth=2.5) for task in shown]
+        shown = [task for task in PROPAGATION_TASKS if any(task == part for _, part in errors)]
+        lines = [
+            legend_line(color=SERIES[PROPAGATION_TASKS.index(task) % len(SERIES)], linewidth=2.5) for task in shown
+        ]
         sheet.legend(lines, shown, loc="outside lower center", ncols=len(shown))
 
 
@@ -82,7 +84,7 @@ def _draw_edge(axes: Any, parts: Mapping[str, np.ndarray]) -> None:
     tallest = 0.0
     for task, values in parts.items():
         share = np.histogram(values.clip(-REACH, REACH), bins)[0] / len(values)
-        axes.stairs(share, bins, color=SERIES[TASKS.index(task) % len(SERIES)], linewidth=1.8)
+        axes.stairs(share, bins, color=SERIES[PROPAGATION_TASKS.index(task) % len(SERIES)], linewidth=1.8)
         tallest = max(tallest, float(share.max()))
     axes.axvline(0, color=FAINT, linewidth=0.8)
     axes.set_xlim(-REACH - 0.5, REACH + 0.5)

@@ -11,7 +11,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import detection_table, ipd_table, paper
-from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, heading, note, page
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, figure_title, note, page
 from polarsim.report.seeds import seed_means, split_panels, title_suffix
 from polarsim.schemas.detect import DETECTION, IPD
 
@@ -28,7 +28,7 @@ def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], wid
             note(sheet, "no labelled rocks in the test photos")
             return
         small = " (small: values of the paper)" if rocks["paper_map50"].notna().any() else ""
-        heading(sheet, f"Rock detection by domain, source {origin['source']}{title_suffix(rocks)}{small}")
+        figure_title(sheet, f"Rock detection by domain, source {origin['source']}{title_suffix(rocks)}{small}")
         for row, (split, part) in zip(sheet.subplots(len(parts), 3, squeeze=False), parts, strict=True):
             means = seed_means(part, ("trained", "evaluated"), list(TITLES))
             for axes, measure in zip(row, TITLES, strict=True):

@@ -24,7 +24,7 @@ from polarsim.run_files.lamps import read_suns
 from polarsim.run_files.pictures import picture_finder
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.survey import SANDBOX_HALF_WIDTH
-from polarsim.tone import to_8bit, white_of
+from polarsim.tone import display_white_level, to_8bit
 
 NEAR_DEG = 10.0  # maximum phase angle at which the surge is visible (h_s of Sato et al. 2014: 4 degrees)
 HALF_PX = 140  # half the side of the crops
@@ -35,7 +35,7 @@ WALL_MARGIN = 0.8  # excluded margin of sand along the walls, metres, so that cr
 
 
 @dataclass(frozen=True)
-class Spot:
+class PhasePixel:
     """A pixel of a photo and the phase angle of the ground at this pixel."""
 
     key: PhotoKey
@@ -49,7 +49,7 @@ def lit_by_single_lamp(key: PhotoKey) -> bool:
     return (key.azimuth != "no") != (key.light == "on")
 
 
-def extreme_spots(keys: list[PhotoKey], cameras: Path, half_px: int) -> tuple[Spot, Spot] | None:
+def extreme_spots(keys: list[PhotoKey], cameras: Path, half_px: int) -> tuple[PhasePixel, PhasePixel] | None:
     """Return the spots of the smallest and of the largest phase angle in photos lit by a single lamp, or None.
 
     Parameters
@@ -63,7 +63,7 @@ def extreme_spots(keys: list[PhotoKey], cameras: Path, half_px: int) -> tuple[Sp
     """
     rigs = read_all_localised(cameras)
     lamps = read_suns(cameras, rigs)
-    spots: dict[tuple[object, ...], tuple[Spot, Spot]] = {}
+    spots: dict[tuple[object, ...], tuple[PhasePixel, PhasePixel]] = {}
     for key in sorted(keys):
         if key.position not in rigs or not lit_by_single_lamp(key) or key.bracket in spots:
             continue
@@ -95,7 +95,7 @@ def phase_angles(sandbox_from_camera: Pose, directions: np.ndarray, lamp_sandbox
     return np.where(inside, np.arctan2(sine, (to_eye * to_lamp).sum(axis=-1)), np.nan)
 
 
-def _angles(rig: LocalisedRig, key: PhotoKey, lamp: np.ndarray, half_px: int) -> tuple[Spot, Spot] | None:
+def _angles(rig: LocalisedRig, key: PhotoKey, lamp: np.ndarray, half_px: int) -> tuple[PhasePixel, PhasePixel] | None:
     lens = rig.rig.lens(key.camera)
     u = np.arange(half_px, lens.width - half_px, STEP_PX) + HALF_PIXEL
     v = np.arange(half_px, lens.height - half_px, STEP_PX) + HALF_PIXEL
@@ -104,7 +104,7 @@ def _angles(rig: LocalisedRig, key: PhotoKey, lamp: np.ndarray, half_px: int) ->
     if np.isnan(angles).all():
         return None
     smallest, largest = (
-        Spot(key, float(pixels[at, 0]), float(pixels[at, 1]), float(angles[at]))
+        PhasePixel(key, float(pixels[at, 0]), float(pixels[at, 1]), float(angles[at]))
         for at in (np.nanargmin(angles), np.nanargmax(angles))
     )
     return smallest, largest
@@ -158,7 +158,7 @@ def draw_opposition(
     write_json(text, {"shown": True, "text": " ".join(texts).removesuffix(".")})
 
 
-def _reason_for_none(spots: tuple[Spot, Spot] | None) -> str:
+def _reason_for_none(spots: tuple[PhasePixel, PhasePixel] | None) -> str:
     """Return the reason for an empty figure, or "" if there are spots to show."""
     if spots is None:
         return "No photo of this run that has twins is lit by a single lamp, so no phase angle is defined"
@@ -175,7 +175,7 @@ def _exists(path: Path | None) -> bool:
     return path is not None and path.exists()
 
 
-def _best_terrain_spots(keys: Sequence[PhotoKey], cameras: Mapping[int, Path]) -> tuple[Spot, Spot] | None:
+def _best_terrain_spots(keys: Sequence[PhotoKey], cameras: Mapping[int, Path]) -> tuple[PhasePixel, PhasePixel] | None:
     """Return the spots of the first terrain with the smallest phase angle, rounded to 0.1 degrees."""
     candidates = [
         extreme_spots([key for key in keys if key.terrain == terrain], folder, HALF_PX)
@@ -190,10 +190,10 @@ def _exposure_rank(crops: Sequence[np.ndarray]) -> tuple[int, float]:
     return unusable, max(abs(float(np.log2(max(_signal(crop), 1.0) / _WELL_EXPOSED_DN))) for crop in crops)
 
 
-def _crop(path: Path | None, spot: Spot) -> np.ndarray:
+def _crop(path: Path | None, spot: PhasePixel) -> np.ndarray:
     assert path is not None, "called for available images only"
     left, top = int(spot.u) - HALF_PX, int(spot.v) - HALF_PX
-    return png.read(path)[top : top + 2 * HALF_PX, left : left + 2 * HALF_PX]
+    return png.read_png(path)[top : top + 2 * HALF_PX, left : left + 2 * HALF_PX]
 
 
 def _signal(crop: np.ndarray) -> float:
@@ -206,8 +206,8 @@ def _is_usable(signal: float) -> bool:
     return 1 <= signal < WHITE_LEVEL - BLACK_LEVEL
 
 
-def _draw_row(axes: Any, crops: list[np.ndarray], domains: Sequence[str], spot: Spot, key: PhotoKey) -> None:
-    white = max(map(white_of, crops))
+def _draw_row(axes: Any, crops: list[np.ndarray], domains: Sequence[str], spot: PhasePixel, key: PhotoKey) -> None:
+    white = max(map(display_white_level, crops))
     for panel, domain, crop in zip(axes, domains, crops, strict=True):
         panel.imshow(to_8bit(crop, white), interpolation="antialiased")
         panel.set_xticks([])
@@ -217,7 +217,7 @@ def _draw_row(axes: Any, crops: list[np.ndarray], domains: Sequence[str], spot: 
     axes[0].set_ylabel(f"phase {spot.phase_deg:.1f}°\n{key}", fontsize="small")
 
 
-def _caption(crops: list[np.ndarray], domains: Sequence[str], spot: Spot, key: PhotoKey) -> str:
+def _caption(crops: list[np.ndarray], domains: Sequence[str], spot: PhasePixel, key: PhotoKey) -> str:
     """Return a sentence on the brightness of the twins relative to the photo, or on clipped and black crops."""
     photo = _signal(crops[0])
     start = f"At a phase angle of {spot.phase_deg:.1f} degrees ({key})"

@@ -7,7 +7,7 @@ from math import log2
 from pathlib import Path
 
 from polarsim.grid import GridOptions, selected_grid
-from polarsim.photo import USUAL_EXPOSURE_MS, PhotoKey
+from polarsim.photo import REFERENCE_EXPOSURE_MS, PhotoKey
 from polarsim.report.figures.comparison import draw_comparison
 from polarsim.report.figures.contact import draw_contact
 
@@ -54,6 +54,6 @@ def shown_photo(keys: Sequence[PhotoKey]) -> PhotoKey:
     """Return the photo of a position with Sun azimuth 30, rover light off, camera L and near 256 ms, if available."""
 
     def rank(key: PhotoKey) -> tuple[bool, str, str, float]:
-        return key.azimuth != "30", key.light, key.camera, abs(log2(key.exposure_ms / USUAL_EXPOSURE_MS))
+        return key.azimuth != "30", key.light, key.camera, abs(log2(key.exposure_ms / REFERENCE_EXPOSURE_MS))
 
     return min(keys, key=rank)

@@ -10,8 +10,8 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
-from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, heading, legend_line, note, page
-from polarsim.scoring.reliability import ANY_SOURCE, COLUMNS, brier_score, calibration_error
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, figure_title, legend_line, note, page
+from polarsim.scoring.reliability import ANY_SOURCE, COLUMNS, binned_calibration_error, brier_score
 
 _END = 0.01  # offset of the logarithmic axis at a share of 1
 TICKS = (0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1)
@@ -26,7 +26,7 @@ def draw_reliability(*, reliability: Path, figure: Path, origin: dict[str, str],
             return
         sources = sorted(set(bins["label_source"]) - {ANY_SOURCE})
         colours = dict(zip(sources, SERIES * len(sources), strict=False)) | {ANY_SOURCE: INK}
-        heading(sheet, f"Reliability of the labels' confidence with 95 % intervals, source {origin['source']}")
+        figure_title(sheet, f"Reliability of the labels' confidence with 95 % intervals, source {origin['source']}")
         for axes, kind in zip(sheet.subplots(1, len(BOX_CLASSES)), BOX_CLASSES, strict=True):
             _draw_kind(axes, bins[bins["kind"] == kind], colours)
             axes.set_title(kind)
@@ -65,7 +65,7 @@ def _draw_kind(axes: Any, bins: pd.DataFrame, colours: dict[str, str]) -> None:
         style = {**_style(name), "capsize": 3, "elinewidth": 1.2}
         axes.errorbar(chosen["confidence"], correct, yerr=errors, color=colour, **style)
         texts.append(
-            f"{name}: n {round(chosen['labels'].sum())}, ECE {calibration_error(chosen):.3f}, "
+            f"{name}: n {round(chosen['labels'].sum())}, ECE {binned_calibration_error(chosen):.3f}, "
             f"Brier {brier_score(chosen):.3f}"
         )
     axes.set_xlabel("confidence\n" + "\n".join(texts), fontsize="small")

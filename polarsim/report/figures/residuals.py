@@ -10,12 +10,12 @@ import numpy as np
 
 from polarsim.formats import png
 from polarsim.formats.yolo import read_rock_boxes
-from polarsim.geometry.boxes import assign, centres, iou
+from polarsim.geometry.boxes import box_centres, iou, match_by_position_and_size
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.photo import HEIGHT, HEX_COLOURS, NO_ROCK, ROCK, WIDTH, PhotoKey
-from polarsim.report.figures.canvas import FIGURE_WIDTH, SERIES, legend_line, note, page, picture
+from polarsim.report.figures.canvas import FIGURE_WIDTH, SERIES, legend_line, note, page, show_image
 from polarsim.report.figures.cover_photos import MIN_SHARE, near_red, share_on_red
 from polarsim.run_files.pictures import cover_photo, pictures_at
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
@@ -97,7 +97,7 @@ def _left_cover(cover: Path | None, annotated: Sequence[np.ndarray]) -> Path | N
     """Return the cover photo if the red boxes match the seed boxes of a left photo, otherwise None."""
     if cover is None or not cover.exists():
         return None
-    red = near_red(to_8bit(png.read(cover)))
+    red = near_red(to_8bit(png.read_png(cover)))
     return cover if max((share_on_red(red, boxes) for boxes in annotated), default=0.0) > MIN_SHARE else None
 
 
@@ -118,11 +118,11 @@ def _above_ground(scene: TerrainMesh) -> dict[int, Mesh]:
 def _draw_position(
     axes: Any, name: str, rig: LocalisedRig, outlines: Outlines, boxes: np.ndarray, photo: Path | None
 ) -> None:
-    pixels = to_8bit(png.read(photo)) if photo is not None and photo.exists() else GREY
+    pixels = to_8bit(png.read_png(photo)) if photo is not None and photo.exists() else GREY
     projected = outlines.seen(rig.camera("L"))
-    rows, columns = assign(projected, boxes)
+    rows, columns = match_by_position_and_size(projected, boxes)
     matched, matched_boxes = projected[rows], boxes[columns]
-    start, end = centres(matched_boxes), centres(matched)
+    start, end = box_centres(matched_boxes), box_centres(matched)
     scale = pixels.shape[1] / WIDTH
     if len(rows):
         off = np.median(np.abs(end - start), axis=0)
@@ -135,7 +135,7 @@ def _draw_position(
     else:
         name += ":\nno annotated rock for a comparison"
         matched = projected[np.isfinite(projected).all(axis=1)]
-    picture(axes, pixels, name)
+    show_image(axes, pixels, name)
     for shown, colour, dashes in ((matched_boxes, ANNOTATED, "-"), (matched, PROJECTED, "--")):
         for x0, y0, x1, y1 in shown * scale:
             axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=colour, linewidth=1.3, linestyle=dashes)

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.annotate.overlay import Marks, draw_labels
+from polarsim.annotate.overlay import OverlayStyle, draw_labels
 from polarsim.annotate.show import rows_of
 from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.photo import HEIGHT, NO_ROCK, ROCK, WIDTH, PhotoKey
 from polarsim.report import paper
-from polarsim.report.figures.canvas import FIGURE_WIDTH, note, page, picture
+from polarsim.report.figures.canvas import FIGURE_WIDTH, note, page, show_image
 from polarsim.schemas.detect import INSTANCES, PREDICTIONS
 from polarsim.tone import to_8bit
 
@@ -83,7 +83,7 @@ def draw_predictions(results: DetectorResults, figure: Path, width: int = FIGURE
                     note(axes.figure, f"{name}: no image of {key}")
                     continue
                 labels, boxes = rows_of(results.labels[domain], key), predicted[predicted["key"] == str(key)]
-                picture(axes, _with_boxes(to_8bit(png.read(path)), labels, boxes, column), f"{name}, {key}")
+                show_image(axes, _with_boxes(to_8bit(png.read_png(path)), labels, boxes, column), f"{name}, {key}")
 
 
 def shown_keys(instances: pd.DataFrame) -> list[PhotoKey]:
@@ -117,4 +117,4 @@ def _with_boxes(pixels: np.ndarray, labels: pd.DataFrame, predicted: pd.DataFram
     margin = np.array([-1, -1, 1, 1]) * (line + 1)  # keeps the box of a perfect prediction visible around the label
     for box in predicted[["x0", "y0", "x1", "y1"]].to_numpy(float) * scale + margin:
         pen.rectangle([float(edge) for edge in box], outline=PREDICTED, width=line)
-    return draw_labels(np.asarray(image), labels, width, Marks((ROCK,), confidences=False))
+    return draw_labels(np.asarray(image), labels, width, OverlayStyle((ROCK,), confidences=False))

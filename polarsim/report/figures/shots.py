@@ -11,7 +11,7 @@ from polarsim.formats import png
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.photo import HEX_COLOURS, ROCK
-from polarsim.report.figures.canvas import FIGURE_WIDTH, heading, note, page, picture, rectangle
+from polarsim.report.figures.canvas import FIGURE_WIDTH, figure_title, note, page, rectangle, show_image
 from polarsim.run_files.picture_sets import PictureSet, sun_title
 from polarsim.tone import to_8bit
 
@@ -61,8 +61,8 @@ def _draw_shots(
         for axes in panels:
             axes.set_axis_off()
         for axes, (frame, time_s) in zip(panels, chosen[POSES].itertuples(index=False), strict=False):
-            pixels = png.read(view / pictures / f"{int(frame):05d}.png")
-            picture(axes, to_8bit(pixels), f"{time_s:.1f} s")
+            pixels = png.read_png(view / pictures / f"{int(frame):05d}.png")
+            show_image(axes, to_8bit(pixels), f"{time_s:.1f} s")
             for boxes, colour in ((truth, TRUE), (detections, PREDICTED)):
                 if boxes is not None:
                     of_frame = boxes[(boxes["frame"] == frame) & (boxes["kind"] == ROCK)]
@@ -70,4 +70,4 @@ def _draw_shots(
                         rectangle(axes, box, colour, linewidth=1)
         if truth is not None:
             title += "; yellow: true rocks" + ("" if detections is None else ", blue: predicted rocks")
-        heading(sheet, title)
+        figure_title(sheet, title)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.annotate.overlay import Marks, draw_labels
+from polarsim.annotate.overlay import OverlayStyle, draw_labels
 from polarsim.annotate.show import rows_of
 from polarsim.formats import png
 from polarsim.formats.files import write_json, writing_folder
@@ -18,7 +18,7 @@ from polarsim.report.figures.canvas import boxed
 from polarsim.report.figures.difference import STOPS, difference_of_photo
 from polarsim.run_files.pictures import STRIP_TEXT, pictures_at
 from polarsim.schemas.detect import PREDICTIONS
-from polarsim.tone import to_8bit, white_of
+from polarsim.tone import display_white_level, to_8bit
 
 PANEL_WIDTH = 960  # px
 CONFIDENCE = 0.25  # minimum confidence of shown predictions
@@ -46,8 +46,8 @@ def draw_strip(
     panels: dict[str, tuple[str, np.ndarray]] = {}
     if key is not None:
         sources = {"photo": photo_paths, "twin": twin_paths}
-        pixels = {name: png.read(paths[key]) for name, paths in sources.items() if key in paths}
-        white = white_of(next(iter(pixels.values())))
+        pixels = {name: png.read_png(paths[key]) for name, paths in sources.items() if key in paths}
+        white = display_white_level(next(iter(pixels.values())))
         shown = {name: to_8bit(values, white) for name, values in pixels.items()}
         titles = {"photo": "Photo", "twin": f"Twin, {model}"}
         panels = {name: (titles[name], draw_labels(values, table[:0], PANEL_WIDTH)) for name, values in shown.items()}
@@ -65,12 +65,12 @@ def draw_strip(
             panels["detections"] = (label, _with_predictions(background, predicted[predicted["key"] == str(key)]))
     with writing_folder(strip) as folder:
         for name, (_, image) in panels.items():
-            png.write(folder / f"{name}.png", image)
+            png.write_png(folder / f"{name}.png", image)
         captions = {name: caption for name, (caption, _) in panels.items()}
         write_json(folder / STRIP_TEXT, {"key": str(key or ""), "panels": [list(item) for item in captions.items()]})
 
 
-_MARKS = Marks(confidences=False)
+_MARKS = OverlayStyle(confidences=False)
 
 
 def shown_key(

@@ -12,13 +12,22 @@ import pandas as pd
 
 from polarsim.formats import obj
 from polarsim.formats.tables import read_parquet
-from polarsim.geometry.casters import caster
+from polarsim.geometry.casters import make_caster
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import looking
+from polarsim.geometry.poses import camera_pose
 from polarsim.geometry.rays import Caster
 from polarsim.photo import NO_ROCK
-from polarsim.report.figures.canvas import FIGURE_WIDTH, INK, LETTER_M, name_positions, note, page, picture, rectangle
-from polarsim.run_files.scene import FITTED, PUBLISHED, SCANNED, TerrainMesh, made_from, read_terrain
+from polarsim.report.figures.canvas import (
+    FIGURE_WIDTH,
+    INK,
+    LETTER_M,
+    name_positions,
+    note,
+    page,
+    rectangle,
+    show_image,
+)
+from polarsim.run_files.scene import FITTED, PUBLISHED, SCANNED, TerrainMesh, mesh_origins, read_terrain
 from polarsim.survey import SANDBOX_HALF_WIDTH, lamp_position
 
 CUBOID_COLUMNS = ("rock", "x0", "y0", "z0", "x1", "y1", "z1", "size_m", "height_m")
@@ -60,9 +69,9 @@ def draw_terrain(
     """
     table = read_parquet(rocks, CUBOID_COLUMNS)
     scene = read_terrain(meshes, terrain)
-    rays = caster(scene.vertices, scene.faces)
+    rays = make_caster(scene.vertices, scene.faces)
     top = top_view(scene, rays)
-    heights = HEIGHTS.get(made_from(meshes).get(obj.ground_name(terrain), ""), HEIGHTS[SCANNED])
+    heights = HEIGHTS.get(mesh_origins(meshes).get(obj.ground_name(terrain), ""), HEIGHTS[SCANNED])
     name = f"Terrain {terrain:02d}"
     with page(meshes_figure, width, round(width * 0.46)) as sheet:
         _draw_meshes(sheet, name, scene, rays, top, width, heights)
@@ -79,7 +88,7 @@ def _draw_meshes(
     for rock in scene.rocks:
         _draw_outline(above, top, rock)
     _write_ids(above, {str(rock): _box(top, rock, scene) for rock in scene.rocks}, LETTER_M)
-    picture(oblique, oblique_view(scene, rays, round(width * 0.52)), "View from tripod A, lamp at Sun azimuth 30")
+    show_image(oblique, oblique_view(scene, rays, round(width * 0.52)), "View from tripod A, lamp at Sun azimuth 30")
 
 
 def _draw_crops(sheet: Any, name: str, table: pd.DataFrame, top: TopView, heights: str) -> None:
@@ -118,7 +127,7 @@ def oblique_view(scene: TerrainMesh, rays: Caster, width: int) -> np.ndarray:
     """Return an image (h, width, 3) seen from tripod A: diffuse light of one lamp, cast shadows, tinted rocks."""
     height = round(0.62 * width)
     lens = Lens(1.02 * width, 1.02 * width, width / 2, height / 2, width=width, height=height)
-    sandbox_from_camera = looking(np.array([3.9, -0.2, 2.3]), np.pi, np.radians(32.0))
+    sandbox_from_camera = camera_pose(np.array([3.9, -0.2, 2.3]), np.pi, np.radians(32.0))
     directions = sandbox_from_camera.rotate(lens.pixel_directions().reshape(-1, 3))
     origins = np.broadcast_to(sandbox_from_camera.translation, directions.shape)
     distance, face = rays.nearest(origins, directions)

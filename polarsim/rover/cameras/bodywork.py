@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from polarsim.geometry.poses import Pose
-from polarsim.render.surfaces import box
+from polarsim.render.surfaces import box_mesh
 from polarsim.rover.vehicle.mounts import link_from_part
 from polarsim.rover.vehicle.table import ShapePart, Vehicle, WheelPart
 
@@ -28,12 +28,12 @@ class Solid:
     normals: np.ndarray
 
 
-def body_of(vehicle: Vehicle) -> Body:
+def body_of(vehicle: Vehicle) -> Bodywork:
     """Return the shapes and the grousers of a vehicle's table."""
     solids = [_shape(shape) for shape in vehicle.shapes]
     treads = [grousers(f"{wheel.code}_wheel", wheel) for wheel in vehicle.wheels if wheel.grousers]
     rims = {shape.link: shape.albedo for shape in vehicle.shapes}
-    return Body(
+    return Bodywork(
         (*solids, *treads),
         (*(shape.albedo for shape in vehicle.shapes), *(rims.get(tread.link, _METAL) for tread in treads)),
     )
@@ -42,7 +42,7 @@ def body_of(vehicle: Vehicle) -> Body:
 def upright_box(link: str, size: np.ndarray, link_from_box: Pose) -> Solid:
     """Return a box with sides `size` (3,), metres, centred at the origin of the box frame."""
     half = np.asarray(size, float) / 2
-    return _placed(link, *box(-half, half), link_from_box)
+    return _placed(link, *box_mesh(-half, half), link_from_box)
 
 
 def cylinder(link: str, radius: float, length: float, link_from_cylinder: Pose) -> Solid:
@@ -54,7 +54,7 @@ def grousers(link: str, wheel: WheelPart) -> Solid:
     """Return straight bars across a wheel's rim, arranged about the link's y axis."""
     half = wheel.grouser_thickness_m / 2, wheel.width_m / 2
     foot, crest = wheel.radius_m - _ROOT * wheel.grouser_height_m, wheel.radius_m + wheel.grouser_height_m
-    bar = box(np.array([-half[0], -half[1], foot]), np.array([half[0], half[1], crest]))
+    bar = box_mesh(np.array([-half[0], -half[1], foot]), np.array([half[0], half[1], crest]))
     parts = []
     for number in range(wheel.grousers):
         rotation = Pose.from_rotvec(np.array([0, 2 * np.pi * number / wheel.grousers, 0]), np.zeros(3))
@@ -63,7 +63,7 @@ def grousers(link: str, wheel: WheelPart) -> Solid:
 
 
 @dataclass(frozen=True)
-class Body:
+class Bodywork:
     """All solids of a rover, joined into a single mesh."""
 
     solids: tuple[Solid, ...]

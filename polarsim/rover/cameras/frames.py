@@ -27,7 +27,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.photo import BOX_CLASSES
 from polarsim.progress import track
 from polarsim.provenance import identity as identity_of
-from polarsim.render.ground_truth import annotations_of
+from polarsim.render.ground_truth import annotate_ids
 from polarsim.render.olat import Rendering
 from polarsim.render.options import Model, RenderOptions
 from polarsim.rover.cameras.layout import POSE_COLUMNS, TRUTH_COLUMNS, labels_folder, picture_folder
@@ -49,7 +49,7 @@ class Truth:
     labels: tuple[coco.Annotation, ...]
 
 
-def write_truth(folder: Path, truth: Truth, size: tuple[int, int], identity: str) -> None:
+def write_frame_truth(folder: Path, truth: Truth, size: tuple[int, int], identity: str) -> None:
     """Write `NNNNN.txt`, YOLO boxes in an image of `size` (width, height), and then `NNNNN.json`."""
     yolo.write_boxes(
         folder / f"{truth.frame:05d}.txt",
@@ -70,8 +70,8 @@ def write_truth(folder: Path, truth: Truth, size: tuple[int, int], identity: str
     write_text(folder / f"{truth.frame:05d}.json", json.dumps(content) + "\n")
 
 
-def read_truth(folder: Path, frame: int, identity: str | None = None) -> Truth | None:
-    """Read a frame written by `write_truth`; None if it is missing, broken or has another identity."""
+def read_frame_truth(folder: Path, frame: int, identity: str | None = None) -> Truth | None:
+    """Read a frame written by `write_frame_truth`; None if it is missing, broken or has another identity."""
     path = folder / f"{frame:05d}.json"
     if not path.is_file() or not path.with_suffix(".txt").is_file():
         return None
@@ -141,7 +141,7 @@ def write_tables(
         )
         for truth in truths
     ]
-    coco.write_pictures(folder / f"{sun}_coco.json", pictures, "Rocks and shadows on a drive, rendered by polarsim")
+    coco.write_coco_images(folder / f"{sun}_coco.json", pictures, "Rocks and shadows on a drive, rendered by polarsim")
 
 
 def _annotation(row: Mapping[str, Any], height: int, width: int) -> coco.Annotation:
@@ -191,7 +191,7 @@ def render_frames(
 
 
 def _complete(folder: Path, view: str, sun: str, frame: int, options: CameraSuiteOptions, identity: str) -> bool:
-    if read_truth(labels_folder(folder, view, sun), frame, identity) is None:
+    if read_frame_truth(labels_folder(folder, view, sun), frame, identity) is None:
         return False
     return all((picture_folder(folder, view, sun, *what) / f"{frame:05d}.png").is_file() for what in options.pictures)
 
@@ -210,17 +210,19 @@ def _write(
 
     def write(what: tuple[Model, float]) -> None:
         path = picture_folder(folder, view, sun, *what) / f"{frame:05d}.png"
-        png.write(path, suite.exposed(rendering, view, sun, *what))
+        png.write_png(path, suite.exposed(rendering, view, sun, *what))
 
     list(pool.map(write, suite.options.pictures))
-    write_truth(labels_folder(folder, view, sun), truth_of(suite, rendering, sun, frame), _size(suite, view), identity)
+    write_frame_truth(
+        labels_folder(folder, view, sun), truth_of(suite, rendering, sun, frame), _size(suite, view), identity
+    )
     return len(suite.options.pictures)
 
 
 def truth_of(suite: CameraSuite, rendering: Rendering, sun: str, frame: int) -> Truth:
     """Return the labels of a frame; indices of the world's table of rocks become rock numbers."""
     numbers = suite.trace.world.rocks["rock"].to_numpy()
-    annotations = annotations_of(rendering.ids[sun], suite.rover_camera.render_options)
+    annotations = annotate_ids(rendering.ids[sun], suite.rover_camera.render_options)
     labels = [replace(label, rock=int(numbers[label.rock - 1])) for label in annotations]
     return Truth(frame, float(suite.trace.tracks.time[frame]), tuple(labels))
 
@@ -229,7 +231,7 @@ def _write_tables(folder: Path, suite: CameraSuite, view: str) -> None:
     cameras = {frame: suite.camera(view, frame).world_from_camera for frame in suite.frames}
     tables.write_parquet(folder / view / "poses.parquet", pose_table(cameras, np.asarray(suite.trace.tracks.time)))
     for sun in suite.suns:
-        truths = [read_truth(labels_folder(folder, view, sun), frame) for frame in suite.frames]
+        truths = [read_frame_truth(labels_folder(folder, view, sun), frame) for frame in suite.frames]
         complete: Sequence[Truth] = [truth for truth in truths if truth is not None]
         first = picture_folder(folder, view, sun, *suite.options.pictures[0]).name
         write_tables(folder / view, sun, complete, suite.trace.world, cameras, _size(suite, view), first)

@@ -9,7 +9,7 @@ import numpy as np
 
 from polarsim.errors import RoverError
 from polarsim.geometry.poses import Pose
-from polarsim.render.lamps import REFERENCE_DISTANCE, SUN_RADIUS_DEG, Lamp, Spot, beam_power
+from polarsim.render.lamps import REFERENCE_DISTANCE, SUN_RADIUS_DEG, Lamp, Spotlight, beam_power
 from polarsim.render.views.moon import local_from_celestial, sun_over
 from polarsim.rover.cameras.options import NIGHT, REAL, SUN_AZIMUTHS_DEG, CameraSuiteOptions
 from polarsim.rover.vehicle.mounts import link_from_part
@@ -67,12 +67,14 @@ def named_sun(name: str, elevation_deg: float) -> Sun:
     return sun_at(name, None if name == NIGHT else SUN_AZIMUTHS_DEG[name], elevation_deg)
 
 
-def headlights(lights: Sequence[LightPart], world_from_link: Mapping[str, Pose]) -> dict[str, Spot]:
+def headlights(lights: Sequence[LightPart], world_from_link: Mapping[str, Pose]) -> dict[str, Spotlight]:
     """Return the lamps by name, at the current poses of their links."""
     spots = {}
     for light in lights:
         pose = world_from_link[light.link] @ link_from_part(light.position_m, light.yaw_deg, light.pitch_deg)
-        spots[light.name] = Spot(pose.translation, _intensity(light), axis=pose.rotation[:, 0], beam_deg=light.beam_deg)
+        spots[light.name] = Spotlight(
+            pose.translation, _intensity(light), axis=pose.rotation[:, 0], beam_deg=light.beam_deg
+        )
     return spots
 
 

@@ -38,7 +38,7 @@ PACKAGED_FILES: dict[str, Path] = {"packaged": PACKAGED, "packaged_rover": PACKA
 
 
 @dataclass(frozen=True)
-class Light:
+class ImagingCondition:
     """Sun, exposure (ms or `auto`), lights of the vehicle that are on, and reflectance model of pictures."""
 
     sun: str

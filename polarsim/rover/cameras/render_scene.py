@@ -16,12 +16,12 @@ from scipy.interpolate import RectBivariateSpline
 from polarsim.errors import RoverError
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose
-from polarsim.geometry.rays import Caster, Surveyor
+from polarsim.geometry.rays import Caster, Intersector
 from polarsim.geometry.rays_embree import MovableMesh, MovableScene
-from polarsim.render.surfaces import Surfaces, with_skirts
-from polarsim.rover.cameras.bodywork import Body
-from polarsim.rover.cameras.tracks import Lattice, WheelTracks, tile_faces
-from polarsim.rover.world.surface import Surroundings, World
+from polarsim.render.surfaces import Surfaces, add_skirts
+from polarsim.rover.cameras.bodywork import Bodywork
+from polarsim.rover.cameras.tracks import NodeGrid, WheelTracks, tile_faces
+from polarsim.rover.world.surface import World, WorldBackdrop
 from polarsim.run_files.instances import BODY, GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.run_files.scene import TerrainMesh
 
@@ -31,7 +31,7 @@ _FADE_M = 0.6  # length over which the heights of the rim fade outside the grid
 _BLUR = 0.5  # standard deviation of the blur along the rim per distance from it: prevents radial streaks
 _GROWTH = 1.35  # ratio of adjacent cell sizes outside the grid
 # Static surfaces: vertices (v, 3), faces (f, 3), unit normals (v, 3).
-Still = tuple[np.ndarray, np.ndarray, np.ndarray]
+StaticMesh = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class MovingSurfaces(Surfaces):
     parts: MovableScene | None = None
 
     @cached_property
-    def all(self) -> Surveyor:
+    def all(self) -> Intersector:
         assert self.parts is not None
         return self.parts.caster()
 
@@ -67,10 +67,10 @@ class RenderScene:
         self,
         tracks: WheelTracks,
         rocks: Rocks,
-        body: Body,
+        body: Bodywork,
         *,
         skirt_m: float,
-        around: Surroundings | None = None,
+        around: WorldBackdrop | None = None,
     ) -> None:
         """
         Parameters
@@ -87,7 +87,7 @@ class RenderScene:
         """
         self.tracks, self._body = tracks, body
         if around is None:
-            still = still_ground(tracks.fine, tracks.covered, _FAR_M)
+            still = static_ground(tracks.fine, tracks.covered, _FAR_M)
         else:
             still = _joined(surrounding_ground(tracks, around), _scenery(around))
         tiles = [tracks.mesh(number) for number in range(len(tracks.tiles))]
@@ -136,7 +136,7 @@ class RenderScene:
         self._parts.move(part, vertices)
 
 
-def still_ground(lattice: Lattice, covered: np.ndarray, far_m: float) -> Still:
+def static_ground(lattice: NodeGrid, covered: np.ndarray, far_m: float) -> StaticMesh:
     """Return the mesh of the ground without the covered cells (rows - 1, columns - 1), extended by `far_m`.
 
     Outside the grid, cells grow with distance and the level approaches the median level of the rim.
@@ -158,7 +158,7 @@ def still_ground(lattice: Lattice, covered: np.ndarray, far_m: float) -> Still:
     return _mesh(x, y, z, (count, count), lattice, covered)
 
 
-def surrounding_ground(tracks: WheelTracks, around: Surroundings) -> Still:
+def surrounding_ground(tracks: WheelTracks, around: WorldBackdrop) -> StaticMesh:
     """Return the mesh of the ground and the surroundings, on a spline through all nodes."""
     coarse, fine = tracks.lattice, tracks.fine
     first = tuple(
@@ -181,8 +181,8 @@ def surrounding_ground(tracks: WheelTracks, around: Surroundings) -> Still:
 
 
 def _mesh(
-    x: np.ndarray, y: np.ndarray, z: np.ndarray, first: tuple[int, ...], lattice: Lattice, covered: np.ndarray
-) -> Still:
+    x: np.ndarray, y: np.ndarray, z: np.ndarray, first: tuple[int, ...], lattice: NodeGrid, covered: np.ndarray
+) -> StaticMesh:
     """Return the mesh of nodes without the covered cells of a lattice.
 
     `first`: row and column of the lattice's first node among the nodes.
@@ -201,12 +201,12 @@ def _mesh(
     return points.reshape(-1, 3), faces, normals.reshape(-1, 3)
 
 
-def _scenery(around: Surroundings) -> Still:
+def _scenery(around: WorldBackdrop) -> StaticMesh:
     vertices, faces = around.vertices.astype(float), around.triangles.astype(int)
     return vertices, faces, Mesh(vertices, faces).normals() if len(faces) else vertices
 
 
-def _joined(first: Still, second: Still) -> Still:
+def _joined(first: StaticMesh, second: StaticMesh) -> StaticMesh:
     return (
         np.concatenate([first[0], second[0]]),
         np.concatenate([first[1], second[1] + len(first[0])]),
@@ -238,7 +238,7 @@ def rocks_with_skirts(rocks: Rocks, skirt_m: float) -> TerrainMesh:
         np.concatenate([mesh.faces + start for (_, mesh), start in zip(parts, starts, strict=False)]),
         np.concatenate([np.full(len(mesh.faces), number) for number, mesh in parts]),
     )
-    return with_skirts(mesh, skirt_m) if skirt_m else mesh
+    return add_skirts(mesh, skirt_m) if skirt_m else mesh
 
 
 def _beyond_rim(level: np.ndarray, cells: np.ndarray) -> np.ndarray:

@@ -15,19 +15,19 @@ from polarsim.geometry.poses import Pose
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 from polarsim.render.gain import gain_of
 from polarsim.render.olat import NO_LAMP, Rendering, render_view
-from polarsim.render.optics import imaged, through_lens
+from polarsim.render.optics import apply_lens, apply_lens_to_olat_images
 from polarsim.render.options import Material, Model, RenderOptions
-from polarsim.render.sensor import expose, noise_of
+from polarsim.render.sensor import expose, noise_generator
 from polarsim.render.views.options import StarField
-from polarsim.render.views.stars import Sky, sky_of, star_radiance
-from polarsim.rover.cameras.bodywork import Body, body_of, links_at
+from polarsim.render.views.stars import Sky, build_sky, star_radiance
+from polarsim.rover.cameras.bodywork import Bodywork, body_of, links_at
 from polarsim.rover.cameras.lights import Sun, headlights, named_sun
-from polarsim.rover.cameras.options import ROVER_RENDER, CameraSuiteOptions, Light
+from polarsim.rover.cameras.options import ROVER_RENDER, CameraSuiteOptions, ImagingCondition
 from polarsim.rover.cameras.render_scene import RenderScene, rocks_of
-from polarsim.rover.cameras.tracks import Lattice, WheelTracks
+from polarsim.rover.cameras.tracks import NodeGrid, WheelTracks
 from polarsim.rover.drive.control import ReferencePath
-from polarsim.rover.drive.state import State
-from polarsim.rover.vehicle.mounts import pose_of
+from polarsim.rover.drive.state import RoverState
+from polarsim.rover.vehicle.mounts import pose_of_quaternion
 from polarsim.rover.vehicle.table import WHEELS, LightPart, Vehicle
 from polarsim.rover.world.surface import World
 from polarsim.run_files.instances import BACKGROUND
@@ -78,8 +78,8 @@ class RoverCamera:
         self._sun_elevation_deg = options.sun_elevation_deg
         self.render_options = _resolved(render, models, body)
         stars = StarField(intensity=BRIGHT_STARS if options.stars == "bright" else 1.0)
-        self.sky: Sky | None = None if options.stars == "none" else sky_of(stars)
-        lattice = Lattice(world.x0, world.y0, world.cell, world.level)
+        self.sky: Sky | None = None if options.stars == "none" else build_sky(stars)
+        lattice = NodeGrid(world.x0, world.y0, world.cell, world.level)
         tracks = WheelTracks(lattice, followed, finer)
         self.scene = RenderScene(tracks, rocks_of(world), body, skirt_m=render.skirt_m, around=world.around)
 
@@ -88,13 +88,13 @@ class RoverCamera:
         self.links = links
         self.scene.show(level, links)
 
-    def show_state(self, state: State, level: np.ndarray) -> Pose:
+    def show_state(self, state: RoverState, level: np.ndarray) -> Pose:
         """Move the scene to a state of the physics and return `world_from_base`."""
-        base = pose_of(state.position, state.rotation)
+        base = pose_of_quaternion(state.position, state.rotation)
         positions = np.stack([state.wheel(name) for name in ("x_m", "y_m", "z_m")], axis=1)
         quaternions = np.stack([state.wheel(name) for name in ("qw", "qx", "qy", "qz")], axis=1)
         wheels = {
-            code: pose_of(position, quaternion)
+            code: pose_of_quaternion(position, quaternion)
             for code, position, quaternion in zip(WHEELS, positions, quaternions, strict=True)
         }
         lift, steer = (dict(zip(WHEELS, state.wheel(name), strict=True)) for name in ("lift_m", "steer_rad"))
@@ -125,21 +125,25 @@ class RoverCamera:
             for model in models
             for name in suns
         }
-        radiance = through_lens(light, lamps, surfaces, camera, options, threads)
+        radiance = apply_lens_to_olat_images(light, lamps, surfaces, camera, options, threads)
         if self.sky is not None:
             empty = olat.ids[NO_LAMP] == BACKGROUND
             for name, sun in suns.items():
-                stars = imaged(empty * star_radiance(self.sky, sun.world_from_celestial, camera), camera.lens, options)
+                stars = apply_lens(
+                    empty * star_radiance(self.sky, sun.world_from_celestial, camera), camera.lens, options
+                )
                 radiance |= {(model, name): radiance[model, name] + stars for model in models}
         ids = {name: olat.ids[name if name in lamps else NO_LAMP] for name in (NO_LAMP, *suns)} if labels else {}
         return Rendering(radiance, ids)
 
     def expose(self, radiance: np.ndarray, model: Model, exposure_ms: float, *name: object) -> np.ndarray:
         """Return the 12-bit image (h, w) uint16 of radiance (h, w); `name` selects the noise."""
-        noise = noise_of(self.render_options, *name)
+        noise = noise_generator(self.render_options, *name)
         return expose(radiance, exposure_ms * self._gain(model), self.render_options, noise)
 
-    def picture(self, camera: Camera, light: Light, *name: object, threads: int = 1) -> tuple[np.ndarray, float]:
+    def picture(
+        self, camera: Camera, light: ImagingCondition, *name: object, threads: int = 1
+    ) -> tuple[np.ndarray, float]:
         """Return the 12-bit image (h, w) uint16 in a light, and its exposure, ms.
 
         Raises
@@ -160,7 +164,7 @@ class RoverCamera:
         return gain_of(model, self.render_options)
 
 
-def _resolved(render: RenderOptions, models: Sequence[Model], body: Body) -> RenderOptions:
+def _resolved(render: RenderOptions, models: Sequence[Model], body: Bodywork) -> RenderOptions:
     """Return a run's options with `ROVER_RENDER`, these models and the materials of the rover's body."""
     factor = _BODY_DARKER / GROUND_ALBEDO
     body_materials = {f"body{n}": Material(albedo=max(albedo, 0.01) * factor) for n, albedo in enumerate(body.albedo)}

@@ -16,7 +16,7 @@ from scipy import ndimage
 from scipy.interpolate import RectBivariateSpline
 
 from polarsim.rover.soil.bulldozing import settle
-from polarsim.rover.soil.nodes import LEVEL, ROCK, make_ground
+from polarsim.rover.soil.nodes import LEVEL, ROCK, make_soil_ground
 
 SETTLE_DEG = 36.0  # steeper soil slides, in images as below the wheels
 TILE = 16  # cells along a side of a tile, the unit that is rebuilt
@@ -26,7 +26,7 @@ _STEP = 1e-5
 
 
 @dataclass(frozen=True)
-class Lattice:
+class NodeGrid:
     """Nodes of the ground before the drive: level (rows, columns) at x0 + column cell, y0 + row cell; metres."""
 
     x0: float
@@ -40,19 +40,19 @@ class Lattice:
         along_y, along_x = np.gradient(self.level, self.cell)
         return along_y, along_x
 
-    def refined(self, finer: int) -> Lattice:
+    def refined(self, finer: int) -> NodeGrid:
         """Return the lattice with `finer` cells per cell along each side, on a cubic spline through the nodes."""
         if finer == 1:
             return self
         rows, columns = (np.arange((size - 1) * finer + 1) / finer for size in self.level.shape)
         spline = RectBivariateSpline(rows[::finer], columns[::finer], self.level)
-        return Lattice(self.x0, self.y0, self.cell / finer, spline(rows, columns))
+        return NodeGrid(self.x0, self.y0, self.cell / finer, spline(rows, columns))
 
 
 class WheelTracks:
     """Tiles that a drive changes, and their mesh at the time of the last `show`."""
 
-    def __init__(self, lattice: Lattice, changed: np.ndarray, finer: int, angle_deg: float = SETTLE_DEG) -> None:
+    def __init__(self, lattice: NodeGrid, changed: np.ndarray, finer: int, angle_deg: float = SETTLE_DEG) -> None:
         """
         Parameters
         ----------
@@ -142,7 +142,7 @@ class WheelTracks:
             slice(max(rows[0] - _MARGIN, 0), rows[-1] + _MARGIN + 1),
             slice(max(columns[0] - _MARGIN, 0), columns[-1] + _MARGIN + 1),
         )
-        ground = make_ground(self.lattice.level[part], self.lattice.cell)
+        ground = make_soil_ground(self.lattice.level[part], self.lattice.cell)
         ground.owner[self._bound[part]] = ROCK
         ground.state[..., LEVEL] = level[part]
         settle(ground, self._angle_deg)

@@ -10,16 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.randomness import generator, unsigned_zeros
+from polarsim.randomness import generator, without_negative_zeros
 from polarsim.rover.drive.control import ReferencePath, Steering, SteeringLaw
 from polarsim.rover.drive.options import DriveOptions, Point
-from polarsim.rover.drive.state import EDGE, OffGridError, Start
+from polarsim.rover.drive.state import EDGE_MARGIN_M, OffGridError, Start
 from polarsim.rover.soil.law import Soil, read_soil
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import Vehicle, read_vehicle
 from polarsim.rover.world.dem import dem_world
 from polarsim.rover.world.options import WorldOptions
-from polarsim.rover.world.stitch import read_terrain, rough_world, stitch
+from polarsim.rover.world.stitch import read_terrain_meshes, rough_world, stitch
 from polarsim.rover.world.surface import World
 
 P_ONLY_GAIN_RAD_M = 1.0472  # steering angle per offset for control by offset only, as in the paper
@@ -35,7 +35,7 @@ SAMPLE = 0.1  # m between points of the path at which the wheel positions are ch
 
 
 @dataclass(frozen=True)
-class Job:
+class DriveJob:
     """All inputs of a drive."""
 
     world: World
@@ -50,7 +50,7 @@ class Job:
     def digest(self) -> str:
         """Return the digest of all inputs; a saved state with another digest is not resumed."""
         content = json.dumps(
-            unsigned_zeros(
+            without_negative_zeros(
                 [
                     *(part.model_dump(mode="json") for part in (self.vehicle, self.drive, self.physics, self.rocks)),
                     vars(self.soil),
@@ -64,11 +64,11 @@ class Job:
         around = self.world.around
         beyond = () if around is None else (around.x, around.y, around.level, around.vertices, around.triangles)
         for array in (self.world.level, self.world.vertices, self.world.triangles, *beyond):
-            digest.update(unsigned_zeros(np.ascontiguousarray(array)).tobytes())
+            digest.update(without_negative_zeros(np.ascontiguousarray(array)).tobytes())
         return digest.hexdigest()
 
 
-def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, seed: int) -> Job:
+def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, seed: int) -> DriveJob:
     """Return the drive that the options describe.
 
     Raises
@@ -76,9 +76,9 @@ def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: Drive
     PolarsimError
         Meshes, elevation model, soil or vehicle are missing or broken.
     """
-    terrains = [read_terrain(meshes / f"Terrain{number:02d}", number) for number in world.terrains]
+    terrains = [read_terrain_meshes(meshes / f"Terrain{number:02d}", number) for number in world.terrains]
     ground = dem_world(world, terrains, np.array(path_of(world, drive))) if world.dem else stitch(terrains, world)
-    return Job(
+    return DriveJob(
         rough_world(ground, drive.spread * GROUND_SD_M, seed),
         read_vehicle(drive.vehicle),
         read_soil(soil.table, soil.soil),
@@ -89,7 +89,7 @@ def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: Drive
     )
 
 
-def route_of(job: Job) -> ReferencePath:
+def route_of(job: DriveJob) -> ReferencePath:
     """Return the path of a job, see `path_of`."""
     return ReferencePath(np.array(path_of(job.rocks, job.drive)))
 
@@ -111,7 +111,7 @@ def require_on_grid(world: World, vehicle: Vehicle, route: ReferencePath) -> Non
     OffGridError
         A wheel would leave the grid; the message contains the position.
     """
-    reach = max(wheel.radius_m for wheel in vehicle.wheels) + vehicle.wheels[0].width_m / 2 + EDGE
+    reach = max(wheel.radius_m for wheel in vehicle.wheels) + vehicle.wheels[0].width_m / 2 + EDGE_MARGIN_M
     wheels = vehicle.wheel_centres[:, :2]
     for begin, heading, length in zip(route.points, route.headings, route.lengths, strict=False):
         step = np.array([math.cos(heading), math.sin(heading)])
@@ -137,7 +137,7 @@ def law_of(options: DriveOptions) -> SteeringLaw:
     )
 
 
-def start_of(job: Job, route: ReferencePath) -> Start:
+def start_of(job: DriveJob, route: ReferencePath) -> Start:
     """Return the path's first point, displaced and rotated by the seed."""
     heading = float(route.headings[0])
     bounds = job.drive.spread * np.array([ALONG_M, OFFSET_M, math.radians(HEADING_DEG)])

@@ -28,7 +28,7 @@ from polarsim.rover.soil.contact import (
     update_slips,
 )
 from polarsim.rover.soil.nodes import ORIGINAL, START
-from polarsim.rover.soil.shapes import HALF_WIDTH, RADIUS, window
+from polarsim.rover.soil.shapes import HALF_WIDTH, RADIUS, wheel_window
 
 WHEELS = 4
 FIRST_DOF, DOFS = 6, 3  # index of the first wheel joint, after the free joint, and joints per wheel: lift, steer, spin
@@ -233,7 +233,7 @@ def _update_tops(ground, bodies, tops, updated_at):  # type: ignore[no-untyped-d
             continue
         for axis in range(3):
             updated_at[wheel, axis], updated_at[wheel, 3 + axis] = centres[wheel, axis], rotations[wheel, axis, 1]
-        nodes = window(ground, shapes[wheel], centres[wheel], rotations[wheel])
+        nodes = wheel_window(ground, shapes[wheel], centres[wheel], rotations[wheel])
         tops[wheel] = highest_start(ground, nodes, 3) + CLEARANCE + LET_GO
 
 

@@ -10,14 +10,14 @@ import numpy as np
 
 from polarsim.errors import RoverError
 from polarsim.formats.npz import read_arrays
-from polarsim.provenance import identity, noting
+from polarsim.provenance import identity, store_identity
 from polarsim.rover.drive.control import Driver
 from polarsim.rover.drive.energy import EnergyError
-from polarsim.rover.drive.job import Job, job_of, law_of, require_on_grid, route_of, start_of
+from polarsim.rover.drive.job import DriveJob, job_of, law_of, require_on_grid, route_of, start_of
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.drive.state import OffGridError
-from polarsim.rover.drive.trace import COLUMNS, DRIVE, GroundChanges, Trace, trace_table, write_trace
+from polarsim.rover.drive.trace import COLUMNS, DRIVE, LevelChanges, Trace, trace_table, write_trace
 from polarsim.rover.soil.nodes import LEVEL
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import WHEELS
@@ -48,7 +48,7 @@ def run_drive(
     return drive_to_end(job_of(meshes=meshes, world=world, soil=soil, drive=drive, seed=seed), folder)
 
 
-def drive_to_end(job: Job, folder: Path, progress: Progress | None = None) -> Trace:
+def drive_to_end(job: DriveJob, folder: Path, progress: Progress | None = None) -> Trace:
     """Drive to the end, write the files and remove the saved state.
 
     Raises
@@ -56,7 +56,7 @@ def drive_to_end(job: Job, folder: Path, progress: Progress | None = None) -> Tr
     RoverError
         As `run_drive`.
     """
-    ride = Ride(job)
+    ride = RunningDrive(job)
     saved = folder / STATE
     if saved.exists():
         ride.resume(saved)
@@ -71,7 +71,7 @@ def drive_to_end(job: Job, folder: Path, progress: Progress | None = None) -> Tr
         if ride.ended is None:
             ride.save(saved)
     trace = ride.trace()
-    with noting(folder / DRIVE, identity_of(job)):
+    with store_identity(folder / DRIVE, identity_of(job)):
         write_trace(folder, trace)
         saved.unlink(missing_ok=True)
         if failure:
@@ -79,15 +79,15 @@ def drive_to_end(job: Job, folder: Path, progress: Progress | None = None) -> Tr
     return trace
 
 
-def identity_of(job: Job) -> str:
+def identity_of(job: DriveJob) -> str:
     """Return the digest of the job and the code of the drive."""
     return identity(__name__, (), job.digest())
 
 
-class Ride:
+class RunningDrive:
     """A running drive; by default the driver follows the job's path."""
 
-    def __init__(self, job: Job, driver: Driver | None = None) -> None:
+    def __init__(self, job: DriveJob, driver: Driver | None = None) -> None:
         self.job, options = job, job.drive
         self.route = route_of(job)
         require_on_grid(job.world, job.vehicle, self.route)
@@ -159,7 +159,7 @@ class Ride:
         self.driver.turning = bool(saved["ride"][3])
         driver = self.driver
         driver.offset, driver.heading_error, driver.done, driver.drift = (float(value) for value in saved["driver"])
-        tracks = GroundChanges(saved["frame_time"], saved["frame_start"], saved["frame_cell"], saved["frame_level"])
+        tracks = LevelChanges(saved["frame_time"], saved["frame_start"], saved["frame_cell"], saved["frame_level"])
         for frame, time in enumerate(tracks.time):
             part = slice(tracks.start[frame], tracks.start[frame + 1])
             self.frames.append((float(time), tracks.cell[part], tracks.level[part]))
@@ -264,9 +264,9 @@ def _steps(hz: float, dt: float) -> int:
     return steps
 
 
-def _tracks(frames: list[tuple[float, np.ndarray, np.ndarray]]) -> GroundChanges:
+def _tracks(frames: list[tuple[float, np.ndarray, np.ndarray]]) -> LevelChanges:
     counts = [len(cells) for _, cells, _ in frames]
-    return GroundChanges(
+    return LevelChanges(
         np.array([time for time, _, _ in frames]),
         np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
         np.concatenate([np.zeros(0, np.int32), *(cells for _, cells, _ in frames)]),

@@ -14,12 +14,12 @@ from polarsim.formats.npz import read_arrays, write_arrays
 from polarsim.rover.drive import energy
 from polarsim.rover.drive.control import MODES, Command, steer
 from polarsim.rover.drive.mjcf import compile_model, import_mujoco
-from polarsim.rover.drive.state import EDGE, OffGridError, Start, State, heading_of
+from polarsim.rover.drive.state import EDGE_MARGIN_M, OffGridError, RoverState, Start, heading_of
 from polarsim.rover.drive.trace import CONTACTS, WHEEL_COLUMNS
 from polarsim.rover.soil.bulldozing import EVERY_S, Bulldozing
 from polarsim.rover.soil.contact import Loads
 from polarsim.rover.soil.law import Soil
-from polarsim.rover.soil.nodes import make_ground
+from polarsim.rover.soil.nodes import make_soil_ground
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.soil.shapes import Bodies, Wheel
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
@@ -72,7 +72,7 @@ class Simulation:
         # Numbers of the rocks with collision geometry, and the maximum distance of this geometry from the meshes.
         self.rocks = np.array(list(dict.fromkeys(part.rock for part in parts)), int)
         self.rock_deviation_m = max((part.deviation_m for part in parts), default=0.0)
-        self.ground = make_ground(world.level, world.cell, world.x0, world.y0, under_rocks(world))
+        self.ground = make_soil_ground(world.level, world.cell, world.x0, world.y0, under_rocks(world))
         self.model = compile_model(vehicle, parts, self.options.gravity_m_s2, self.options.step_s)
         self.data = self._mujoco.MjData(self.model)
         self._wire()
@@ -145,10 +145,10 @@ class Simulation:
         if self.guarded:
             energy.require_closed(self.account, self.time)
 
-    def state(self) -> State:
+    def state(self) -> RoverState:
         """Return the current state."""
         data, position = self.data, self.data.qpos
-        return State(
+        return RoverState(
             time=self.time,
             position=position[:3].copy(),
             rotation=position[3:7].copy(),
@@ -266,7 +266,7 @@ class Simulation:
         self._radii = np.array([wheel.radius_m for wheel in vehicle.wheels])
         self._wheels_xy = [(x, y) for x, y, _ in vehicle.wheel_centres.tolist()]
         self._steer_limit = math.radians(vehicle.steering.limit_deg)
-        ground, reach = self.ground, self._reach + EDGE
+        ground, reach = self.ground, self._reach + EDGE_MARGIN_M
         self._inside = (ground.x0 + reach, ground.y0 + reach, ground.x[-1] - reach, ground.y[-1] - reach)
 
     def _run(self, steps: int) -> None:

@@ -11,7 +11,7 @@ from polarsim.errors import RoverError
 from polarsim.rover.drive.control import Command
 from polarsim.rover.drive.trace import BODY_COLUMNS, COLUMNS, WHEEL_COLUMNS
 
-EDGE = 0.05  # minimum distance of wheels from the edge of the ground, m
+EDGE_MARGIN_M = 0.05  # minimum distance of wheels from the edge of the ground, m
 
 
 class OffGridError(RoverError):
@@ -28,7 +28,7 @@ class Start:
 
 
 @dataclass(frozen=True)
-class State:
+class RoverState:
     """State of a rover at a time; arrays of wheels are in the order of `WHEELS`."""
 
     time: float  # s
@@ -87,7 +87,7 @@ def tilt_of(rotation: np.ndarray) -> tuple[float, float]:
     return math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)), math.asin(np.clip(2 * (w * y - z * x), -1, 1))
 
 
-def upside_down(rotation: np.ndarray) -> bool:
+def is_upside_down(rotation: np.ndarray) -> bool:
     """Return whether base_link's z axis points downwards, for a quaternion w x y z."""
     _, x, y, _ = rotation
     return bool(1 - 2 * (x * x + y * y) < 0)

@@ -19,7 +19,7 @@ from polarsim.rover.vehicle.table import WHEELS
 from polarsim.schemas.rover import DRIVES, EVERY_DRIVE
 
 WHOLE = "all"  # value of `wheel` for metrics of the rover
-MOVING = 0.02  # m/s: rows at lower speed are excluded from slip
+MIN_SPEED_M_S = 0.02  # m/s: rows at lower speed are excluded from slip
 
 
 def summarise_drives(folders: Sequence[Path], each: Path, together: Path) -> None:
@@ -52,7 +52,7 @@ def wheel_metrics(trace: Trace) -> pd.DataFrame:
     """
     table = trace.table
     speed = np.hypot(table["vx_m_s"], table["vy_m_s"])
-    moving = table[(speed > MOVING) | (table["command_speed_m_s"].abs() > MOVING)]
+    moving = table[(speed > MIN_SPEED_M_S) | (table["command_speed_m_s"].abs() > MIN_SPEED_M_S)]
     account, driven = trace.drive["energy_j"], max(float(trace.drive["along_m"]), 1e-9)
     rows: list[tuple[str, str, str, float]] = []
     on_rock = np.zeros(len(moving), bool)

@@ -37,7 +37,7 @@ TRACE, TRACKS, DRIVE, WORLD = "trace.parquet", "tracks.npz", "drive.json", "worl
 
 
 @dataclass(frozen=True)
-class GroundChanges:
+class LevelChanges:
     """Changes of the ground by frame: cells that changed since the last frame, and their new levels."""
 
     time: np.ndarray  # (F,) s
@@ -57,7 +57,7 @@ class Trace:
 
     table: pd.DataFrame  # `COLUMNS`
     world: World
-    tracks: GroundChanges
+    tracks: LevelChanges
     drive: dict[str, Any] = field(default_factory=dict)  # drive.json
 
     def pose_at(self, time_s: float, wheel: str | None = None) -> Pose:
@@ -122,7 +122,7 @@ def read_trace(folder: str | Path) -> Trace:
     if len(table) < 2:
         raise FormatError(f"{len(table)} rows, a drive has at least two", path=folder / TRACE)
     arrays = read_arrays(folder / TRACKS, ("time_s", "start", "cell", "level_m"))
-    tracks = GroundChanges(arrays["time_s"], arrays["start"], arrays["cell"], arrays["level_m"])
+    tracks = LevelChanges(arrays["time_s"], arrays["start"], arrays["cell"], arrays["level_m"])
     if len(tracks.start) != len(tracks.time) + 1 or (len(tracks.cell) and tracks.cell.max() >= world.level.size):
         raise FormatError(f"cells do not belong to the ground of {world.level.shape} nodes", path=folder / TRACKS)
     return Trace(table, world, tracks, read_json(folder / DRIVE))

@@ -17,13 +17,13 @@ from polarsim.formats import bags, ros
 from polarsim.formats.files import writing
 from polarsim.formats.ros import Message, Stamped
 from polarsim.geometry.poses import Pose
-from polarsim.provenance import identity, is_current, noting
+from polarsim.provenance import identity, is_current, store_identity
 from polarsim.randomness import generator
 from polarsim.rover.drive.trace import TRACE, TRACKS, WORLD, Trace, read_trace
 from polarsim.rover.export import messages
 from polarsim.rover.export.bag_pictures import PictureTopics, stamp_ns
 from polarsim.rover.export.options import BagOptions
-from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of
+from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of_quaternion
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
 
 STATE_HZ, IMU_HZ = 50.0, 100.0  # messages per second
@@ -49,7 +49,7 @@ def write_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, se
     ]
     streams += PictureTopics(folder, vehicle, options).streams()
     with writing(out) as temporary:
-        return bags.write(temporary, streams)
+        return bags.write_mcap_bag(temporary, streams)
 
 
 def write_bag_if_stale(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, seed: int = 0) -> bool:
@@ -66,7 +66,7 @@ def write_bag_if_stale(folder: Path, out: Path, vehicle: Vehicle, options: BagOp
     made_with = identity(__name__, files, vehicle.model_dump_json(), options.model_dump_json(), str(seed), *places)
     if is_current(out, made_with):
         return False
-    with noting(out, made_with):
+    with store_identity(out, made_with):
         write_bag(folder, out, vehicle, options, seed)
     return True
 
@@ -101,7 +101,12 @@ def _states(trace: Trace, vehicle: Vehicle) -> Iterator[Stamped]:
         yield time_ns, "/tf", "tf2_msgs/msg/TFMessage", {"transforms": _moving(time_ns, base, row, vehicle)}
         velocity = np.array([row[name] for name in ("vx_m_s", "vy_m_s", "vz_m_s")])
         angular_velocity = np.array([row[name] for name in ("wx_rad_s", "wy_rad_s", "wz_rad_s")])
-        yield time_ns, "/odom", "nav_msgs/msg/Odometry", messages.odometry(time_ns, base, velocity, angular_velocity)
+        yield (
+            time_ns,
+            "/odom",
+            "nav_msgs/msg/Odometry",
+            messages.odometry_message(time_ns, base, velocity, angular_velocity),
+        )
         joints = messages.joint_state(time_ns, [row[n] for n in order], [rates[n][index] for n in order])
         yield time_ns, "/joint_states", "sensor_msgs/msg/JointState", joints
         yield time_ns, "/wheels/state", "polarsim_msgs/msg/WheelStates", messages.wheel_states(time_ns, row)
@@ -157,7 +162,7 @@ def _heights(trace: Trace, options: BagOptions) -> Iterator[Stamped]:
 
 def _base(row: dict[str, Any]) -> Pose:
     position = np.array([row[name] for name in ("x_m", "y_m", "z_m")])
-    return pose_of(position, np.array([row[name] for name in ("qw", "qx", "qy", "qz")]))
+    return pose_of_quaternion(position, np.array([row[name] for name in ("qw", "qx", "qy", "qz")]))
 
 
 def _joint_columns(names: tuple[str, ...]) -> list[str]:

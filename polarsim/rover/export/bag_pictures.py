@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.errors import FormatError, about
+from polarsim.errors import FormatError, with_path
 from polarsim.formats import png, ros, tables
 from polarsim.formats.ros import Stamped
 from polarsim.geometry.lens import Lens
 from polarsim.rover.cameras.layout import DETECTION_COLUMNS, POSE_COLUMNS, TRUTH_COLUMNS, picture_set
 from polarsim.rover.export.options import BagOptions
-from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of
+from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of_quaternion
 from polarsim.rover.vehicle.table import CameraPart, Vehicle
 
 START_S = 1  # stamp of a drive's start, since tf2 reads 0 as `the latest`
@@ -59,7 +59,7 @@ class PictureTopics:
                 continue
             time_ns = stamp_ns(float(pose["time_s"]))
             content = picture.read_bytes()
-            lens = lens or lens_of(camera, content, picture)
+            lens = lens or picture_lens(camera, content, picture)
             if camera.name in FOLLOWING:
                 yield time_ns, "/tf", "tf2_msgs/msg/TFMessage", {"transforms": [_following(time_ns, frame, pose)]}
             info = ros.camera_info(time_ns, frame, lens)
@@ -78,7 +78,7 @@ def stamp_ns(time_s: float) -> int:
     return START_S * 1_000_000_000 + round(time_s * 1e9)
 
 
-def lens_of(camera: CameraPart, content: bytes, path: Path) -> Lens:
+def picture_lens(camera: CameraPart, content: bytes, path: Path) -> Lens:
     """Return the lens of pictures, which may be smaller than the camera's size.
 
     Raises
@@ -86,7 +86,7 @@ def lens_of(camera: CameraPart, content: bytes, path: Path) -> Lens:
     FormatError
         The file is no PNG or has another aspect ratio than the camera.
     """
-    with about(path):
+    with with_path(path):
         header = png.parse_header(content)
     lens = mount_of(camera, header.width / camera.width_px).lens
     if (lens.width, lens.height) != (header.width, header.height):
@@ -101,7 +101,7 @@ def _following(time_ns: int, frame: str, row: dict[str, Any]) -> ros.Message:
     """Return the transform of a camera that follows the rover and has no link."""
     position = np.array([row[name] for name in ("x_m", "y_m", "z_m")])
     quaternion = np.array([row[name] for name in ("qw", "qx", "qy", "qz")])
-    return ros.transform(time_ns, "map", frame, pose_of(position, quaternion))
+    return ros.transform(time_ns, "map", frame, pose_of_quaternion(position, quaternion))
 
 
 def _by_frame(path: Path, columns: tuple[str, ...]) -> dict[int, list[dict[str, Any]]] | None:

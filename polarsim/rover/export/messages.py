@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.formats.ros import Message, header, pose, quaternion, vector
+from polarsim.formats.ros import Message, header, pose, ros_quaternion, vector
 from polarsim.geometry.poses import Pose
 from polarsim.rover.drive.trace import CONTACTS
 from polarsim.rover.vehicle.table import WHEELS
@@ -21,7 +21,9 @@ JOINTS = tuple(f"{code}_{joint}" for code in WHEELS for joint in ("lift", "steer
 _UNMEASURED = (-1.0, *[0.0] * 8)  # covariance of an orientation that an IMU does not measure (REP 145)
 
 
-def odometry(time_ns: int, world_from_base: Pose, velocity: np.ndarray, angular_velocity: np.ndarray) -> Message:
+def odometry_message(
+    time_ns: int, world_from_base: Pose, velocity: np.ndarray, angular_velocity: np.ndarray
+) -> Message:
     """Return nav_msgs/Odometry: the true pose in `odom`.
 
     `velocity` (3,) is in the world frame, `angular_velocity` (3,) in the base frame.
@@ -61,7 +63,7 @@ def imu(
     """
     return {
         "header": header(time_ns, "base_link"),
-        "orientation": quaternion(np.eye(3) if rotation is None else rotation),
+        "orientation": ros_quaternion(np.eye(3) if rotation is None else rotation),
         "orientation_covariance": list(_UNMEASURED) if rotation is None else [0.0] * 9,
         "angular_velocity": vector(angular_velocity),
         "angular_velocity_covariance": (np.eye(3) * sd[1] ** 2).ravel().tolist(),

@@ -22,7 +22,7 @@ from polarsim.formats import png, tables
 from polarsim.formats.files import writing
 from polarsim.photo import BLACK_LEVEL, COLOURS, WHITE_LEVEL
 from polarsim.progress import track
-from polarsim.provenance import identity, is_current, noting
+from polarsim.provenance import identity, is_current, store_identity
 from polarsim.render.options import Model
 from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, picture_folder, require_pictures
 from polarsim.rover.cameras.options import CameraSuiteOptions
@@ -43,7 +43,9 @@ def video_name(view: str, sun: str, model: Model, exposure_ms: float) -> str:
     return f"{view}_{sun}_{_BRDF.get(model, model)}_{exposure_name(exposure_ms)}.webm"
 
 
-def make_videos(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, seed: int, threads: int = 1) -> int:
+def write_missing_videos(
+    folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, seed: int, threads: int = 1
+) -> int:
     """Write missing videos of a drive's pictures into `videos/` and return the number of written videos.
 
     `threads`: number of videos encoded in parallel. Does not affect the output.
@@ -83,7 +85,7 @@ def _make(
     made_with = identity(__name__, paths, str(rate), content, str(confidence))
     if is_current(video, made_with):
         return 0
-    with noting(video, made_with):
+    with store_identity(video, made_with):
         write_video(video, _shown(paths, frames, boxes, confidence), rate)
     return 1
 
@@ -143,7 +145,7 @@ def _priority_kept() -> Iterator[None]:
                 os.sched_setscheduler(int(thread.name), policy, parameters)
 
 
-def shown(pixels: np.ndarray) -> np.ndarray:
+def to_8_bit_rgb(pixels: np.ndarray) -> np.ndarray:
     """Return (h, w, 3) uint8 of a 12-bit picture (h, w): full range, gamma 2.2, the same for all frames."""
     return to_8bit(pixels, WHITE_LEVEL - BLACK_LEVEL)
 
@@ -165,7 +167,7 @@ def with_boxes(picture: np.ndarray, boxes: pd.DataFrame) -> np.ndarray:
 
 def _shown(paths: list[Path], frames: list[int], boxes: pd.DataFrame | None, confidence: float) -> Iterator[np.ndarray]:
     for path, frame in zip(paths, frames, strict=True):
-        picture = shown(png.read(path))
+        picture = to_8_bit_rgb(png.read_png(path))
         if boxes is not None:
             selected = boxes[(boxes["frame"] == frame) & (boxes["confidence"] >= confidence)]
             picture = with_boxes(picture, selected[["kind", "confidence", *BOX]])

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from polarsim.rover.drive.simulation import Simulation
-from polarsim.rover.drive.state import State
+from polarsim.rover.drive.state import RoverState
 from polarsim.rover.drive.trace import trace_table
-from polarsim.rover.planning.touches import REACH_M, body_touch, surface_points
+from polarsim.rover.planning.touches import REACH_M, body_touch, rock_surface_points
 from polarsim.schemas.rover import HIGH_M
 
 
@@ -23,7 +23,7 @@ class Collisions:
         self._points: dict[int, np.ndarray] = {}  # of rocks near the rover's path
         self.touched: frozenset[int] = frozenset()
 
-    def update(self, state: State) -> frozenset[int]:
+    def update(self, state: RoverState) -> frozenset[int]:
         """Return the numbers of the rocks touched since the last call and not at the last call.
 
         Wheel contacts include all physics steps since the last call; body contacts are computed for the current state.
@@ -36,8 +36,8 @@ class Collisions:
         new, self.touched = touched - self.touched, touched
         return new
 
-    def _touches_body(self, rock: int, state: State) -> bool:
+    def _touches_body(self, rock: int, state: RoverState) -> bool:
         if rock not in self._points:
-            self._points[rock] = surface_points(self._simulation.world, rock)
+            self._points[rock] = rock_surface_points(self._simulation.world, rock)
         table = trace_table(state.row(0.0, 0.0))
         return bool(body_touch(table, self._simulation.vehicle, self._points[rock], np.zeros(1, int)))

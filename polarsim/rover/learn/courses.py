@@ -7,7 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Protocol
 
-from polarsim.rover.drive.job import GROUND_SD_M, Job
+from polarsim.rover.drive.job import GROUND_SD_M, DriveJob
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.planning.drive import autonomous_job, job_for
 from polarsim.rover.planning.options import AutonomyOptions
@@ -33,7 +33,7 @@ class Course(Protocol):
         """Rover of the course."""
         ...
 
-    def job(self, seed: int) -> Job:
+    def job(self, seed: int) -> DriveJob:
         """Return world, rover, soil and straight line of a seed."""
         ...
 
@@ -56,7 +56,7 @@ class PracticeCourse(_VehicleCourse):
     drive: DriveOptions = DRIVE
     soil: SoilOptions = SOIL
 
-    def job(self, seed: int) -> Job:
+    def job(self, seed: int) -> DriveJob:
         return _along(practice_world(self.ground, seed), self.vehicle, self.drive, self.soil, seed)
 
 
@@ -68,7 +68,7 @@ class WorldCourse(_VehicleCourse):
     drive: DriveOptions = DRIVE
     soil: SoilOptions = SOIL
 
-    def job(self, seed: int) -> Job:
+    def job(self, seed: int) -> DriveJob:
         return _along(self.world, self.vehicle, self.drive, self.soil, seed)
 
 
@@ -88,22 +88,22 @@ class TerrainCourse(_VehicleCourse):
     soil: SoilOptions = SOIL
     options: AutonomyOptions = AUTONOMY_DEFAULTS
 
-    def job(self, seed: int) -> Job:
+    def job(self, seed: int) -> DriveJob:
         world = rough_world(self._bare.world, self.drive.spread * GROUND_SD_M, seed)
         drive = self._bare.drive.model_copy(update={"spread": self.drive.spread})
         return replace(self._bare, world=world, drive=drive, seed=seed)
 
     @cached_property
-    def _bare(self) -> Job:
+    def _bare(self) -> DriveJob:
         """Job without noise of the ground; meshes are read once."""
         drive = self.drive.model_copy(update={"spread": 0.0})
         job = job_for(meshes=self.meshes, world=self.world, soil=self.soil, drive=drive, options=self.options, seed=0)
         return autonomous_job(job, self.options)
 
 
-def _along(world: World, vehicle: Vehicle, drive: DriveOptions, soil: SoilOptions, seed: int) -> Job:
+def _along(world: World, vehicle: Vehicle, drive: DriveOptions, soil: SoilOptions, seed: int) -> DriveJob:
     """Return a job along the centre of a world from east to west, or along the path of the drive options."""
     y = float(world.y.mean())
     line = drive.path_m or ((float(world.x[-1]) - _MARGIN_M, y), (float(world.x[0]) + _MARGIN_M, y))
     drive = drive.model_copy(update={"path_m": (line[0], line[-1])})
-    return Job(world, vehicle, read_soil(soil.table, soil.soil), drive, soil, WorldOptions(), seed)
+    return DriveJob(world, vehicle, read_soil(soil.table, soil.soil), drive, soil, WorldOptions(), seed)

@@ -20,17 +20,17 @@ from gymnasium import spaces
 from polarsim.detect.tone import to_8_bits
 from polarsim.errors import RoverError
 from polarsim.render.options import RenderOptions
-from polarsim.rover.cameras.options import NIGHT, SUN_AZIMUTHS_DEG, CameraSuiteOptions, Light
+from polarsim.rover.cameras.options import NIGHT, SUN_AZIMUTHS_DEG, CameraSuiteOptions, ImagingCondition
 from polarsim.rover.cameras.rover_camera import RoverCamera, near_path
 from polarsim.rover.drive.control import Command, ReferencePath
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.job import start_of
 from polarsim.rover.drive.simulation import Simulation
-from polarsim.rover.drive.state import OffGridError, State, require_finite, upside_down
+from polarsim.rover.drive.state import OffGridError, RoverState, is_upside_down, require_finite
 from polarsim.rover.drive.trace import CONTACTS
 from polarsim.rover.learn.collisions import Collisions
 from polarsim.rover.learn.courses import Course, PracticeCourse
-from polarsim.rover.learn.observation import STATE, crop, numbers
+from polarsim.rover.learn.observation import STATE, crop, observation_values
 from polarsim.rover.learn.options import TaskOptions
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.observation import Perception
@@ -183,7 +183,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         else:  # after a failure the last state and energy are kept, since those of the failed step may be NaN
             self._state, self._energy = simulation.state(), simulation.account.motor
         state, unknown = self._state, bool(ended)
-        if not ended and upside_down(state.rotation):
+        if not ended and is_upside_down(state.rotation):
             ended = "upside down"
         failed = bool(ended)
         new = () if failed else self._collisions.update(state)
@@ -211,7 +211,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             return None
         return np.repeat(self._picture(self._state), 3, axis=2)
 
-    def _lit(self, given: dict[str, Any]) -> Light:
+    def _lit(self, given: dict[str, Any]) -> ImagingCondition:
         """Return the light of an episode: a Sun, an exposure and lights; missing values are drawn at random."""
         unknown = set(given) - set(LIGHT)
         if unknown:
@@ -227,9 +227,9 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         exposure_ms = chosen["exposure_ms"]
         if exposure_ms != AUTO and not (isinstance(exposure_ms, int | float) and exposure_ms > 0):
             raise RoverError(f"reset option exposure_ms: {exposure_ms!r}, expected a number above 0 or {AUTO!r}")
-        return Light(chosen["sun"], chosen["exposure_ms"], tuple(chosen["lights"]), cameras.models[0])
+        return ImagingCondition(chosen["sun"], chosen["exposure_ms"], tuple(chosen["lights"]), cameras.models[0])
 
-    def _observe(self, state: State) -> None:
+    def _observe(self, state: RoverState) -> None:
         """Update the map if an observation is due."""
         now = self.simulation.time
         if now < self._next_observation - 1e-9:
@@ -242,19 +242,19 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         for update in self._perception.observe(state, self.simulation.ground.level, self.map).updates:
             self.map.add(update)
 
-    def _along(self, state: State) -> float:
+    def _along(self, state: RoverState) -> float:
         return self.line.beside(float(state.position[0]), float(state.position[1]), 0)[0]
 
-    def _observation(self, state: State) -> dict[str, np.ndarray]:
+    def _observation(self, state: RoverState) -> dict[str, np.ndarray]:
         observation = {
             "hazards": crop(self.map, state, self.task.crop),
-            "state": numbers(state, self.line, self.simulation.time - self._observed_at),
+            "state": observation_values(state, self.line, self.simulation.time - self._observed_at),
         }
         if self._image:
             observation["image"] = self._picture(state)
         return observation
 
-    def _picture(self, state: State) -> np.ndarray:
+    def _picture(self, state: RoverState) -> np.ndarray:
         """Return the picture of the front camera as (h, w, 1) uint8, with the cells of the world."""
         assert self._camera is not None
         base, name = (
@@ -264,7 +264,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         grey, _ = self._camera.picture(mount_of(self.vehicle.camera(FRONT), _PICTURE_SCALE).at(base), self.light, *name)
         return to_8_bits(grey)[..., None]
 
-    def _info(self, state: State) -> dict[str, Any]:
+    def _info(self, state: RoverState) -> dict[str, Any]:
         return {
             "along_m": self._along(state),
             "energy_j": self._energy,

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from polarsim.rover.drive.control import ReferencePath, wrapped
-from polarsim.rover.drive.state import State, tilt_of
+from polarsim.rover.drive.state import RoverState, tilt_of
 from polarsim.rover.learn.options import CropOptions
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.vehicle.table import WHEELS
@@ -29,7 +29,7 @@ STATE: dict[str, float] = {
 }  # fmt: skip
 
 
-def crop(grid: HazardGrid, state: State, options: CropOptions) -> np.ndarray:
+def crop(grid: HazardGrid, state: RoverState, options: CropOptions) -> np.ndarray:
     """Return (3, n, n) uint8 of the map's nearest cells; points outside the map are full-scale rock."""
     cell = grid.cell_m
     ahead = options.ahead_m - cell * (np.arange(options.cells) + 0.5)
@@ -45,7 +45,7 @@ def crop(grid: HazardGrid, state: State, options: CropOptions) -> np.ndarray:
     return np.rint(255 * np.clip(crops, 0.0, 1.0)).astype(np.uint8)
 
 
-def numbers(state: State, line: ReferencePath, look_age_s: float) -> np.ndarray:
+def observation_values(state: RoverState, line: ReferencePath, look_age_s: float) -> np.ndarray:
     """Return (len(STATE),) float32 for a state and a straight line."""
     x, y, heading = float(state.position[0]), float(state.position[1]), state.heading
     along, offset = line.beside(x, y, 0)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.casters import caster
+from polarsim.geometry.casters import make_caster
 from polarsim.rover.perception.ground_view import Estimate
 from polarsim.rover.world.surface import World
 
@@ -63,7 +63,7 @@ def true_surface(world: World, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray
     distance = np.full(x.size, np.inf)
     if len(world.triangles):
         origins = np.stack([x.ravel(), y.ravel(), np.full(x.size, top)], axis=1)
-        distance, _ = caster(world.vertices, world.triangles).nearest(origins, np.tile([0.0, 0, -1], (x.size, 1)))
+        distance, _ = make_caster(world.vertices, world.triangles).nearest(origins, np.tile([0.0, 0, -1], (x.size, 1)))
     return ground, top - np.reshape(distance, x.shape)
 
 

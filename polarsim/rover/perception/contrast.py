@@ -11,7 +11,7 @@ WHITE = 255
 MIN_CONTRAST = 0.06
 
 
-def has_contrast(picture: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+def boxes_with_contrast(picture: np.ndarray, boxes: np.ndarray) -> np.ndarray:
     """Return (n,) bool: boxes with a contrast of at least `MIN_CONTRAST` in the picture, margin included.
 
     Contrast is the difference of bright (98 %) and dark pixels (2 %), as a share of white.

@@ -14,14 +14,14 @@ import numpy as np
 import pandas as pd
 
 from polarsim.detect import detectors, tone
-from polarsim.detect.frame import widest_look
-from polarsim.detect.inference_widths import ClassSizes
-from polarsim.detect.predict import detect, sizes_of
-from polarsim.errors import about
+from polarsim.detect.frame import max_inference_width
+from polarsim.detect.inference_widths import ClassInferenceWidths
+from polarsim.detect.predict import inference_widths_of, predict_images
+from polarsim.errors import with_path
 from polarsim.formats import png
 from polarsim.formats.table_parts import write_in_parts
 from polarsim.photo import BOX_CLASSES, ROCK
-from polarsim.provenance import identity, is_current, noting
+from polarsim.provenance import identity, is_current, store_identity
 from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, picture_folder, require_pictures
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
@@ -45,10 +45,10 @@ class FrontCameraDetector:
             The detector cannot be read.
         """
         detector = detectors.read_detector(applied.weights)
-        with about(applied.weights):
+        with with_path(applied.weights):
             self._loaded = detectors.load_detector(detector, Path.cwd(), applied.prediction, threads)
-        sizes = sizes_of(detector, applied.prediction).within(widest_look(width))
-        self._sizes = ClassSizes.same(sizes.by_class[BOX_CLASSES.index(ROCK)]) if rocks_only else sizes
+        sizes = inference_widths_of(detector, applied.prediction).within(max_inference_width(width))
+        self._sizes = ClassInferenceWidths.same(sizes.by_class[BOX_CLASSES.index(ROCK)]) if rocks_only else sizes
         self._applied = applied
 
     def detect(self, pictures: Sequence[np.ndarray]) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -56,7 +56,7 @@ class FrontCameraDetector:
         small = [tone.shrink(grey, max(self._sizes.widths)) for grey in pictures]
         eights = [tone.to_8_bits(each) for each in small]
         full = pictures[0].shape[1], pictures[0].shape[0]
-        return eights, list(detect(self._loaded, eights, self._sizes, self._applied.prediction.nms_iou, full))
+        return eights, list(predict_images(self._loaded, eights, self._sizes, self._applied.prediction.nms_iou, full))
 
 
 def detect_drive(
@@ -85,7 +85,7 @@ def detect_drive(
         if is_current(pictures / "detections.parquet", made_with):
             continue
         detector = detector or FrontCameraDetector(onboard, suite.mounts[FRONT].lens.width, threads)
-        with noting(pictures / "detections.parquet", made_with):
+        with store_identity(pictures / "detections.parquet", made_with):
             _write_detections(pictures, paths, detector, made_with)
 
 
@@ -93,7 +93,7 @@ def _write_detections(pictures: Path, paths: dict[str, Path], detector: FrontCam
     def rows_of(names: Sequence[str]) -> pd.DataFrame:
         rows: list[tuple[Any, ...]] = []
         for group in (names[n : n + _BATCH] for n in range(0, len(names), _BATCH)):
-            _, results = detector.detect([png.read(paths[name]) for name in group])
+            _, results = detector.detect([png.read_png(paths[name]) for name in group])
             for name, result in zip(group, results, strict=True):
                 rows += [(int(name), BOX_CLASSES[int(r[5])], r[4], *r[:4]) for r in result]
         return detection_table(rows)

@@ -7,17 +7,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from polarsim.detect import detectors, tone
-from polarsim.detect.dataset import entry_of, write_dataset
+from polarsim.detect.dataset import image_entry, write_yolo_dataset
 from polarsim.detect.options import PredictionOptions, TrainingOptions
 from polarsim.detect.split import TRAIN, VAL
 from polarsim.detect.train import train_detector
 from polarsim.detect.training_windows import draw_windows, make_folders, write_window
-from polarsim.errors import RoverError, about
+from polarsim.errors import RoverError, with_path
 from polarsim.formats import png, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.randomness import generator
 from polarsim.rover.cameras.layout import labels_folder
-from polarsim.rover.perception.contrast import has_contrast
+from polarsim.rover.perception.contrast import boxes_with_contrast
 from polarsim.rover.perception.options import DriveTuningOptions
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.run_files.picture_sets import PictureSet
@@ -56,19 +56,19 @@ def make_drive_dataset(*, dataset: Path, options: DriveTuningOptions) -> None:
         make_folders(raw)
         for picture in _all_pictures(options):
             part = VAL if random.random() < _VAL_SHARE else TRAIN
-            with about(picture.path):
-                eight = tone.to_8_bits(png.read(picture.path))
+            with with_path(picture.path):
+                eight = tone.to_8_bits(png.read_png(picture.path))
             classes, boxes = yolo.read_boxes(picture.labels, eight.shape[::-1])
-            kept = has_contrast(eight, boxes)
+            kept = boxes_with_contrast(eight, boxes)
             numbers = range(count, count + options.windows)
             drawn = draw_windows(eight, classes[kept], boxes[kept], numbers, _WINDOW_PX, _WIDEST_PX, random)
             for number, window in zip(numbers, drawn, strict=True):
                 name = f"{picture.name}_w{number - count}"
                 write_window(raw, name, window)
-                entries.append(entry_of(raw, name, part))
+                entries.append(image_entry(raw, name, part))
             count += options.windows
         facts = {"drives": [drive.as_posix() for drive in options.drives]}
-        write_dataset(DOMAIN, dataset, entries, folder, facts, needed=(TRAIN, VAL))
+        write_yolo_dataset(DOMAIN, dataset, entries, folder, facts, needed=(TRAIN, VAL))
 
 
 def fine_tune(
@@ -129,7 +129,7 @@ def _pictures(drive: Path, every: int) -> Iterator[DrivePicture]:
     if not sets:
         raise RoverError(f"no pictures of {FRONT}", path=drive)
     for folder in sets:
-        with about(folder):
+        with with_path(folder):
             named = PictureSet.parse(folder.name)
         for path in sorted(folder.glob("*.png"))[::every]:
             labels = labels_folder(drive, FRONT, named.sun) / f"{path.stem}.txt"

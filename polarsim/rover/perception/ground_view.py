@@ -15,7 +15,7 @@ import numpy as np
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 
-Heights = Callable[[np.ndarray, np.ndarray], np.ndarray]  # height of the ground, m, at world x and y, m
+HeightFunction = Callable[[np.ndarray, np.ndarray], np.ndarray]  # height of the ground, m, at world x and y, m
 _LEAST_FALL = 0.02  # minimum fall of a ray per metre; flatter rays reach the ground too far away
 _ROUNDS = 12  # iterations along a ray; each multiplies the error by the ground's slope divided by the ray's fall
 
@@ -30,7 +30,7 @@ class Estimate:
     height: np.ndarray  # (n,) not negative
 
 
-def plane_under(world_from_base: Pose, ground_m: float) -> Heights:
+def plane_under(world_from_base: Pose, ground_m: float) -> HeightFunction:
     """Return the plane at height `ground_m` of base_link."""
     foot, up = world_from_base.apply(np.array([0.0, 0, ground_m])), world_from_base.rotation[:, 2]
 
@@ -40,13 +40,13 @@ def plane_under(world_from_base: Pose, ground_m: float) -> Heights:
     return heights
 
 
-def estimate(boxes: np.ndarray, camera: Camera, ground: Heights) -> Estimate:
+def estimate(boxes: np.ndarray, camera: Camera, ground: HeightFunction) -> Estimate:
     """Estimate the rocks of boxes (n, 4); NaN if the ray of the lower side does not reach the ground."""
     boxes = np.asarray(boxes, float).reshape(-1, 4)
     left, top, right, bottom = boxes.T
     eye = camera.centre
     lower = np.stack([(left + right) / 2, bottom], axis=1)
-    near = on_ground(lower, camera, ground)
+    near = intersect_ground(lower, camera, ground)
     depth = camera.world_from_camera.inverse().apply(near)[:, 2]
     width = (right - left) / camera.lens.fx * depth
     ahead = near[:, :2] - eye[:2]
@@ -59,7 +59,7 @@ def estimate(boxes: np.ndarray, camera: Camera, ground: Heights) -> Estimate:
     return Estimate(near[:, :2], centre, width, np.maximum(height, 0))
 
 
-def on_ground(pixels: np.ndarray, camera: Camera, ground: Heights) -> np.ndarray:
+def intersect_ground(pixels: np.ndarray, camera: Camera, ground: HeightFunction) -> np.ndarray:
     """Return (n, 3) intersections of rays through pixels (n, 2) with the ground; NaN if there is none."""
     rays, eye = camera.directions(pixels), camera.centre
     falls = -rays[:, 2] > _LEAST_FALL * np.hypot(rays[:, 0], rays[:, 1])

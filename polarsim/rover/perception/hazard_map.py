@@ -33,7 +33,7 @@ _LEAST_SHARE = 0.5  # minimum visible share of a cell
 
 
 @dataclass(frozen=True)
-class Grid:
+class MapGrid:
     """Points (rows, columns) at the centres of the parts of cells, metres."""
 
     x: np.ndarray  # (columns,)
@@ -57,17 +57,17 @@ class HazardMap:
     height: np.ndarray
 
 
-def grid_over(world: World) -> Grid:
+def grid_over(world: World) -> MapGrid:
     """Return the cells that are completely inside a world's ground."""
     step = CELL_M / _PARTS
     x, y = (
         start + step * (np.arange(int((end - start) / CELL_M) * _PARTS) + 0.5)
         for start, end in ((world.x[0], world.x[-1]), (world.y[0], world.y[-1]))
     )
-    return Grid(x, y)
+    return MapGrid(x, y)
 
 
-def true_map(world: World, grid: Grid) -> HazardMap:
+def true_map(world: World, grid: MapGrid) -> HazardMap:
     """Return the map of the rocks' triangles; heights are above the ground below."""
     x, y = np.meshgrid(grid.x, grid.y)
     ground, rock = true_surface(world, x, y)
@@ -75,7 +75,7 @@ def true_map(world: World, grid: Grid) -> HazardMap:
     return _cells(grid, height > 0, np.maximum(height, 0), np.ones(x.shape, bool))
 
 
-def map_from_boxes(detections: pd.DataFrame, ride: FrontCameraDrive, grid: Grid, confidence: float) -> HazardMap:
+def map_from_boxes(detections: pd.DataFrame, ride: FrontCameraDrive, grid: MapGrid, confidence: float) -> HazardMap:
     """Return the map of detected or labelled boxes, columns frame, kind, confidence and corners."""
     by_frame = rows_by_frame(confident_rocks(detections, confidence))
     x, y = np.meshgrid(grid.x, grid.y)
@@ -122,7 +122,7 @@ def compare_maps(estimated: HazardMap, true: HazardMap) -> pd.DataFrame:
     return pd.DataFrame([row])
 
 
-def _cells(grid: Grid, rock: np.ndarray, height: np.ndarray, visible: np.ndarray) -> HazardMap:
+def _cells(grid: MapGrid, rock: np.ndarray, height: np.ndarray, visible: np.ndarray) -> HazardMap:
     cell_visible = grid.of_cells(visible.astype(float)) >= _LEAST_SHARE
     share = grid.of_cells(np.where(visible, rock, np.nan).astype(float))
     flagged = np.nan_to_num(share) > 0
@@ -130,7 +130,7 @@ def _cells(grid: Grid, rock: np.ndarray, height: np.ndarray, visible: np.ndarray
     return HazardMap(cell_visible, flagged & cell_visible, np.where(flagged & cell_visible, mean, 0.0))
 
 
-def _window(grid: Grid, camera: Camera) -> tuple[slice, slice]:
+def _window(grid: MapGrid, camera: Camera) -> tuple[slice, slice]:
     reach = MAP_FARTHEST_M
     x, y = camera.centre[:2]
     columns = slice(*np.searchsorted(grid.x, [x - reach, x + reach]))

@@ -10,7 +10,7 @@ from scipy import ndimage
 from polarsim.geometry.camera import Camera
 from polarsim.photo import BLACK_LEVEL
 from polarsim.rover.perception.cells import part_centres, rocks_on_ground, visible_points
-from polarsim.rover.perception.ground_view import Heights, estimate
+from polarsim.rover.perception.ground_view import HeightFunction, estimate
 from polarsim.rover.perception.hazard_grid import PARTS, HazardGrid, MapUpdate, of_parts
 
 FARTHEST_M = 5.0  # maximum distance of mapped ground from the camera
@@ -28,7 +28,7 @@ _STEREO_SURE = 0.4  # confidence of stereo: a rock changes a cell about as much 
 
 
 def update_from_boxes(
-    boxes: np.ndarray, confidence: np.ndarray, lit: np.ndarray, camera: Camera, ground: Heights, grid: HazardGrid
+    boxes: np.ndarray, confidence: np.ndarray, lit: np.ndarray, camera: Camera, ground: HeightFunction, grid: HazardGrid
 ) -> MapUpdate:
     """Return the update of boxes of rocks (n, 4) with confidences (n,); lit ground in view without a box is free.
 
@@ -71,7 +71,7 @@ def bright_pixels(grey: np.ndarray, minimum: float) -> np.ndarray:
 
 
 def update_from_pixels(
-    points: np.ndarray, rock: np.ndarray, camera: Camera, ground: Heights, grid: HazardGrid
+    points: np.ndarray, rock: np.ndarray, camera: Camera, ground: HeightFunction, grid: HazardGrid
 ) -> MapUpdate:
     """Return the update of pixels: points (n, 3) of the world, and (n,) their rock numbers, 0 for ground.
 

@@ -22,14 +22,14 @@ from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.trace import read_trace
 from polarsim.rover.perception import hazard_map, sightings
-from polarsim.rover.perception.contrast import has_contrast
+from polarsim.rover.perception.contrast import boxes_with_contrast
 from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.perception.sightings import FrontCameraDrive
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.vehicle.table import Vehicle
 
 TABLES = ("sightings", "stable", "map", "stops")
-SETTING = ["seed", "sun", "model", "exposure_ms", "source"]  # columns that identify a metric
+SETTING_COLUMNS = ["seed", "sun", "model", "exposure_ms", "source"]  # columns that identify a metric
 DETECTOR, TRUTH, VISIBLE = "detector", "truth", "visible"
 
 
@@ -44,7 +44,7 @@ def measure_drive(
         Labels of the pictures or detections of the detector are missing.
     """
     suite = CameraSuite(read_trace(folder), vehicle, options, seed=seed)
-    ride = ride_of(suite)
+    ride = front_camera_drive(suite)
     world, confidence = suite.trace.world, options.onboard.confidence
     grid = hazard_map.grid_over(world)
     true = hazard_map.true_map(world, grid)
@@ -64,14 +64,14 @@ def measure_drive(
             ("map", hazard_map.compare_maps(estimated, true)),
             ("stops", pd.DataFrame([stops])),
         ):
-            parts[name].append(table.assign(seed=seed, **row)[[*SETTING, *table.columns]])
+            parts[name].append(table.assign(seed=seed, **row)[[*SETTING_COLUMNS, *table.columns]])
     joined = {name: pd.concat(tables_of_name, ignore_index=True) for name, tables_of_name in parts.items()}
     for name, table in joined.items():
         tables.write_parquet(folder / "onboard" / f"{name}.parquet", table)
     return joined
 
 
-def ride_of(suite: CameraSuite) -> FrontCameraDrive:
+def front_camera_drive(suite: CameraSuite) -> FrontCameraDrive:
     """Return the front camera's drive for the metrics."""
     mount, vehicle, table = suite.mounts[FRONT], suite.vehicle, suite.trace.table
     wheels = vehicle.wheels
@@ -116,6 +116,6 @@ def _visible(labels: pd.DataFrame, pictures: Path) -> pd.DataFrame:
     for frame, rows in labels.groupby("frame"):
         path = pictures / f"{frame:05d}.png"
         require_pictures([path])
-        eight = tone.to_8_bits(png.read(path))
-        kept.append(rows[has_contrast(eight, rows[BOX].to_numpy(float))])
+        eight = tone.to_8_bits(png.read_png(path))
+        kept.append(rows[boxes_with_contrast(eight, rows[BOX].to_numpy(float))])
     return pd.concat(kept) if kept else labels

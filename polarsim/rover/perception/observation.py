@@ -16,7 +16,7 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.detect import tone
-from polarsim.detect.stereo.match import match
+from polarsim.detect.stereo.match import match_stereo
 from polarsim.detect.stereo.rectify import Rectification, rectify
 from polarsim.errors import RoverError
 from polarsim.geometry.camera import Camera
@@ -26,10 +26,10 @@ from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import BOX_CLASSES, ROCK
 from polarsim.render.hits import cast_strip
 from polarsim.render.options import RenderOptions
-from polarsim.rover.cameras.options import CameraSuiteOptions, Light
+from polarsim.rover.cameras.options import CameraSuiteOptions, ImagingCondition
 from polarsim.rover.cameras.rover_camera import RoverCamera, near_path
 from polarsim.rover.drive.control import ReferencePath
-from polarsim.rover.drive.state import State
+from polarsim.rover.drive.state import RoverState
 from polarsim.rover.perception.detections import FrontCameraDetector
 from polarsim.rover.perception.ground_view import plane_under
 from polarsim.rover.perception.hazard_grid import HazardGrid, MapUpdate
@@ -84,7 +84,7 @@ class Perception:
         vehicle: Vehicle,
         path: ReferencePath,
         mode: Mode,
-        light: Light,
+        light: ImagingCondition,
         cameras: CameraSuiteOptions,
         seed: int,
         *,
@@ -135,7 +135,7 @@ class Perception:
         """Whether both cameras take pictures."""
         return self.mode in ("stereo", "both")
 
-    def observe(self, state: State, level: np.ndarray, grid: HazardGrid) -> Observation:
+    def observe(self, state: RoverState, level: np.ndarray, grid: HazardGrid) -> Observation:
         """Observe the rover's state and the ground's levels (rows, columns), m."""
         base = self._timed("scene", lambda: self._camera.show_state(state, level))
         camera = self.mount.at(base)
@@ -203,7 +203,7 @@ class Perception:
 
     def _points(self, pair: tuple[np.ndarray, np.ndarray] | None, lit: np.ndarray, camera: Camera) -> np.ndarray:
         assert pair is not None
-        depth = match(*pair, self.rectification, _NEAREST_M, 2 * FARTHEST_M)
+        depth = match_stereo(*pair, self.rectification, _NEAREST_M, 2 * FARTHEST_M)
         depth = np.where(lit & has_texture(pair[0]), depth, np.nan)
         left = self.rectification.left_from_rectified.rotate(self.rectification.lens.pixel_directions())
         points = left * depth[..., None]

@@ -14,7 +14,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 from polarsim.photo import ROCK
 from polarsim.rover.cameras.layout import BOX
-from polarsim.rover.perception.ground_view import Heights, estimate, plane_under
+from polarsim.rover.perception.ground_view import HeightFunction, estimate, plane_under
 from polarsim.rover.vehicle.mounts import levelled
 
 HEIGHTS_M = (0.05, 0.10)  # height thresholds of the metrics
@@ -44,13 +44,13 @@ class FrontCameraDrive:
     wheel_half_m: float  # half the width of a wheel
     length_m: float  # length of the drive
     speed_m_s: float
-    surveyed: Heights | None = None  # surveyed ground; None: the plane under the wheels
+    surveyed: HeightFunction | None = None  # surveyed ground; None: the plane under the wheels
 
     def base(self, frame: int) -> Pose:
         """Return `world_from_base`."""
         return self.cameras[frame].world_from_camera @ self.base_from_camera.inverse()
 
-    def ground(self, frame: int) -> Heights:
+    def ground(self, frame: int) -> HeightFunction:
         """Return the ground on which boxes are located."""
         return self.surveyed or plane_under(self.base(frame), self.ground_m)
 
@@ -72,7 +72,7 @@ def sightings(truth: pd.DataFrame, detections: pd.DataFrame, confidence: float) 
         rows = np.flatnonzero(of_row == frame)
         if frame in by_frame:
             overlap = boxes.iou(rocks[BOX].to_numpy()[rows], by_frame[frame][BOX].to_numpy())
-            detected[rows[boxes.match(overlap, _MATCH_IOU)[0]]] = True
+            detected[rows[boxes.match_by_iou(overlap, _MATCH_IOU)[0]]] = True
     return rocks[["frame", "rock", "distance_m", "height_m"]].assign(detected=detected).reset_index(drop=True)
 
 

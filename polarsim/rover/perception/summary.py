@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import tables
-from polarsim.intervals import interval_of
+from polarsim.intervals import bootstrap_interval
 from polarsim.randomness import generator
-from polarsim.rover.perception.measure import SETTING, TABLES
+from polarsim.rover.perception.measure import SETTING_COLUMNS, TABLES
 from polarsim.rover.perception.sightings import HEIGHTS_M, recall_by_distance
 from polarsim.schemas.rover import ONBOARD
 
@@ -33,7 +33,7 @@ def summarise_onboard(folders: Sequence[Path], table: Path, seed: int = 0) -> No
     """
     parts = {
         name: pd.concat(
-            [tables.read_parquet(folder / "onboard" / f"{name}.parquet", SETTING) for folder in folders],
+            [tables.read_parquet(folder / "onboard" / f"{name}.parquet", SETTING_COLUMNS) for folder in folders],
             ignore_index=True,
         )
         for name in TABLES
@@ -55,7 +55,9 @@ def metrics(parts: Mapping[str, pd.DataFrame], seed: int = 0) -> pd.DataFrame:
         for metric, labels, by_ride, statistic, count in [*selected, *_stops(tables_of_group)]:
             random = generator(seed, "rover", "onboard", *group, metric, *labels)
             value = statistic(np.concatenate(by_ride)) if by_ride else np.nan
-            rows.append((*group, metric, *labels, value, *interval_of(by_ride, statistic, random), len(by_ride), count))
+            rows.append(
+                (*group, metric, *labels, value, *bootstrap_interval(by_ride, statistic, random), len(by_ride), count)
+            )
     return pd.DataFrame(rows, columns=list(ONBOARD.columns))
 
 

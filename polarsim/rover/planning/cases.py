@@ -14,7 +14,7 @@ from typing import cast
 import pandas as pd
 
 from polarsim.render.options import Model
-from polarsim.rover.cameras.options import CameraSuiteOptions, Light, lights_ahead
+from polarsim.rover.cameras.options import CameraSuiteOptions, ImagingCondition, lights_ahead
 from polarsim.rover.perception.options import Mode
 from polarsim.rover.planning.options import ON, AutonomyOptions
 from polarsim.rover.vehicle.table import Vehicle
@@ -22,8 +22,8 @@ from polarsim.run_files.picture_sets import AUTO, exposure_name
 from polarsim.schemas.rover import ANY
 
 AXES = ("mode", "sun", "exposure", "lights", "model", "detector")
-UNLIT = ("truth", "blind")  # modes without pictures
-DETECTING = ("detector", "both")
+MODES_WITHOUT_PICTURES = ("truth", "blind")  # modes without pictures
+MODES_WITH_DETECTOR = ("detector", "both")
 
 
 @dataclass(frozen=True)
@@ -49,13 +49,13 @@ class Case:
         """Columns of all tables that identify a drive, together with the seed."""
         return {axis: getattr(self, axis) for axis in AXES}
 
-    def light(self, vehicle: Vehicle) -> Light:
+    def light(self, vehicle: Vehicle) -> ImagingCondition:
         """Return the light of the pictures, with the lights of a vehicle."""
         if self.sun == ANY:
-            return Light("3", 256.0)
+            return ImagingCondition("3", 256.0)
         exposure = self.exposure if self.exposure == AUTO else float(self.exposure)
         lights = lights_ahead(vehicle) if self.lights == ON else ()
-        return Light(self.sun, exposure, lights, cast(Model, self.model))
+        return ImagingCondition(self.sun, exposure, lights, cast(Model, self.model))
 
 
 def cases(
@@ -69,8 +69,8 @@ def cases(
     lights = list(product(cameras.suns, exposures, options.headlights, cameras.models))
     result = []
     for seed, mode in product(seeds, options.modes):
-        axes: list[tuple[str, ...]] = [()] if mode in UNLIT else list(lights)
-        if mode in DETECTING:
+        axes: list[tuple[str, ...]] = [()] if mode in MODES_WITHOUT_PICTURES else list(lights)
+        if mode in MODES_WITH_DETECTOR:
             axes = [(*light, name) for light in lights for name in detectors]
         result += [Case(mode, seed, *values) for values in axes]
     return result

@@ -24,7 +24,7 @@ _RAYS = 4  # rays along a side of a cell
 
 
 @dataclass(frozen=True)
-class Points:
+class ChallengeScore:
     """Points of the challenge; `rocks` is NaN if there is no true rock cell."""
 
     geometry: float
@@ -41,14 +41,14 @@ def true_cells(world: World, x: np.ndarray, y: np.ndarray, cell_m: float) -> tup
     return np.asarray(by_cells(np.maximum(rock, ground), _RAYS).mean(axis=(1, 3))), np.asarray(meets_rock)
 
 
-def points(
+def challenge_score(
     height: np.ndarray,
     rock: np.ndarray,
     true_height: np.ndarray,
     true_rock: np.ndarray,
     counted: np.ndarray,
     seconds: float,
-) -> Points:
+) -> ChallengeScore:
     """Return the points of a map (rows, columns): heights, m, NaN where unknown, and rock flags.
 
     `counted`: cells that are scored. An unknown height is wrong, an unknown rock means no rock; a cell is mapped if its
@@ -58,7 +58,7 @@ def points(
     right = int((rock & true_rock & counted).sum())
     wrong = int(((rock != true_rock) & counted).sum())
     rate = float((np.isfinite(height) & counted).sum()) / seconds if seconds else 0.0
-    return Points(
+    return ChallengeScore(
         GEOMETRY * float(near[counted].mean()) if counted.any() else 0.0,
         ROCKS * 2 * right / (2 * right + wrong) if (true_rock & counted).any() else float("nan"),
         PRODUCTIVITY * min(rate / FULL_RATE_1_S, 1.0),

@@ -15,18 +15,18 @@ import numpy as np
 from polarsim.formats.npz import write_arrays
 from polarsim.render.hits import one_blas_thread
 from polarsim.render.options import RenderOptions
-from polarsim.rover.cameras.options import CameraSuiteOptions, Light
+from polarsim.rover.cameras.options import CameraSuiteOptions, ImagingCondition
 from polarsim.rover.drive.control import ReferencePath
 from polarsim.rover.drive.energy import EnergyError
-from polarsim.rover.drive.job import Job, job_of, path_of
+from polarsim.rover.drive.job import DriveJob, job_of, path_of
 from polarsim.rover.drive.options import DriveOptions, Point
-from polarsim.rover.drive.ride import Ride
+from polarsim.rover.drive.ride import RunningDrive
 from polarsim.rover.drive.trace import Trace, write_trace
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.observation import Perception
 from polarsim.rover.perception.options import Mode, OnboardDetector
 from polarsim.rover.planning.options import AutonomyOptions
-from polarsim.rover.planning.pictures import write_pictures
+from polarsim.rover.planning.pictures import write_observations
 from polarsim.rover.planning.pilot import OBSERVATIONS_HZ, Pilot, make_pilot
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
@@ -43,7 +43,7 @@ class Outcome:
     """A finished drive; `pilot` is None for a blind drive."""
 
     mode: Mode
-    light: Light
+    light: ImagingCondition
     seed: int
     trace: Trace
     pilot: Pilot | None
@@ -53,7 +53,7 @@ class Outcome:
 
 def job_for(
     *, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, options: AutonomyOptions, seed: int
-) -> Job:
+) -> DriveJob:
     """Return a drive over the ground of a run, widened before, behind and at the sides of the path.
 
     Raises
@@ -67,7 +67,7 @@ def job_for(
     return job_of(meshes=meshes, world=world.model_copy(update=room), soil=soil, drive=drive, seed=seed)
 
 
-def autonomous_job(job: Job, options: AutonomyOptions) -> Job:
+def autonomous_job(job: DriveJob, options: AutonomyOptions) -> DriveJob:
     """Return the drive along the straight line on which modes are compared, with the logging of autonomous drives."""
     drive = job.drive.model_copy(
         update={
@@ -94,13 +94,13 @@ def write_outcome(folder: Path, outcome: Outcome, options: AutonomyOptions) -> N
         folder / MAP, x_m=grid.x, y_m=grid.y, log_odds=grid.log_odds, seen=grid.seen, height_m=grid.height,
         surface_m=grid.surface_of_cells(), hazard=grid.hazards(options.planner.hazard_m),
     )  # fmt: skip
-    write_pictures(folder / PICTURES, outcome.pilot.observations if outcome.pilot else [])
+    write_observations(folder / PICTURES, outcome.pilot.observations if outcome.pilot else [])
 
 
 def run_autonomous_drive(
-    job: Job,
+    job: DriveJob,
     mode: Mode,
-    light: Light,
+    light: ImagingCondition,
     options: AutonomyOptions,
     cameras: CameraSuiteOptions,
     *,
@@ -125,7 +125,7 @@ def run_autonomous_drive(
             render=render, detector=detector, threads=threads,
         )  # fmt: skip
         driver = make_pilot(route, perception, options)
-    ride = Ride(job, driver)
+    ride = RunningDrive(job, driver)
     if driver is not None:
         driver.attach(ride.simulation)
     with one_blas_thread():  # matrices are small, so threads would be slower

@@ -10,7 +10,7 @@ import pandas as pd
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.planning import challenge
 from polarsim.rover.planning.drive import Outcome
-from polarsim.rover.planning.odometry import odometry
+from polarsim.rover.planning.odometry import visual_odometry
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.planner import Planner, hazard_field
 from polarsim.rover.planning.trajectory import absolute_error, relative_error
@@ -25,7 +25,7 @@ _BLIND_M = 2.2  # ground ahead of base_link at the start that the camera does no
 _NEAREST_M, _FARTHEST_M = 1.5, 10.0  # range of depths for odometry
 
 
-def events(outcome: Outcome, rocks: pd.DataFrame) -> pd.DataFrame:
+def event_table(outcome: Outcome, rocks: pd.DataFrame) -> pd.DataFrame:
     """Return a row per touched rock (`rocks`: see `touches`) with position, and a row per stop; `AUTONOMY_EVENTS`."""
     hit = rocks[rocks["touched"]].merge(outcome.trace.world.rocks[["rock", "x_m", "y_m"]], on="rock")
     what = np.where(hit["height_m"] > HIGH_M, COLLISION, TOUCH)
@@ -86,7 +86,7 @@ def _of_pilot(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> l
         pairs, cameras = zip(*taken, strict=True)
         rectified = perception.rectification.left_from_rectified
         poses = [cameras[0].inverse() @ camera @ rectified for camera in cameras]
-        estimated, lost = odometry(pairs, perception.rectification, _NEAREST_M, _FARTHEST_M)
+        estimated, lost = visual_odometry(pairs, perception.rectification, _NEAREST_M, _FARTHEST_M)
         moved, angle = relative_error(estimated, poses)
         positions = [np.array([pose.translation for pose in trajectory]) for trajectory in (estimated, poses)]
         rows += [
@@ -98,10 +98,10 @@ def _of_pilot(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> l
     return rows
 
 
-def points_of(grid: HazardGrid, world: World, line: np.ndarray, seconds: float) -> challenge.Points:
+def points_of(grid: HazardGrid, world: World, line: np.ndarray, seconds: float) -> challenge.ChallengeScore:
     """Return the challenge's score of a map in the corridor along a line (2, 2), from the first visible ground on."""
     height, rock = challenge.true_cells(world, grid.x, grid.y, grid.cell_m)
-    return challenge.points(grid.surface_of_cells(), grid.rock, height, rock, corridor(grid, line), seconds)
+    return challenge.challenge_score(grid.surface_of_cells(), grid.rock, height, rock, corridor(grid, line), seconds)
 
 
 def corridor(grid: HazardGrid, line: np.ndarray) -> np.ndarray:

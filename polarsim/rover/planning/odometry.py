@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.detect.stereo.match import match
+from polarsim.detect.stereo.match import match_stereo
 from polarsim.detect.stereo.rectify import Rectification
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.poses import Pose
@@ -22,7 +22,9 @@ _LEAST = 12  # minimum number of inliers of a motion
 Pair = tuple[np.ndarray, np.ndarray]
 
 
-def odometry(pairs: Sequence[Pair], rig: Rectification, nearest_m: float, farthest_m: float) -> tuple[list[Pose], int]:
+def visual_odometry(
+    pairs: Sequence[Pair], rig: Rectification, nearest_m: float, farthest_m: float
+) -> tuple[list[Pose], int]:
     """Return `first_from_left` of the left camera of each pair, and the number of motions that were not found.
 
     A motion that was not found is replaced by the last motion.
@@ -39,7 +41,7 @@ def odometry(pairs: Sequence[Pair], rig: Rectification, nearest_m: float, farthe
             lost += estimate is None
             move = move if estimate is None else estimate
             poses.append(poses[-1] @ move)
-        before = (keypoints, descriptors, match(left, right, rig, nearest_m, farthest_m))
+        before = (keypoints, descriptors, match_stereo(left, right, rig, nearest_m, farthest_m))
     return poses, lost
 
 

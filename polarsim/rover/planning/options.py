@@ -31,7 +31,7 @@ class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
     `truth` and `blind` have one drive per seed, and the mode `stereo` has no detector.
     """
 
-    run: bool = Field(False, description="Make autonomous drives.")
+    run: bool = Field(False, description="Simulate autonomous drives in the target `rover_autonomy`.")
     modes: tuple[Mode, ...] = Field(
         ("truth", "detector", "stereo", "both", "blind"),
         min_length=1,

@@ -16,7 +16,7 @@ _QUALITY = 85
 _BOX = COLOURS[ROCK][::-1]  # blue, green, red
 
 
-def write_pictures(folder: Path, observations: Iterable[tuple[float, Observation]]) -> None:
+def write_observations(folder: Path, observations: Iterable[tuple[float, Observation]]) -> None:
     """Write `<milliseconds>.jpg` of observations (time, s) with a picture; the folder is empty if there are none."""
     with writing_folder(folder) as temporary:
         for time_s, observation in observations:

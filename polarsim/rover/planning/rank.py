@@ -14,9 +14,9 @@ from scipy import stats
 
 from polarsim.errors import RoverError
 from polarsim.formats import tables
-from polarsim.intervals import RESAMPLES, draws, interval
+from polarsim.intervals import RESAMPLES, bootstrap_draws, percentile_interval
 from polarsim.photo import ROCK
-from polarsim.rover.planning.cases import DETECTING, matched_drives
+from polarsim.rover.planning.cases import MODES_WITH_DETECTOR, matched_drives
 from polarsim.schemas.rover import AUTONOMY_DETECTORS, AUTONOMY_RANK, EVERY_AUTONOMY
 
 ENOUGH = 5  # minimum number of detectors: with fewer, even Kendall's p is at least 0.08
@@ -73,7 +73,9 @@ def detector_drives(every: pd.DataFrame, model: str) -> pd.DataFrame:
 
     Only lights and seeds that all detectors of a mode drove are compared, since easier light is no merit of a detector.
     """
-    selected = every[every["mode"].isin(DETECTING) & every["metric"].isin(_METRICS) & (every["model"] == model)]
+    selected = every[
+        every["mode"].isin(MODES_WITH_DETECTOR) & every["metric"].isin(_METRICS) & (every["model"] == model)
+    ]
     keys = ["mode", "detector", "sun", "exposure", "lights", "seed"]
     wide = selected.pivot_table("value", keys, "metric").rename(columns=_METRICS).reset_index()
     return (
@@ -138,7 +140,7 @@ def _rank(drives: pd.DataFrame, gaps: pd.DataFrame, gap: str, metric: str) -> tu
     units = drives["seed"] if unit == "seed" else drives[["sun", "exposure", "lights"]].agg("_".join, axis=1)
     count = units.nunique()
     drawn = np.concatenate(
-        [np.ones((1, count)), draws(count, RESAMPLES, 0)]
+        [np.ones((1, count)), bootstrap_draws(count, RESAMPLES, 0)]
     )  # point estimate, then bootstrap replicates
     after = DRIVES[metric] * _means(drives, units, metric, drawn)
     if gap == "rock_f1":
@@ -147,7 +149,7 @@ def _rank(drives: pd.DataFrame, gaps: pd.DataFrame, gap: str, metric: str) -> tu
         before = np.tile(GAPS[gap] * gaps.loc[names, gap].to_numpy(float), (len(drawn), 1))
     complete = ~np.isnan(before + after).any(axis=1)  # excludes replicates without a drive of a detector
     estimates = [np.where(complete, rank(before, after), np.nan) for rank in (spearman, kendall)]
-    intervals = [interval(values[1:], count) for values in estimates]
+    intervals = [percentile_interval(values[1:], count) for values in estimates]
     p = float(stats.kendalltau(before[0], after[0]).pvalue) if len(names) > 1 else np.nan
     says = verdict(len(names), float(estimates[1][0]), intervals[1], p)
     coefficients = [(float(values[0]), *bounds) for values, bounds in zip(estimates, intervals, strict=True)]

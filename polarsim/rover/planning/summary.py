@@ -9,16 +9,16 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import tables
-from polarsim.intervals import RESAMPLES, draws, interval, resampled_means
+from polarsim.intervals import RESAMPLES, bootstrap_draws, percentile_interval, resampled_means
 from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.perception.options import OnboardDetector
-from polarsim.rover.planning.cases import AXES, UNLIT, matched_drives, parse_case
+from polarsim.rover.planning.cases import AXES, MODES_WITHOUT_PICTURES, matched_drives, parse_case
 from polarsim.rover.planning.drive import job_for, run_autonomous_drive, write_outcome
-from polarsim.rover.planning.metrics import drive_metrics, events
+from polarsim.rover.planning.metrics import drive_metrics, event_table
 from polarsim.rover.planning.options import AutonomyOptions
-from polarsim.rover.planning.touches import touches
+from polarsim.rover.planning.touches import rock_contacts
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
 from polarsim.rover.world.options import WorldOptions
@@ -59,9 +59,9 @@ def drive_case(
     outcome = run_autonomous_drive(
         job, chosen.mode, light, options, cameras, render=render, detector=detector, threads=threads
     )
-    rocks = touches(outcome.trace, vehicle)
+    rocks = rock_contacts(outcome.trace, vehicle)
     write_outcome(folder, outcome, options)
-    tables.write_parquet(folder / EVENTS, events(outcome, rocks))
+    tables.write_parquet(folder / EVENTS, event_table(outcome, rocks))
     rows = drive_metrics(outcome, rocks, vehicle, options)
     named = rows.assign(**chosen.axes, seed=chosen.seed, ended=str(outcome.trace.drive["ended"]))
     tables.write_parquet(folder / "figures.parquet", named[list(EVERY_AUTONOMY.columns)])
@@ -78,7 +78,7 @@ def summarise_autonomy(*, drives: Sequence[Path], each: Path, together: Path, ef
     every = pd.concat([tables.read_parquet(path, EVERY_AUTONOMY.columns) for path in drives], ignore_index=True)
     every = with_derived(every)
     tables.write_parquet(each, every)
-    tables.write_parquet(together, summary(every))
+    tables.write_parquet(together, drive_summary(every))
     tables.write_parquet(effects, effects_of(every))
 
 
@@ -100,7 +100,7 @@ def with_derived(every: pd.DataFrame) -> pd.DataFrame:
     return pd.concat([part for part in parts if len(part)], ignore_index=True)[list(EVERY_AUTONOMY.columns)]
 
 
-def summary(every: pd.DataFrame) -> pd.DataFrame:
+def drive_summary(every: pd.DataFrame) -> pd.DataFrame:
     """Return a row per kind of drive and metric, `AUTONOMY`.
 
     Additional rows pool all Suns and exposures (`all`), and all detectors of a mode with several detectors.
@@ -108,7 +108,7 @@ def summary(every: pd.DataFrame) -> pd.DataFrame:
     """
     several = every.groupby("mode")["detector"].transform("nunique") > 1
     drives = pd.concat([every, every[several].assign(detector=ALL)])
-    drives = pd.concat([drives, drives[~drives["mode"].isin(UNLIT)].assign(sun=ALL, exposure=ALL)])
+    drives = pd.concat([drives, drives[~drives["mode"].isin(MODES_WITHOUT_PICTURES)].assign(sun=ALL, exposure=ALL)])
     rows = []
     for key, part in drives.dropna(subset="value").groupby([*AXES, "metric", "unit"], sort=True):
         value, low, high = mean_over_seeds(part["value"].to_numpy(float), part["seed"].to_numpy())
@@ -122,8 +122,8 @@ def mean_over_seeds(values: np.ndarray, seeds: np.ndarray) -> tuple[float, float
     Drives of a seed share ground and start, so the bootstrap resamples seeds.
     """
     unit = np.unique(seeds, return_inverse=True)[1]
-    resampled = draws(unit.max() + 1, RESAMPLES, 0)
-    return float(values.mean()), *interval(resampled_means(values, unit, resampled), unit.max() + 1)
+    resampled = bootstrap_draws(unit.max() + 1, RESAMPLES, 0)
+    return float(values.mean()), *percentile_interval(resampled_means(values, unit, resampled), unit.max() + 1)
 
 
 def effects_of(every: pd.DataFrame) -> pd.DataFrame:
@@ -134,7 +134,7 @@ def effects_of(every: pd.DataFrame) -> pd.DataFrame:
     drove only with lights on is excluded from the effect of lights. Seeds with fewer drives than the others are
     excluded (unfinished tables). Mode `all` is the mean over modes.
     """
-    lit = every[~every["mode"].isin(UNLIT)]
+    lit = every[~every["mode"].isin(MODES_WITHOUT_PICTURES)]
     rows = []
     for mode in [*sorted(set(lit["mode"])), ALL]:
         drives = lit if mode == ALL else lit[lit["mode"] == mode]

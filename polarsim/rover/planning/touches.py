@@ -30,7 +30,7 @@ PARTS = ("tread", "flank", BODY)
 TOUCH_COLUMNS = ("rock", "height_m", "gap_m", "touched", "part", "time_s")
 
 
-def touches(trace: Trace, vehicle: Vehicle) -> pd.DataFrame:
+def rock_contacts(trace: Trace, vehicle: Vehicle) -> pd.DataFrame:
     """Return a row per rock near the path: height, minimum gap (m, negative inside), `touched`, part and time.
 
     Part and time are those of the first touch, or of the minimum gap without a touch. The part is `tread` if a tread
@@ -50,7 +50,7 @@ def touches(trace: Trace, vehicle: Vehicle) -> pd.DataFrame:
         near = rows[distance[rows] < rock["radius_m"] + REACH_M]
         if not len(near):
             continue
-        points = surface_points(world, number)
+        points = rock_surface_points(world, number)
         gaps = [*_wheel_gaps(table, vehicle, points, near), *_body_gaps(table, vehicle, points, near)]
         part, gap, row = min(gaps, key=itemgetter(1))
         touch = list(by_wheels.get(number, []))
@@ -62,7 +62,7 @@ def touches(trace: Trace, vehicle: Vehicle) -> pd.DataFrame:
     return pd.DataFrame(result, columns=list(TOUCH_COLUMNS)).astype({"touched": bool})
 
 
-def surface_points(world: World, rock: int) -> np.ndarray:
+def rock_surface_points(world: World, rock: int) -> np.ndarray:
     """Return (n, 3) points on a rock's mesh above the ground, at most `_SAMPLE_M` apart along edges."""
     vertices, faces = world.rock_mesh(rock)
     points = np.unique(points_on(vertices[faces], _SAMPLE_M)[0], axis=0)

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from polarsim.kernels import njit
-from polarsim.rover.soil.nodes import FLOW, FREE, LEVEL, ORIGINAL, ROCK, START, Ground
-from polarsim.rover.soil.shapes import HALF_WIDTH, RADIUS, clear, intersect, window
+from polarsim.rover.soil.nodes import FLOW, FREE, LEVEL, ORIGINAL, ROCK, START, SoilGround
+from polarsim.rover.soil.shapes import HALF_WIDTH, RADIUS, clear, lowest_wheel_point, wheel_window
 
 TAPS = 5.0  # truncation of the spread, in standard deviations
 MOVED = 0.2  # share of the excess height between adjacent nodes moved in a sweep; sweeps oscillate from 0.25 on
@@ -55,7 +55,7 @@ class Bulldozing:
         return Spreading(weights, self.share, self.headroom, climb, self.sweeps, self.every)
 
 
-def settle(ground: Ground, angle_deg: float = 36.0, sweeps: int = 200, still_m: float = DISTURBED) -> None:
+def settle(ground: SoilGround, angle_deg: float = 36.0, sweeps: int = 200, still_m: float = DISTURBED) -> None:
     """Let all disturbed ground slide until it rests, for rendering; the sweeps during a drive end before that.
 
     The ground is at rest when no sweep moves a level by more than `still_m`, since a long slope creeps on at a rate far
@@ -71,7 +71,7 @@ def bulldoze_nodes(ground, bodies, rule):  # type: ignore[no-untyped-def]
     by, cell = len(rule.weights) // 2, ground.cell
     for body in range(len(bodies.shapes)):
         shape, centre, rotation = bodies.shapes[body], bodies.centres[body], bodies.rotations[body]
-        nodes = _sources(ground.state, ground.owner, window(ground, shape, centre, rotation))
+        nodes = _sources(ground.state, ground.owner, wheel_window(ground, shape, centre, rotation))
         if nodes[0] >= nodes[1]:
             continue
         top, bottom = max(nodes[0] - by, 0), min(nodes[1] + by, rows)
@@ -113,7 +113,9 @@ def _push(part, slopes, owners, shape, height, rotation, dx, dy, cell, rule):  #
                     shape, rotation, dx + cell * column, dy + cell * row, height - headroom - part[row, column, LEVEL]
                 ):
                     continue
-                hit = intersect(ax, ay, az, shape[RADIUS], shape[HALF_WIDTH], dx + cell * column, dy + cell * row, cell)
+                hit = lowest_wheel_point(
+                    ax, ay, az, shape[RADIUS], shape[HALF_WIDTH], dx + cell * column, dy + cell * row, cell
+                )
                 if hit[0] > 0 and height + hit[1] - part[row, column, LEVEL] < headroom:
                     room[row, column] = 0.0
     reached = _blur_at(pressed, room, rule.weights)

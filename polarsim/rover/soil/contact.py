@@ -28,7 +28,7 @@ from polarsim.rover.soil.nodes import (
     START,
     YIELD,
 )
-from polarsim.rover.soil.shapes import HALF_WIDTH, INVERSE_WIDTH, RADIUS, dot, intersect, low_window
+from polarsim.rover.soil.shapes import HALF_WIDTH, INVERSE_WIDTH, RADIUS, dot, low_window, lowest_wheel_point
 
 STEEPEST = 0.25  # minimum vertical part of a normal: a flank's area is at most four times its cell
 SLOWEST_RIM = 1e-3  # m/s; the slip of a slower wheel is 0
@@ -113,7 +113,7 @@ def press_nodes(ground, bodies, tops, law, dt, loads):  # type: ignore[no-untype
                 along = dx * ax + dy * ay - depth * az
                 if not held and depth > 0 and dx * dx + dy * dy + depth * depth - along * along > tip2:
                     continue
-                weight, h, nx, ny, nz = intersect(ax, ay, az, radius, half, dx, dy, cell)
+                weight, h, nx, ny, nz = lowest_wheel_point(ax, ay, az, radius, half, dx, dy, cell)
                 lx, ly, lz = normals[row, column, 0], normals[row, column, 1], normals[row, column, 2]
                 plastic, surface = state[row, column, PLASTIC], height + h
                 s = lz * (start - surface)

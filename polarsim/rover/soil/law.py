@@ -7,8 +7,8 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from polarsim.errors import RoverError, about
-from polarsim.formats.files import packaged
+from polarsim.errors import RoverError, with_path
+from polarsim.formats.files import resolve_packaged
 
 CONSTANTS = ("K_phi", "K_c", "n", "n_slip", "c", "phi_deg", "K", "K_e", "R")
 POSITIVE = ("K_phi", "n", "K", "K_e", "gravity")
@@ -90,9 +90,9 @@ def read_soils(path: str | Path) -> dict[str, Soil]:
     """
     from polarsim.formats import tables  # options import this module, and importing pandas takes a third of a second
 
-    table = tables.read_csv(packaged(path), [field.name for field in fields(Soil)])
+    table = tables.read_csv(resolve_packaged(path), [field.name for field in fields(Soil)])
     soils: dict[str, Soil] = {}
-    with about(path):
+    with with_path(path):
         for row in table.to_dict("records"):
             soil = _checked({str(key): value for key, value in row.items()})
             if soil.name in soils:

@@ -14,7 +14,7 @@ FIELDS = 9
 FREE, ROCK = -1, -2  # owner of a node without contact, and of a node under a rock
 
 
-class Ground(NamedTuple):
+class SoilGround(NamedTuple):
     """Nodes at (x0 + column cell, y0 + row cell); the contact changes the arrays in place.
 
     `original` is the level before any contact, `start` the reference level for sinkage (raised by displaced soil),
@@ -42,9 +42,9 @@ class Ground(NamedTuple):
         return self.y0 + self.cell * np.arange(self.state.shape[0])
 
 
-def make_ground(
+def make_soil_ground(
     heights: np.ndarray, cell: float, x0: float = 0.0, y0: float = 0.0, rock: np.ndarray | None = None
-) -> Ground:
+) -> SoilGround:
     """Return undisturbed ground.
 
     Parameters
@@ -69,4 +69,4 @@ def make_ground(
     owner = np.full(heights.shape, FREE, np.int32)
     if rock is not None:
         owner[rock] = ROCK
-    return Ground(float(x0), float(y0), float(cell), state, normals, owner)
+    return SoilGround(float(x0), float(y0), float(cell), state, normals, owner)

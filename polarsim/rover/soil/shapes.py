@@ -63,7 +63,7 @@ def _covered(distance, half, cell):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
-def intersect(ax, ay, az, radius, half, dx, dy, cell):  # type: ignore[no-untyped-def]
+def lowest_wheel_point(ax, ay, az, radius, half, dx, dy, cell):  # type: ignore[no-untyped-def]
     """Return the lowest point of a wheel on the vertical line at (dx, dy) from its centre.
 
     Returns the share of the cell below the wheel (0: no hit), the height above the centre, and the normal into the
@@ -125,7 +125,7 @@ def _nodes_within(ground, centre, half_x, half_y):  # type: ignore[no-untyped-de
 
 
 @njit()
-def window(ground, shape, centre, rotation):  # type: ignore[no-untyped-def]
+def wheel_window(ground, shape, centre, rotation):  # type: ignore[no-untyped-def]
     """Return rows and columns of the nodes that may be below a wheel."""
     ax, ay = rotation[0, 1], rotation[1, 1]
     # Rounding makes an axle along y a little longer than 1.
@@ -136,12 +136,12 @@ def window(ground, shape, centre, rotation):  # type: ignore[no-untyped-def]
 
 @njit()
 def low_window(ground, shape, centre, rotation, top):  # type: ignore[no-untyped-def]
-    """Return the part of `window` with points of a wheel below the height `top`, plus a cell."""
+    """Return the part of `wheel_window` with points of a wheel below the height `top`, plus a cell."""
     ax, ay, az = rotation[0, 1], rotation[1, 1], rotation[2, 1]
     level, radius = math.hypot(ax, ay), shape[RADIUS]
     depth = centre[2] - top - shape[HALF_WIDTH] * abs(az)
     if level < 0.1 or not depth > 0:
-        return window(ground, shape, centre, rotation)
+        return wheel_window(ground, shape, centre, rotation)
     along = radius * math.sqrt(max(1 - (depth / (radius * level)) ** 2, 0.0))
     across = shape[HALF_WIDTH] * level + radius * abs(az)
     half_x = (along * abs(ay) + across * abs(ax)) / level + ground.cell

@@ -12,7 +12,7 @@ import numpy as np
 
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.rover.vehicle.table import CameraPart
 
 FRONT = "front_end_cam"
@@ -50,7 +50,7 @@ def base_from_camera(position: np.ndarray, yaw_deg: float, pitch_deg: float, rol
     Angles follow ROS (REP 103): yaw from forward to the left, pitch downwards, roll of the right side downwards.
     """
     yaw, pitch, roll = np.radians([yaw_deg, pitch_deg, roll_deg])
-    return looking(np.asarray(position, float), float(yaw), float(pitch), float(roll))
+    return camera_pose(np.asarray(position, float), float(yaw), float(pitch), float(roll))
 
 
 def link_from_part(position: Sequence[float], yaw_deg: float, pitch_deg: float, roll_deg: float = 0.0) -> Pose:
@@ -73,7 +73,7 @@ def heading(world_from_base: Pose) -> float:
     return float(np.arctan2(forward[1], forward[0]))
 
 
-def pose_of(position: np.ndarray, quaternion: np.ndarray) -> Pose:
+def pose_of_quaternion(position: np.ndarray, quaternion: np.ndarray) -> Pose:
     """Return the pose of a position (3,) and a quaternion (4,) w, x, y, z, as in a trace."""
     from scipy.spatial.transform import Rotation
 

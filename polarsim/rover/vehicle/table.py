@@ -23,11 +23,11 @@ WheelCode = Literal["lf", "rf", "lr", "rr"]
 Triple = tuple[float, float, float]
 
 
-class Section(BaseModel, extra="forbid", frozen=True):
+class VehicleSection(BaseModel, extra="forbid", frozen=True):
     """A section of the table."""
 
 
-class Chassis(Section):
+class Chassis(VehicleSection):
     """Rigid body of `base_link`."""
 
     mass_kg: PositiveFloat = Field(description="Mass of body and mast without suspension and wheels, kg.")
@@ -42,7 +42,7 @@ class Chassis(Section):
         return self.mass_kg / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
 
 
-class WheelPart(Section):
+class WheelPart(VehicleSection):
     """A wheel with its arm and upright."""
 
     code: WheelCode = Field(description="lf, rf, lr or rr.")
@@ -68,7 +68,7 @@ def cube_inertia(mass: float, side: float = 0.2) -> np.ndarray:
     return np.full(3, mass * side**2 / 6)
 
 
-class Steering(Section):
+class Steering(VehicleSection):
     """Steering of each wheel about the vertical axis through its centre."""
 
     limit_deg: float = Field(gt=0, le=180, description="Maximum angle in both directions, degrees.")
@@ -79,7 +79,7 @@ class Steering(Section):
     armature_kg_m2: float = Field(0.0, ge=0, description="Inertia of the rotor at the joint, kg m2.")
 
 
-class Suspension(Section):
+class Suspension(VehicleSection):
     """A spring and a damper at each corner, along base_link's z axis."""
 
     stiffness_n_m: PositiveFloat = Field(description="Stiffness, N per m; the wheel is at its position without force.")
@@ -87,7 +87,7 @@ class Suspension(Section):
     travel_m: PositiveFloat = Field(description="Maximum travel in both directions, m.")
 
 
-class Drive(Section):
+class WheelServo(VehicleSection):
     """A speed servo in each wheel."""
 
     gain_n_m_s_rad: PositiveFloat = Field(description="Torque per error of wheel speed, N m s per rad.")
@@ -98,7 +98,7 @@ class Drive(Section):
     armature_kg_m2: float = Field(0.0, ge=0, description="Inertia of the rotor at the wheel, kg m2.")
 
 
-class CameraPart(Section):
+class CameraPart(VehicleSection):
     """A pinhole camera; with all angles 0 the view is along the link's x axis and z is up."""
 
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", description="Name in files, frames and topics.")
@@ -127,7 +127,7 @@ class CameraPart(Section):
         return self.width_px / 2 / math.tan(math.radians(self.hfov_deg) / 2)
 
 
-class LightPart(Section):
+class LightPart(VehicleSection):
     """A lamp; with all angles 0 the beam is along the link's x axis."""
 
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", description="Name of the lamp.")
@@ -142,7 +142,7 @@ class LightPart(Section):
 _Named = TypeVar("_Named", CameraPart, LightPart)
 
 
-class ShapePart(Section):
+class ShapePart(VehicleSection):
     """A simple body for shadows and pictures."""
 
     name: str = Field(description="Name of the part.")
@@ -156,7 +156,7 @@ class ShapePart(Section):
     albedo: float = Field(0.3, ge=0, le=1, description="Share of reflected light.")
 
 
-class Vehicle(Section):
+class Vehicle(VehicleSection):
     """A four-wheeled rover."""
 
     name: str = Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", description="Name of the robot.")
@@ -165,7 +165,7 @@ class Vehicle(Section):
     wheels: tuple[WheelPart, ...] = Field(description="lf, rf, lr, rr, in this order.")
     steering: Steering
     suspension: Suspension
-    drive: Drive
+    drive: WheelServo
     friction_on_rock: float = Field(gt=0, description="Coulomb friction coefficient of rim and rock.")
     cameras: tuple[CameraPart, ...] = ()
     lights: tuple[LightPart, ...] = ()

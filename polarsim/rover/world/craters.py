@@ -40,15 +40,15 @@ class Craters:
     depth: np.ndarray
 
 
-def per_m2(diameter_m: np.ndarray | float) -> np.ndarray:
+def craters_per_m2(diameter_m: np.ndarray | float) -> np.ndarray:
     """Return the number of craters of at least this diameter per square metre in equilibrium."""
     return np.asarray(TRASK * np.asarray(diameter_m, float) ** -2)
 
 
-def strewn_craters(options: CraterOptions, size_m: float, seed: int) -> Craters:
+def random_craters(options: CraterOptions, size_m: float, seed: int) -> Craters:
     """Return craters with centres on a square of side `size_m` about the origin."""
     rng = generator(seed, "craters")
-    ends = per_m2(np.array([options.smallest_m, options.largest_m]))
+    ends = craters_per_m2(np.array([options.smallest_m, options.largest_m]))
     count = rng.poisson(options.share * size_m**2 * max(ends[0] - ends[1], 0.0))
     diameter = np.sqrt(TRASK / rng.uniform(ends[1], ends[0], count))
     x, y = rng.uniform(-size_m / 2, size_m / 2, (2, count))

@@ -15,21 +15,21 @@ from scipy.interpolate import RectBivariateSpline
 from polarsim.errors import RoverError
 from polarsim.formats.geotiff import Elevation, read_elevation
 from polarsim.geometry.heightfields import amplitudes, octave_relief, spacings
-from polarsim.rover.world.craters import dig, strewn_craters
+from polarsim.rover.world.craters import dig, random_craters
 from polarsim.rover.world.options import CraterOptions, DemOptions, WorldOptions
 from polarsim.rover.world.placed import PlacedRock, with_rocks
 from polarsim.rover.world.rock_field import (
     RING_RADII,
     RockField,
     RockLaw,
-    Shape,
-    posed,
-    shapes_of,
+    RockModel,
+    random_rocks,
+    rock_shapes,
     smooth,
-    strewn_rocks,
+    vertices_in_world,
 )
-from polarsim.rover.world.stitch import Terrain
-from polarsim.rover.world.surface import Surroundings, World, bare_world
+from polarsim.rover.world.stitch import TerrainSolids
+from polarsim.rover.world.surface import World, WorldBackdrop, bare_world
 from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 
 GROWTH, GROWTH_FAR = 1.02, 1.1  # ratio of adjacent node distances, in the square and outside
@@ -39,7 +39,7 @@ CORNERS = (150, 32)  # vertices of rocks outside the grid, and of rocks without 
 _MOST_ROCKS = SHADOW_IDS - ROCK_IDS - 1  # maximum number of rocks with labels; the others are part of the surroundings
 
 
-def dem_world(options: WorldOptions, terrains: list[Terrain], path: np.ndarray) -> World:
+def dem_world(options: WorldOptions, terrains: list[TerrainSolids], path: np.ndarray) -> World:
     """Return the world around a path (n, 2).
 
     Parameters
@@ -65,12 +65,12 @@ def dem_world(options: WorldOptions, terrains: list[Terrain], path: np.ndarray) 
         for all_, nodes in zip((y, x), inner[::-1], strict=True)
     )
     empty = np.zeros((0, 3))
-    around = Surroundings(x, y, level.astype(np.float32), empty.astype(np.float32), empty.astype(np.int32))
+    around = WorldBackdrop(x, y, level.astype(np.float32), empty.astype(np.float32), empty.astype(np.int32))
     bare = replace(bare_world(level[inside], options.cell_m, inner[0][0], inner[1][0]), around=around)
     if not dem.rocks:
         return bare
-    shapes = shapes_of(terrains, CORNERS)
-    return _strewn(bare, strewn_rocks(RockLaw(dem.rocks), shapes, dem.size_m, path[:1], dem.seed), shapes)
+    shapes = rock_shapes(terrains, CORNERS)
+    return _strewn(bare, random_rocks(RockLaw(dem.rocks), shapes, dem.size_m, path[:1], dem.seed), shapes)
 
 
 def ground_at(x: np.ndarray, y: np.ndarray, dem: DemOptions, cell: float, elevation: Elevation | None) -> np.ndarray:
@@ -88,7 +88,7 @@ def ground_at(x: np.ndarray, y: np.ndarray, dem: DemOptions, cell: float, elevat
     level += octave_relief(
         x, y, spacing=spacing, amplitude=amplitude, half_m=dem.size_m / 2, far_m=dem.horizon_m, seed=dem.seed
     )
-    dig(level, x, y, strewn_craters(CraterOptions(dem.craters), dem.size_m, dem.seed))
+    dig(level, x, y, random_craters(CraterOptions(dem.craters), dem.size_m, dem.seed))
     return level
 
 
@@ -120,7 +120,7 @@ def _nodes(inner: np.ndarray, dem: DemOptions) -> np.ndarray:
     return np.concatenate([-sides[0][::-1], inner, sides[1]])
 
 
-def _strewn(bare: World, field: RockField, shapes: list[Shape]) -> World:
+def _strewn(bare: World, field: RockField, shapes: list[RockModel]) -> World:
     """Return the world with rocks.
 
     Rocks with the largest angular size from the grid have rows in the table, others are part of the surroundings.
@@ -135,7 +135,7 @@ def _strewn(bare: World, field: RockField, shapes: list[Shape]) -> World:
     vertices, triangles, first = [np.zeros((0, 3))], [np.zeros((0, 3), int)], 0
     for rock in np.sort(order[count:]):
         mesh = shapes[field.shape[rock]].levels[-1]
-        vertices.append(posed(mesh, field.diameter[rock], field.angle[rock], foot[rock]))
+        vertices.append(vertices_in_world(mesh, field.diameter[rock], field.angle[rock], foot[rock]))
         triangles.append(mesh.faces + first)
         first += len(mesh.vertices)
     around = replace(
@@ -147,12 +147,12 @@ def _strewn(bare: World, field: RockField, shapes: list[Shape]) -> World:
 
 
 def _placed(
-    field: RockField, shapes: list[Shape], foot: np.ndarray, chosen: np.ndarray, near: np.ndarray
+    field: RockField, shapes: list[RockModel], foot: np.ndarray, chosen: np.ndarray, near: np.ndarray
 ) -> Iterator[PlacedRock]:
     for rock in chosen.tolist():
         shape = shapes[field.shape[rock]]
         mesh = smooth(shape.levels[0], field.diameter[rock]) if near[rock] else shape.levels[1]
-        points = posed(mesh, field.diameter[rock], field.angle[rock], foot[rock])
+        points = vertices_in_world(mesh, field.diameter[rock], field.angle[rock], foot[rock])
         yield PlacedRock(shape.terrain, shape.rock, points, mesh.faces)
 
 

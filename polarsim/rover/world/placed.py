@@ -32,7 +32,12 @@ def with_rocks(world: World, rocks: Iterable[PlacedRock]) -> World:
     corner, first = 0, 0
     for rock in rocks:
         rows.append(
-            {"rock": len(rows), "terrain": rock.terrain, "rock_in_terrain": rock.rock, **rock_row(world, rock.points)}
+            {
+                "rock": len(rows),
+                "terrain": rock.terrain,
+                "rock_in_terrain": rock.rock,
+                **world_rock_row(world, rock.points),
+            }
             | {"first_face": first, "faces": len(rock.faces)}
         )
         vertices.append(rock.points)
@@ -45,7 +50,7 @@ def with_rocks(world: World, rocks: Iterable[PlacedRock]) -> World:
     return replace(world, rocks=table, vertices=corners, triangles=np.concatenate(triangles).astype(np.int32))
 
 
-def rock_row(world: World, points: np.ndarray) -> dict[str, float]:
+def world_rock_row(world: World, points: np.ndarray) -> dict[str, float]:
     """Return position, height above the surrounding ground, and width, the largest horizontal extent."""
     centre = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2
     arms = points[:, :2] - centre

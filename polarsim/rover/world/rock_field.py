@@ -18,12 +18,12 @@ from scipy.spatial import ConvexHull
 from scipy.special import expn
 
 from polarsim.errors import RoverError
-from polarsim.geometry.meshes import Mesh, subdivided
+from polarsim.geometry.meshes import Mesh, subdivide_smoothly
 from polarsim.geometry.topology import hull_faces
 from polarsim.randomness import generator
 from polarsim.rover.world.hulls import top_at
 from polarsim.rover.world.placed import outward
-from polarsim.rover.world.stitch import Terrain
+from polarsim.rover.world.stitch import TerrainSolids
 
 _TRIES = 50  # attempts to place a rock without overlap
 _FACET_M = 0.02  # maximum facet of near rocks: larger facets show black corners in grazing light
@@ -44,7 +44,7 @@ class RockLaw:
 
 
 @dataclass(frozen=True)
-class Shape:
+class RockModel:
     """A rock in units of its diameter: centre at x = y = 0, ground at z = 0; a mesh per level of detail."""
 
     terrain: int
@@ -64,7 +64,7 @@ class RockField:
     shape: np.ndarray
 
 
-def per_m2(diameter_m: np.ndarray | float, abundance: float) -> np.ndarray:
+def rocks_per_m2(diameter_m: np.ndarray | float, abundance: float) -> np.ndarray:
     """Return the number of rocks of at least this diameter per square metre."""
     diameter, q = np.asarray(diameter_m, float), _steepness(abundance)
     return np.asarray(4 * abundance * q / np.pi * expn(2, q * diameter) / diameter)
@@ -74,14 +74,14 @@ def _steepness(abundance: float) -> float:
     return 1.79 + 0.152 / abundance
 
 
-def strewn_rocks(law: RockLaw, shapes: list[Shape], size_m: float, clear: np.ndarray, seed: int) -> RockField:
+def random_rocks(law: RockLaw, shapes: list[RockModel], size_m: float, clear: np.ndarray, seed: int) -> RockField:
     """Return rocks with centres on a square of side `size_m` about the origin.
 
     No rock is closer than `clear_m` to the positions `clear` (n, 2).
     """
     rng = generator(seed, "rocks")
     sizes = np.geomspace(law.smallest_m, law.largest_m, _SIZES)
-    density = per_m2(sizes, law.abundance)
+    density = rocks_per_m2(sizes, law.abundance)
     count = rng.poisson(size_m**2 * (density[0] - density[-1])) if shapes else 0
     diameter = np.interp(-np.sort(rng.uniform(density[-1], density[0], count)), -density, sizes)
     diameter = np.sort(diameter)[::-1]
@@ -109,7 +109,7 @@ def _places(
     return x, y
 
 
-def shapes_of(terrains: list[Terrain], corners: tuple[int, ...]) -> list[Shape]:
+def rock_shapes(terrains: list[TerrainSolids], corners: tuple[int, ...]) -> list[RockModel]:
     """Return the rocks of terrains as shapes: the original mesh, and a hull for each maximum number of vertices.
 
     Raises
@@ -124,7 +124,7 @@ def shapes_of(terrains: list[Terrain], corners: tuple[int, ...]) -> list[Shape]:
     return shapes
 
 
-def _shapes(terrain: Terrain, corners: tuple[int, ...]) -> list[Shape]:
+def _shapes(terrain: TerrainSolids, corners: tuple[int, ...]) -> list[RockModel]:
     used = {number: np.unique(rock.faces, return_inverse=True) for number, rock in sorted(terrain.rocks.items())}
     points = {number: terrain.rocks[number].vertices[vertices] for number, (vertices, _) in used.items()}
     feet = _feet(terrain, list(points.values()))
@@ -133,11 +133,11 @@ def _shapes(terrain: Terrain, corners: tuple[int, ...]) -> list[Shape]:
         local, faces = points[number] - foot, faces.reshape(-1, 3)
         diameter = _diameter(local, faces)
         mesh = Mesh(local / diameter, outward(local, faces))
-        result.append(Shape(terrain.number, number, diameter, (mesh, *(_fewer(mesh, most) for most in corners))))
+        result.append(RockModel(terrain.number, number, diameter, (mesh, *(_fewer(mesh, most) for most in corners))))
     return result
 
 
-def _feet(terrain: Terrain, rocks: list[np.ndarray]) -> np.ndarray:
+def _feet(terrain: TerrainSolids, rocks: list[np.ndarray]) -> np.ndarray:
     """Return (n, 3) centres of rocks, vertices (v, 3) each, at the height of the surrounding ground."""
     centres = np.array([(points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2 for points in rocks]).reshape(-1, 2)
     reach = [np.hypot(*(points[:, :2] - centre).T).max() for points, centre in zip(rocks, centres, strict=True)]
@@ -173,11 +173,11 @@ def smooth(mesh: Mesh, diameter_m: float) -> Mesh:
     edges = mesh.vertices[mesh.faces] - mesh.vertices[np.roll(mesh.faces, 1, axis=1)]
     facet_m = diameter_m * float(np.median(np.linalg.norm(edges, axis=2)))
     while facet_m > _FACET_M and 4 * len(mesh.faces) <= _MOST_FACES:
-        mesh, facet_m = subdivided(mesh), facet_m / 2
+        mesh, facet_m = subdivide_smoothly(mesh), facet_m / 2
     return mesh
 
 
-def posed(mesh: Mesh, diameter_m: float, angle: float, foot: np.ndarray) -> np.ndarray:
+def vertices_in_world(mesh: Mesh, diameter_m: float, angle: float, foot: np.ndarray) -> np.ndarray:
     """Return the vertices (v, 3) of a shape in the world, m; `foot` (3,): position of its origin."""
     cosine, sine = np.cos(angle), np.sin(angle)
     turned = mesh.vertices @ np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])

@@ -16,7 +16,7 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 
-from polarsim.errors import RoverError, about
+from polarsim.errors import RoverError, with_path
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
 from polarsim.randomness import generator
@@ -32,7 +32,7 @@ FADE = 0.3  # m, width of the transition from a terrain's edge to filler ground
 
 
 @dataclass(frozen=True)
-class Terrain:
+class TerrainSolids:
     """Meshes of a terrain in the sandbox frame: x towards azimuth 0, east."""
 
     number: int
@@ -44,7 +44,7 @@ class Terrain:
         return float(np.median(self.ground.vertices[:, 2]))
 
 
-def read_terrain(folder: str | Path, number: int) -> Terrain:
+def read_terrain_meshes(folder: str | Path, number: int) -> TerrainSolids:
     """Read ground and rocks of a folder; decimated rocks are preferred.
 
     Raises
@@ -59,13 +59,13 @@ def read_terrain(folder: str | Path, number: int) -> Terrain:
     for rock, path in obj.rock_files(folder).items():
         decimated = folder / obj.rock_name(number, rock, decimated=True)
         chosen = decimated if decimated.exists() else path
-        rocks[rock] = obj.read(chosen)
-        with about(chosen):
+        rocks[rock] = obj.read_obj(chosen)
+        with with_path(chosen):
             require_volume(rocks[rock].vertices)
-    return Terrain(number, obj.read(folder / obj.ground_name(number)), rocks)
+    return TerrainSolids(number, obj.read_obj(folder / obj.ground_name(number)), rocks)
 
 
-def stitch(terrains: list[Terrain], options: WorldOptions, seed: int = 0) -> World:
+def stitch(terrains: list[TerrainSolids], options: WorldOptions, seed: int = 0) -> World:
     """Return the strip, with the centre at x = y = 0.
 
     Parameters
@@ -86,7 +86,7 @@ def stitch(terrains: list[Terrain], options: WorldOptions, seed: int = 0) -> Wor
     x0, y0 = -(columns - 1) / 2 * cell, -(rows - 1) / 2 * cell
     x, y = x0 + cell * np.arange(columns), y0 + cell * np.arange(rows)
     total, weights = np.zeros((rows, columns)), np.zeros((rows, columns))
-    for terrain, centre in zip(terrains, centres(options), strict=True):
+    for terrain, centre in zip(terrains, terrain_centres(options), strict=True):
         reach = (LENGTH_M + BLEND_M) / 2
         part = slice(*np.searchsorted(x, [centre - reach, centre + reach]))
         heights = _heights(terrain, x[part] - centre, y)
@@ -99,7 +99,7 @@ def stitch(terrains: list[Terrain], options: WorldOptions, seed: int = 0) -> Wor
     return _with_rocks(bare_world(level, cell, x0, y0), terrains, options)
 
 
-def centres(options: WorldOptions) -> np.ndarray:
+def terrain_centres(options: WorldOptions) -> np.ndarray:
     """Return (n,) x of the terrains' centres, from east to west."""
     count = len(options.terrains)
     return LENGTH_M * ((count - 1) / 2 - np.arange(count))
@@ -122,7 +122,7 @@ def _ramp(value: np.ndarray) -> np.ndarray:
     return np.asarray(t * t * (3 - 2 * t))
 
 
-def _heights(terrain: Terrain, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _heights(terrain: TerrainSolids, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Return heights (rows, columns) above the sand level, with filled holes; NaN outside the ground's edges."""
     across, along = np.meshgrid(x, y)
     top = top_at(terrain.ground.vertices, terrain.ground.faces, across.ravel(), along.ravel()).reshape(across.shape)
@@ -180,12 +180,12 @@ def _with_filler(total: np.ndarray, weights: np.ndarray, cell: float, seed: int)
     return np.where(covered, level, kept * edge + (1 - kept) * relief)
 
 
-def _with_rocks(world: World, terrains: list[Terrain], options: WorldOptions) -> World:
+def _with_rocks(world: World, terrains: list[TerrainSolids], options: WorldOptions) -> World:
     return with_rocks(world, _rocks_in_strip(world, terrains, options))
 
 
-def _rocks_in_strip(world: World, terrains: list[Terrain], options: WorldOptions) -> Iterator[PlacedRock]:
-    for terrain, centre in zip(terrains, centres(options), strict=True):
+def _rocks_in_strip(world: World, terrains: list[TerrainSolids], options: WorldOptions) -> Iterator[PlacedRock]:
+    for terrain, centre in zip(terrains, terrain_centres(options), strict=True):
         for number, rock in sorted(terrain.rocks.items()):
             used, corners = np.unique(rock.faces, return_inverse=True)
             points = rock.vertices[used] + (centre, 0.0, -terrain.sand_level)

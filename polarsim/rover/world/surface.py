@@ -19,7 +19,7 @@ ROCK_COLUMNS = (
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class WorldBackdrop:
     """Ground and rocks outside a world's grid, for rendering only; the resolution decreases with distance.
 
     x, y : (columns,), (rows,) nodes, m; they contain each node of the grid once.
@@ -56,7 +56,7 @@ class World:
     rocks: pd.DataFrame
     vertices: np.ndarray
     triangles: np.ndarray
-    around: Surroundings | None = None
+    around: WorldBackdrop | None = None
 
     @property
     def x(self) -> np.ndarray:
@@ -165,7 +165,7 @@ def read_world(folder: str | Path) -> World:
 
 def _surroundings(
     ground: Mapping[str, np.ndarray], mesh: Mapping[str, np.ndarray], folder: Path
-) -> Surroundings | None:
+) -> WorldBackdrop | None:
     """Return the surroundings of a world, or None."""
     if "around_level_m" not in ground:
         return None
@@ -182,4 +182,4 @@ def _surroundings(
         raise FormatError(
             f"around_level_m of shape {level.shape}, expected {len(y), len(x)}", path=folder / "ground.npz"
         )
-    return Surroundings(x, y, level, mesh["scenery_vertices_m"], mesh["scenery_triangles"])
+    return WorldBackdrop(x, y, level, mesh["scenery_vertices_m"], mesh["scenery_triangles"])

@@ -7,23 +7,23 @@ import pytest
 
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.photo import BLACK_LEVEL, NO_ROCK, WHITE_LEVEL
 from polarsim.render import brdf_numba
 from polarsim.render.fitting import samples as sampling
-from polarsim.render.fitting.exposures import merged
+from polarsim.render.fitting.exposures import merge_exposures
 from polarsim.render.fitting.fit import LAMPS
 from polarsim.render.fitting.samples import FitSamples, samples_of_view
 from polarsim.render.lamps import ROVER, Lamp
 from polarsim.render.olat import render_view
 from polarsim.render.options import FittingOptions, RenderOptions
-from polarsim.render.surfaces import box, surfaces_of
+from polarsim.render.surfaces import box_mesh, build_surfaces
 from polarsim.run_files.scene import TerrainMesh
 
 LENS = Lens(260.0, 260.0, 120.0, 80.0, (0.0, 0.0, 0.0, 0.0, 0.0), 240, 160)
 PLACES = (
-    looking(np.array([2.4, -0.3, 1.8]), np.pi, np.radians(37)),
-    looking(np.array([-0.2, -2.4, 1.8]), np.pi / 2, np.radians(37)),
+    camera_pose(np.array([2.4, -0.3, 1.8]), np.pi, np.radians(37)),
+    camera_pose(np.array([-0.2, -2.4, 1.8]), np.pi / 2, np.radians(37)),
 )
 LIGHTS = {
     "30": Lamp(np.array([3.5, 1.8, 1.6])),
@@ -52,7 +52,7 @@ def sandbox() -> TerrainMesh:
     faces = [np.concatenate([np.stack([k, k + 41, k + 1], 1), np.stack([k + 1, k + 41, k + 42], 1)])]
     rocks = [np.full(len(faces[0]), NO_ROCK)]
     for rock, position in ((SEEN, [0.1, 0.1, 0.0]), (UNSEEN, [40.0, 0.0, 0.0])):
-        v, f, _ = box(np.add(position, [-0.15, -0.15, -0.1]), np.add(position, 0.15))
+        v, f, _ = box_mesh(np.add(position, [-0.15, -0.15, -0.1]), np.add(position, 0.15))
         faces.append(f + sum(map(len, vertices)))
         vertices.append(v)
         rocks.append(np.full(len(f), rock))
@@ -83,12 +83,12 @@ def shoot(
 ) -> FitSamples:
     """Return the samples of photos of the sandbox with the true albedo."""
     rng = np.random.default_rng(3)
-    painted, plain = surfaces_of(mesh, options, {"lambert": albedo, "hapke": albedo}), surfaces_of(mesh, options)
+    painted, plain = build_surfaces(mesh, options, {"lambert": albedo, "hapke": albedo}), build_surfaces(mesh, options)
     model = "hapke" if options.models == ("hapke",) else "lambert"
     parts = []
     for number, position in enumerate(points):
         olat_images = render_view(painted, Camera(position, LENS), LIGHTS, [model], None, options).olat_images
-        photos = {name: merged(photographed(olat_images[model, name], GAINS[name], rng)) for name in LIGHTS}
+        photos = {name: merge_exposures(photographed(olat_images[model, name], GAINS[name], rng)) for name in LIGHTS}
         parts += samples_of_view(plain, number, Camera(position, LENS), LIGHTS, photos, LAMPS, options)
     return FitSamples.joined(parts)
 

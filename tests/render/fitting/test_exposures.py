@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from polarsim.formats import png
 from polarsim.geometry.lens import Lens
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
-from polarsim.render.fitting.exposures import Linear, mean_of, merged, single_lamps
+from polarsim.render.fitting.exposures import Linear, mean_of, merge_exposures, single_lamps
 
 SMALL = Lens(10.0, 10.0, 4.0, 3.0, (0.0,) * 5, 8, 6)
 
@@ -19,13 +19,13 @@ def photo(rate, exposure_ms):
 @given(st.lists(st.floats(0.3, 100), min_size=4, max_size=4))
 def test_merging_recovers_light_from_partly_clipped_exposures(rates):
     rate = np.array(rates).reshape(2, 2)
-    found = merged((photo(rate, ms), ms) for ms in (16.0, 64.0, 256.0))
+    found = merge_exposures((photo(rate, ms), ms) for ms in (16.0, 64.0, 256.0))
     np.testing.assert_allclose(found.rate, rate, rtol=0.02)
     assert (found.variance > 0).all()
 
 
 def test_pixels_without_usable_exposure_have_infinite_variance():
-    found = merged((photo([[1e4, 0.001, 1.0]], ms), ms) for ms in (16.0, 64.0))
+    found = merge_exposures((photo([[1e4, 0.001, 1.0]], ms), ms) for ms in (16.0, 64.0))
     assert np.isinf(found.variance).tolist() == [[True, True, False]]
 
 
@@ -34,12 +34,12 @@ def test_the_variance_agrees_with_the_noise():
     rate, ms = 2.0, 256.0
     light = rate * ms
     noisy = [light + np.sqrt(light / 8 + 0.8) * rng.standard_normal((100, 100)) + BLACK_LEVEL for _ in range(2)]
-    found = merged((np.rint(one).astype(np.uint16), ms) for one in noisy)
+    found = merge_exposures((np.rint(one).astype(np.uint16), ms) for one in noisy)
     assert found.rate.var() == pytest.approx(float(found.variance.mean()), rel=0.1)
 
 
 def test_merging_no_photos_returns_none():
-    assert merged([]) is None
+    assert merge_exposures([]) is None
 
 
 def write(folder, rates):
@@ -48,7 +48,7 @@ def write(folder, rates):
         for ms in (64, 256):
             key = PhotoKey.parse(f"03_A_{name}_L_{ms:04d}")
             paths[key] = folder / f"{key}.png"
-            png.write(paths[key], photo(np.full((6, 8), rate), ms))
+            png.write_png(paths[key], photo(np.full((6, 8), rate), ms))
     return paths
 
 

@@ -12,7 +12,7 @@ import yaml
 from polarsim.errors import ConfigError
 from polarsim.formats import png, tables, yolo
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES
-from polarsim.render.ground_truth import boxes_of
+from polarsim.render.ground_truth import boxes_of_ids
 from polarsim.render.scene import Scene
 from polarsim.render.views import run
 from polarsim.render.views.folder import divided
@@ -47,8 +47,8 @@ def test_every_image_has_labels_and_a_row_in_the_listings(tmp_path, grid, tone):
         assert image["file_name"] == f"images/{row['name']}.png"
         assert png.read_photo(tmp_path / image["file_name"], SIZE).max() > BLACK_LEVEL + 50
         classes, boxes = yolo.read_boxes(tmp_path / f"labels/{row['name']}.txt", SIZE)
-        ids = png.read(tmp_path / "instances" / row["instances"])
-        found = boxes_of(ids, grid.render)
+        ids = png.read_png(tmp_path / "instances" / row["instances"])
+        found = boxes_of_ids(ids, grid.render)
         assert [BOX_CLASSES[number] for number in classes] == [kind for kind, _, _ in found]
         np.testing.assert_allclose(boxes, [box for _, _, box in found], atol=1e-3)
         assert count[image["id"]] == len(found) == row["rocks"] + row["shadows"]
@@ -104,7 +104,7 @@ def test_images_equal_those_of_a_scene(tmp_path, folders, views_of, tone, faults
     render_views(views, tmp_path, tone=tone)
     (picture,) = plan(views)
     one = Scene(folders / "meshes", 1, views.render).picture(picture.shot(views, 64.0))
-    np.testing.assert_array_equal(png.read(tmp_path / f"images/{picture.name}.png"), one)
+    np.testing.assert_array_equal(png.read_png(tmp_path / f"images/{picture.name}.png"), one)
 
 
 def test_bytes_do_not_depend_on_threads(tmp_path, grid, tone):
@@ -159,7 +159,7 @@ def test_images_of_a_changed_instance_map_are_rendered_again(tmp_path, grid, ton
     render_views(grid, tmp_path, tone=tone)
     before = files(tmp_path)
     path = sorted((tmp_path / "instances").iterdir())[1]
-    png.write(path, np.zeros_like(png.read(path)))
+    png.write_png(path, np.zeros_like(png.read_png(path)))
     assert render_views(grid, tmp_path, tone=tone) == (12, 2)
     assert files(tmp_path) == before
 
@@ -190,7 +190,7 @@ def test_images_of_other_views_in_the_folder_cause_a_warning(tmp_path, grid, vie
 def test_previews_have_eight_bits(tmp_path, views_of, tone):
     render_views(views_of(), tmp_path, tone=tone, preview=True)
     (path,) = (tmp_path / "images").iterdir()
-    pixels = png.read(path)
+    pixels = png.read_png(path)
     assert (pixels.dtype, pixels.ndim) == (np.uint8, 2)
     assert json.loads((tmp_path / f"sidecars/{path.stem}.json").read_text())["bits"] == 8
 
@@ -208,7 +208,7 @@ def test_rocks_of_several_terrains_have_different_ids(tmp_path, folders, views_o
     }
     render_views(views_of(scenes=[scene], cameras=[camera], render=options), tmp_path, tone=tone)
     (path,) = (tmp_path / "instances").iterdir()
-    assert {ROCK_IDS + 1, ROCK_IDS + 2, SHADOW_IDS + 1, SHADOW_IDS + 2} <= set(np.unique(png.read(path)))
+    assert {ROCK_IDS + 1, ROCK_IDS + 2, SHADOW_IDS + 1, SHADOW_IDS + 2} <= set(np.unique(png.read_png(path)))
     rocks = tables.read_csv(tmp_path / "rocks.csv")
     assert rocks[["rock", "terrain", "terrain_rock"]].to_numpy().tolist() == [[1, 1, 1], [2, 1, 1]]
     assert {(tmp_path / meshes).resolve() for meshes in rocks["meshes"]} == {(folders / "meshes").resolve()}
@@ -221,7 +221,7 @@ def test_auto_exposures_give_the_stated_brightness(tmp_path, views_of, tone):
     auto = {"percentile": 90, "grey": 2000}
     render_views(views_of(exposures_ms=["auto"], auto_exposure=auto), tmp_path, tone=tone)
     (path,) = (tmp_path / "images").iterdir()
-    grey = png.read(path).astype(float) - BLACK_LEVEL
+    grey = png.read_png(path).astype(float) - BLACK_LEVEL
     lit = grey[grey > 0.25 * np.median(grey[grey > 0])]
     assert abs(np.percentile(lit, 90) + BLACK_LEVEL - 2000) < 10
     exposure = json.loads((tmp_path / f"sidecars/{path.stem}.json").read_text())["exposure_ms"]
@@ -264,8 +264,8 @@ def test_stars_are_visible_only_in_the_sky_and_if_enabled(tmp_path, views_of, to
     camera = {"kind": "point", "position_m": [1.5, 1.2, 0.9], "look_at_m": [0, 0, 0.8]}
     for name, stars in (("black", None), ("real", {}), ("strong", {"intensity": 1e6})):
         render_views(views_of(cameras=[camera], stars=stars), tmp_path / name, tone=tone)
-    black, real, strong = (png.read(next((tmp_path / n / "images").iterdir())) for n in ("black", "real", "strong"))
-    sky = png.read(next((tmp_path / "black/instances").iterdir())) == 0
+    black, real, strong = (png.read_png(next((tmp_path / n / "images").iterdir())) for n in ("black", "real", "strong"))
+    sky = png.read_png(next((tmp_path / "black/instances").iterdir())) == 0
     assert (black[sky] == BLACK_LEVEL).all()
     assert real[sky].max() < BLACK_LEVEL + 10  # at a sunlit exposure
     assert (strong[sky] > BLACK_LEVEL + 20).sum() > 5

@@ -5,13 +5,21 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.poses import Pose, looking
+from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.render.views.cameras import pinhole
 from polarsim.render.views.options import StarField
-from polarsim.render.views.stars import SUN_MAGNITUDE, Sky, directions, sky_images, sky_mask, sky_of, star_radiance
+from polarsim.render.views.stars import (
+    SUN_MAGNITUDE,
+    Sky,
+    build_sky,
+    sky_images,
+    sky_mask,
+    star_directions,
+    star_radiance,
+)
 
 LENS = pinhole(50, 160, 120)
-UPWARDS = looking(np.array([0.0, 0, 1]), 0.4, -0.9)
+UPWARDS = camera_pose(np.array([0.0, 0, 1]), 0.4, -0.9)
 
 
 def one_star(pixel, pose=UPWARDS, lens=LENS):
@@ -27,7 +35,7 @@ def total(radiance, lens=LENS):
 
 @pytest.mark.parametrize(("magnitude", "number"), [(4, 480), (5, 1471), (6, 4559)])
 def test_the_number_of_stars_by_magnitude(magnitude, number):
-    sky = sky_of(StarField())
+    sky = build_sky(StarField())
     np.testing.assert_allclose(np.linalg.norm(sky.directions, axis=1), 1)
     assert (sky.irradiance > 10 ** (-0.4 * (magnitude - SUN_MAGNITUDE))).sum() == number
 
@@ -48,19 +56,19 @@ def test_bright_stars_have_their_positions_of_2026(ra, dec, motion):
     ra_deg, dec_deg = 15 * np.array(ra) @ sexagesimal, np.array(dec) @ sexagesimal
     dec_now = dec_deg + 26 * motion[1] / 3.6e6
     ra_now = ra_deg + 26 * motion[0] / 3.6e6 / np.cos(np.radians(dec_deg))
-    expected = directions(np.array([ra_now]), np.array([dec_now]))[0]
-    off = np.linalg.norm(sky_of(StarField(faintest_mag=3)).directions - expected, axis=1).min()
+    expected = star_directions(np.array([ra_now]), np.array([dec_now]))[0]
+    off = np.linalg.norm(build_sky(StarField(faintest_mag=3)).directions - expected, axis=1).min()
     assert np.degrees(off) < 10 / 3600
 
 
 def test_the_magnitude_limit_does_not_affect_bright_stars():
-    few, many = sky_of(StarField(faintest_mag=4)), sky_of(StarField(faintest_mag=6))
+    few, many = build_sky(StarField(faintest_mag=4)), build_sky(StarField(faintest_mag=6))
     np.testing.assert_array_equal(few.directions, many.directions[: len(few.directions)])
     np.testing.assert_array_equal(few.irradiance, many.irradiance[: len(few.irradiance)])
 
 
 def test_intensity_scales_all_stars():
-    plain, strong = sky_of(StarField(faintest_mag=3)), sky_of(StarField(faintest_mag=3, intensity=50))
+    plain, strong = build_sky(StarField(faintest_mag=3)), build_sky(StarField(faintest_mag=3, intensity=50))
     np.testing.assert_allclose(strong.irradiance, 50 * plain.irradiance)
 
 
@@ -92,7 +100,7 @@ def test_stars_rotate_with_the_camera():
 
 def test_the_sky_rotates_with_time():
     rotation = Rotation.from_rotvec([0.2, -0.1, 0.3]).as_matrix()
-    sky = sky_of(StarField(faintest_mag=5))
+    sky = build_sky(StarField(faintest_mag=5))
     rotated_camera = Pose(rotation.T @ UPWARDS.rotation, UPWARDS.translation)
     np.testing.assert_allclose(
         star_radiance(sky, rotation, Camera(UPWARDS, LENS)),
@@ -102,10 +110,10 @@ def test_the_sky_rotates_with_time():
 
 
 def test_stars_are_hidden_by_the_scene(surfaces):
-    pose = looking(np.array([2.5, -0.3, 1.0]), np.pi, 0.1)
+    pose = camera_pose(np.array([2.5, -0.3, 1.0]), np.pi, 0.1)
     empty = sky_mask(surfaces, Camera(pose, LENS), 1)
     assert 0.2 < empty.mean() < 0.9
-    sky = sky_of(StarField(faintest_mag=7))
+    sky = build_sky(StarField(faintest_mag=7))
     olat_images = sky_images(sky, {"one": np.eye(3), "two": np.eye(3)}, surfaces, Camera(pose, LENS), 2)
     assert (olat_images["one"][empty] > 0).any()
     assert not olat_images["one"][~empty].any()

@@ -7,7 +7,7 @@ from polarsim.errors import PolarsimError
 from polarsim.formats import png, yolo
 from polarsim.formats.tables import read_parquet
 from polarsim.render.options import RenderOptions
-from polarsim.rover.cameras.frames import read_truth, render_frames
+from polarsim.rover.cameras.frames import read_frame_truth, render_frames
 from polarsim.rover.cameras.layout import labels_folder, picture_folder
 from polarsim.rover.drive.trace import write_trace
 from polarsim.rover.vehicle.mounts import FRONT
@@ -41,7 +41,7 @@ def test_truth_is_equal_in_all_formats(written):
     folder = written[0]
     table = read_parquet(folder / FRONT / "2_truth.parquet", ("frame", "kind"))
     assert set(table["kind"]) == {"rock", "shadow"}
-    picture = png.read(picture_folder(folder, FRONT, "2", "hapke", 256) / "00005.png")
+    picture = png.read_png(picture_folder(folder, FRONT, "2", "hapke", 256) / "00005.png")
     size = picture.shape[::-1]
     own = table[table["frame"] == 5]
     classes, boxes = yolo.read_boxes(labels_folder(folder, FRONT, "2") / "00005.txt", size)
@@ -101,10 +101,10 @@ def test_broken_labels_of_a_frame_are_detected(written):
     content = (path / "00000.json").read_text()
     try:
         (path / "00000.json").write_text(content[: len(content) // 2])
-        assert read_truth(path, 0) is None
+        assert read_frame_truth(path, 0) is None
     finally:
         (path / "00000.json").write_text(content)
-    assert read_truth(path, 0) is not None
+    assert read_frame_truth(path, 0) is not None
 
 
 def test_a_folder_without_a_drive_is_an_error(tmp_path):

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from polarsim.errors import ConfigError
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.vectors import length
-from polarsim.render.lamps import Spot
+from polarsim.render.lamps import Spotlight
 from polarsim.render.olat import NO_LAMP
 from polarsim.rover.cameras.bodywork import body_of
 from polarsim.rover.cameras.lights import SUN_IN_BAND_W_M2, headlights
@@ -56,7 +56,7 @@ def test_light_is_half_at_half_the_beam_angle_and_zero_behind(beam_deg, yaw_deg,
 
 
 def test_a_spot_falls_off_with_the_square_of_the_distance():
-    lamp = Spot(np.zeros(3), axis=np.array([0.0, 0, -1]), beam_deg=60)
+    lamp = Spotlight(np.zeros(3), axis=np.array([0.0, 0, -1]), beam_deg=60)
     points = np.array([[0.1, 0, -1], [0.2, 0, -2]], np.float32)
     to_lamp, irradiance = lamp.light_at(points, falloff=True)
     assert irradiance.dtype == np.float32

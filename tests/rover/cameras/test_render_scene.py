@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from polarsim.rover.cameras.render_scene import still_ground, surrounding_ground
-from polarsim.rover.cameras.tracks import Lattice, WheelTracks
-from polarsim.rover.world.surface import Surroundings
+from polarsim.rover.cameras.render_scene import static_ground, surrounding_ground
+from polarsim.rover.cameras.tracks import NodeGrid, WheelTracks
+from polarsim.rover.world.surface import WorldBackdrop
 
 CELL = 0.02
 SHAPE = (120, 150)
@@ -16,7 +16,7 @@ SHAPE = (120, 150)
 def lattice(rng):
     rough = ndimage.gaussian_filter(rng.normal(0, 1, SHAPE), 1.5)
     y, x = np.mgrid[: SHAPE[0], : SHAPE[1]] * CELL
-    return Lattice(0.3, -0.7, CELL, 0.01 * rough / rough.std() + 0.02 * x - 0.03 * y)
+    return NodeGrid(0.3, -0.7, CELL, 0.01 * rough / rough.std() + 0.02 * x - 0.03 * y)
 
 
 def grid(vertices, axis):
@@ -27,16 +27,16 @@ def grid(vertices, axis):
 
 def test_static_ground_equals_the_grid_without_covered_cells(lattice):
     covered = np.zeros((SHAPE[0] - 1, SHAPE[1] - 1), bool)
-    vertices, faces, _ = still_ground(lattice, covered, 0.0)
+    vertices, faces, _ = static_ground(lattice, covered, 0.0)
     np.testing.assert_allclose(grid(vertices, 2), lattice.level)
     np.testing.assert_allclose(vertices[0, :2], [0.3, -0.7])
     assert len(faces) == 2 * covered.size
     covered[3:5, 7:10] = True
-    assert len(still_ground(lattice, covered, 0.0)[1]) == 2 * (covered.size - 6)
+    assert len(static_ground(lattice, covered, 0.0)[1]) == 2 * (covered.size - 6)
 
 
 def test_heights_of_the_rim_fade_outside_the_grid_without_radial_streaks(lattice):
-    vertices, _, _ = still_ground(lattice, np.zeros((SHAPE[0] - 1, SHAPE[1] - 1), bool), 20.0)
+    vertices, _, _ = static_ground(lattice, np.zeros((SHAPE[0] - 1, SHAPE[1] - 1), bool), 20.0)
     y, z = grid(vertices, 1), grid(vertices, 2)
     count = (z.shape[0] - SHAPE[0]) // 2
     inner = slice(count, count + SHAPE[1])
@@ -57,7 +57,7 @@ def test_surroundings_and_grid_form_a_single_mesh(lattice):
         np.concatenate([start - steps[::-1], start + CELL * np.arange(size), start + CELL * (size - 1) + steps])
         for start, size in ((lattice.x0, SHAPE[1]), (lattice.y0, SHAPE[0]))
     )
-    around = Surroundings(x, y, 0.02 * x - 0.03 * y[:, None], np.zeros((0, 3)), np.zeros((0, 3), int))
+    around = WorldBackdrop(x, y, 0.02 * x - 0.03 * y[:, None], np.zeros((0, 3)), np.zeros((0, 3), int))
     changed = np.zeros(SHAPE, bool)
     changed[60, 70] = True
     tracks = WheelTracks(lattice, changed, finer=2)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from polarsim.render.options import RenderOptions
-from polarsim.rover.cameras.options import ROVER_RENDER, CameraSuiteOptions, Light, rover_render
+from polarsim.rover.cameras.options import ROVER_RENDER, CameraSuiteOptions, ImagingCondition, rover_render
 from polarsim.rover.cameras.rover_camera import RoverCamera, near_path
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.control import Command, ReferencePath
-from polarsim.rover.drive.state import State
+from polarsim.rover.drive.state import RoverState
 from polarsim.rover.drive.trace import CONTACTS, WHEEL_COLUMNS, Trace
 from polarsim.rover.perception.observation import Perception
 from polarsim.rover.vehicle.mounts import FRONT, mount_of
@@ -50,7 +50,7 @@ CAMERAS = CameraSuiteOptions(
 )
 
 
-def state_of(trace: Trace) -> State:
+def state_of(trace: Trace) -> RoverState:
     """Return the first state, before any wheel has left a mark."""
     row = trace.table.iloc[0]
     table = [[row[f"{code}_{name}"] for name in WHEEL_COLUMNS[:-1]] + [CONTACTS.index("soil")] for code in WHEELS]
@@ -58,7 +58,7 @@ def state_of(trace: Trace) -> State:
     names = (("x_m", "y_m", "z_m"), ("qw", "qx", "qy", "qz"))
     position, rotation = (row[list(some)].to_numpy(float) for some in names)
     zero = np.zeros(3)
-    return State(0.0, position, rotation, zero, zero, zero, Command(), 0.0, wheels)
+    return RoverState(0.0, position, rotation, zero, zero, zero, Command(), 0.0, wheels)
 
 
 def shown_level(trace: Trace) -> np.ndarray:
@@ -77,12 +77,14 @@ def live_picture(trace: Trace, render: RenderOptions) -> np.ndarray:
     near = near_path(trace.world, LINE, 1.5)
     camera = RoverCamera(trace.world, driven.vehicle(), near, CAMERAS, render, models=("hapke",))
     base = camera.show_state(state_of(trace), shown_level(trace))
-    return camera.picture(mount_of(driven.vehicle().camera(FRONT), SCALE).at(base), Light(SUN, EXPOSURE_MS), "live")[0]
+    return camera.picture(
+        mount_of(driven.vehicle().camera(FRONT), SCALE).at(base), ImagingCondition(SUN, EXPOSURE_MS), "live"
+    )[0]
 
 
 def deciding_picture(trace: Trace, render: RenderOptions) -> np.ndarray:
     """Return the front camera's picture of the perception."""
-    light = Light(SUN, EXPOSURE_MS)
+    light = ImagingCondition(SUN, EXPOSURE_MS)
     perception = Perception(trace.world, driven.vehicle(), LINE, "stereo", light, CAMERAS, 3, render=render)
     base = perception._camera.show_state(state_of(trace), shown_level(trace))
     return perception._picture(perception.mount.at(base), 0)[0]

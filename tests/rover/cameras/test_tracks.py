@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from polarsim.rover.cameras.tracks import TILE, Lattice, WheelTracks, spline_weights, tile_faces
+from polarsim.rover.cameras.tracks import TILE, NodeGrid, WheelTracks, spline_weights, tile_faces
 from tests.rover.ruts import CELL, hills, rutted, tracks
 
 
@@ -29,7 +29,7 @@ def test_splines_reproduce_straight_lines(position, finer):
 def test_fine_ground_goes_through_the_nodes_and_continues_slopes(finer, seed):
     y, x = np.mgrid[:20, :30] * CELL
     hill = 0.02 * np.sin(8 * x + seed) * np.cos(7 * y)
-    lattice = Lattice(0.0, 0.0, CELL, hill + 0.1 * x - 0.05 * y)
+    lattice = NodeGrid(0.0, 0.0, CELL, hill + 0.1 * x - 0.05 * y)
     fine = lattice.refined(finer)
     np.testing.assert_allclose(fine.level[::finer, ::finer], lattice.level, atol=1e-12)
     y, x = np.mgrid[: fine.level.shape[0], : fine.level.shape[1]] * fine.cell
@@ -39,7 +39,7 @@ def test_fine_ground_goes_through_the_nodes_and_continues_slopes(finer, seed):
 
 def test_flat_cells_do_not_show_under_a_low_sun(rng):
     nodes = ndimage.gaussian_filter(rng.normal(0, 1, (60, 60)), 1.5)
-    lattice = Lattice(0.0, 0.0, CELL, 0.0025 * nodes / nodes.std())
+    lattice = NodeGrid(0.0, 0.0, CELL, 0.0025 * nodes / nodes.std())
     towards_sun = np.array([np.cos(np.radians(8)), 0, np.sin(np.radians(8))])
 
     def leap(finer):
@@ -127,7 +127,7 @@ def test_a_frame_does_not_depend_on_earlier_levels():
 
 
 def test_no_wall_of_a_rut_is_steeper_than_the_angle_of_repose():
-    lattice = Lattice(0, 0, CELL, np.zeros((97, 129)))
+    lattice = NodeGrid(0, 0, CELL, np.zeros((97, 129)))
     level = lattice.level.copy()
     level[40:50, 30:90] -= 0.05
     own = WheelTracks(lattice, level != 0, 4, 36)

@@ -17,13 +17,13 @@ from polarsim.rover.learn.courses import PracticeCourse
 from polarsim.rover.learn.environment import TraverseEnvironment
 from polarsim.rover.learn.observation import STATE
 from polarsim.rover.soil.contact import Loads
-from polarsim.rover.soil.nodes import make_ground
+from polarsim.rover.soil.nodes import make_soil_ground
 from polarsim.rover.soil.options import SoilOptions
-from polarsim.rover.soil.shapes import Wheel, window
+from polarsim.rover.soil.shapes import Wheel, wheel_window
 from polarsim.rover.world.practice import PracticeGround
 
 ROWS, COLUMNS = 7, 9
-GRID = make_ground(np.arange(1.0, ROWS * COLUMNS + 1).reshape(ROWS, COLUMNS), 0.1, -0.3, -0.2)
+GRID = make_soil_ground(np.arange(1.0, ROWS * COLUMNS + 1).reshape(ROWS, COLUMNS), 0.1, -0.3, -0.2)
 SHAPE = Wheel(0.25, 0.2).numbers()
 GROUND = PracticeGround(length_m=5.0, width_m=4.0, cell_m=0.04, rocks=0)
 FIRM = SoilOptions(slip_sinkage=False, step_s=0.002)
@@ -34,7 +34,7 @@ any_number = st.floats(allow_nan=True, allow_infinity=True)
 def test_the_window_of_a_body_is_inside_the_grid_for_any_pose(x, y, tilt):
     rotation = np.eye(3)
     rotation[0, 1] = tilt
-    bounds = window(GRID, SHAPE, np.array([x, y, 0.0]), rotation)
+    bounds = wheel_window(GRID, SHAPE, np.array([x, y, 0.0]), rotation)
     assert 0 <= bounds[0] <= bounds[1] <= ROWS
     assert 0 <= bounds[2] <= bounds[3] <= COLUMNS
 

@@ -17,7 +17,7 @@ from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
 from polarsim.rover.world.options import WorldOptions
-from polarsim.rover.world.stitch import Terrain, _with_rocks
+from polarsim.rover.world.stitch import TerrainSolids, _with_rocks
 from polarsim.rover.world.surface import World, bare_world
 from tests.rover.made_world import plane
 
@@ -39,7 +39,7 @@ def pebbles() -> World:
         box = trimesh.creation.box((0.03, 0.03, 0.06))
         rocks[number] = Mesh(np.asarray(box.vertices) + np.array([x, y, 0.0]), np.asarray(box.faces))
     ground = bare_world(level, 0.02, -1.6, -1.2)
-    return _with_rocks(ground, [Terrain(4, plane(0.0), rocks)], WorldOptions(terrains=(4,)))
+    return _with_rocks(ground, [TerrainSolids(4, plane(0.0), rocks)], WorldOptions(terrains=(4,)))
 
 
 def made() -> Simulation:

@@ -14,9 +14,9 @@ from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive import energy
 from polarsim.rover.drive import ride as drive
 from polarsim.rover.drive.energy import EnergyError
-from polarsim.rover.drive.job import Job, require_on_grid, route_of
+from polarsim.rover.drive.job import DriveJob, require_on_grid, route_of
 from polarsim.rover.drive.options import DriveOptions
-from polarsim.rover.drive.ride import STATE, Ride, drive_to_end, run_drive
+from polarsim.rover.drive.ride import STATE, RunningDrive, drive_to_end, run_drive
 from polarsim.rover.drive.state import OffGridError
 from polarsim.rover.drive.trace import read_trace
 from polarsim.rover.planning import drive as autonomous_drive
@@ -33,12 +33,12 @@ from tests.rover.drives import write_meshes
 CONFIG = Path(__file__).parents[3] / "config"
 
 
-def job(seed: int = 0, slope_deg: float = 0.0, physics: SoilOptions | None = None, **drive) -> Job:
+def job(seed: int = 0, slope_deg: float = 0.0, physics: SoilOptions | None = None, **drive) -> DriveJob:
     """A drive of half a metre over ground that falls from east to west."""
     x = -2.0 + 0.02 * np.arange(201)
     level = np.tile(np.tan(np.radians(slope_deg)) * -x, (121, 1))
     options = {"path_m": ((0.25, 0.0), (-0.25, 0.0)), "speed_m_s": 0.3} | drive
-    return Job(
+    return DriveJob(
         bare_world(level, 0.02, -2.0, -1.2),
         read_vehicle(CONFIG / "viper.yaml"),
         read_soil(CONFIG / "soils.csv", "lunar"),
@@ -92,7 +92,7 @@ def test_tracks_contain_the_ruts_of_the_wheels(whole):
 
 
 def test_a_resumed_drive_has_the_same_bytes(whole, tmp_path):
-    stopped = Ride(job())
+    stopped = RunningDrive(job())
     stopped.run_for(0.9)
     assert stopped.ended is None
     stopped.save(tmp_path / STATE)
@@ -101,7 +101,7 @@ def test_a_resumed_drive_has_the_same_bytes(whole, tmp_path):
 
 
 def test_a_state_of_another_drive_is_ignored(whole, tmp_path):
-    other = Ride(job(seed=1))
+    other = RunningDrive(job(seed=1))
     other.run_for(0.9)
     other.save(tmp_path / STATE)
     drive_to_end(job(), tmp_path)
@@ -111,10 +111,10 @@ def test_a_state_of_another_drive_is_ignored(whole, tmp_path):
 def test_a_state_of_other_code_is_ignored(tmp_path, monkeypatch):
     with monkeypatch.context() as patched:
         patched.setattr("polarsim.provenance.code_digest", lambda *modules: "of old")
-        old = Ride(job())
+        old = RunningDrive(job())
         old.run_for(0.1)
         old.save(tmp_path / STATE)
-    ride = Ride(job())
+    ride = RunningDrive(job())
     ride.resume(tmp_path / STATE)
     assert not ride.rows
     assert not ride.settled

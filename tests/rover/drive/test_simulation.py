@@ -183,12 +183,12 @@ def test_a_wheel_on_a_rock_has_contact_with_the_rock(soil):
 
     from polarsim.geometry.meshes import Mesh
     from polarsim.rover.world.options import WorldOptions
-    from polarsim.rover.world.stitch import Terrain
+    from polarsim.rover.world.stitch import TerrainSolids
 
     box = trimesh.creation.box((0.5, 0.5, 0.2)).subdivide()
     rock = Mesh(np.asarray(box.vertices) + np.array([0.642, 0.61, -0.08]), np.asarray(box.faces))
     ground = Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))
-    world = _with_rocks(flat(), [Terrain(4, ground, {1: rock})], WorldOptions(terrains=(4,)))
+    world = _with_rocks(flat(), [TerrainSolids(4, ground, {1: rock})], WorldOptions(terrains=(4,)))
     last = run(Simulation(world, VIPER, soil), 3.0)[-1]
     assert list(last.wheel("contact")) == [2, 1, 1, 1]
     assert last.wheel("load_n").sum() == pytest.approx(430 * 1.62, rel=0.01)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from polarsim.rover.drive.table import drive_table, wheel_metrics
-from polarsim.rover.drive.trace import COLUMNS, GroundChanges, Trace, trace_table
+from polarsim.rover.drive.trace import COLUMNS, LevelChanges, Trace, trace_table
 from polarsim.rover.world.surface import bare_world
 from polarsim.schemas.rover import DRIVES
 
@@ -23,7 +23,7 @@ def trace(seed: int, offset: float, control: str = "heading") -> Trace:
         "options": {"drive": {"control": control}},
         "energy_j": {"motor": 40.0, "motor_of": {"lf": 10.0, "rf": 10.0, "lr": 10.0, "rr": 10.0}},
     }  # fmt: skip
-    tracks = GroundChanges(np.zeros(0), np.zeros(1, int), np.zeros(0, np.int32), np.zeros(0, np.float32))
+    tracks = LevelChanges(np.zeros(0), np.zeros(1, int), np.zeros(0, np.int32), np.zeros(0, np.float32))
     return Trace(trace_table(rows), bare_world(np.zeros((2, 2)), 1.0, 0.0, 0.0), tracks, drive)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from polarsim.errors import FormatError
-from polarsim.rover.drive.trace import COLUMNS, CONTACTS, GroundChanges, Trace, read_trace, trace_table, write_trace
+from polarsim.rover.drive.trace import COLUMNS, CONTACTS, LevelChanges, Trace, read_trace, trace_table, write_trace
 from polarsim.rover.world.surface import bare_world, write_world
 
 BASE = [COLUMNS.index(name) for name in ("qw", "lf_qw", "rf_qw", "lr_qw", "rr_qw")]
@@ -18,7 +18,7 @@ def small_trace() -> Trace:
     rows[:, BASE] = 1
     rows[2, COLUMNS.index("qw")] = rows[2, COLUMNS.index("qz")] = np.sqrt(0.5)
     rows[:, COLUMNS.index("rf_contact")] = [0, 1, 3]
-    tracks = GroundChanges(
+    tracks = LevelChanges(
         np.array([0.0, 1.0]), np.array([0, 1, 3]), np.array([1, 1, 5]), np.float32([-0.01, -0.02, 0.01])
     )
     return Trace(trace_table(rows), bare_world(np.zeros((3, 4)), 0.1, -1.0, 2.0), tracks, {"ended": "finished"})

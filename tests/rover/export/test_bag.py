@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.errors import FormatError
-from polarsim.formats.ros import OTHERS, definition
+from polarsim.formats.ros import EXTRA_DEFINITIONS, definition
 from polarsim.rover.drive.trace import write_trace
 from polarsim.rover.export import messages
 from polarsim.rover.export.bag import first_per_period, write_bag
@@ -176,8 +176,8 @@ def test_the_error_of_a_picture_of_another_shape_has_its_path(tmp_path):
     from polarsim.formats import png
 
     write_drive(tmp_path, VEHICLE)
-    png.write(tmp_path / "front_end_cam/1_hapke_0256/00004.png", np.zeros((50, 121), np.uint16))
-    png.write(tmp_path / "front_end_cam/1_hapke_0256/00000.png", np.zeros((50, 121), np.uint16))
+    png.write_png(tmp_path / "front_end_cam/1_hapke_0256/00004.png", np.zeros((50, 121), np.uint16))
+    png.write_png(tmp_path / "front_end_cam/1_hapke_0256/00000.png", np.zeros((50, 121), np.uint16))
     with pytest.raises(FormatError, match=r"00000\.png"):
         write_bag(tmp_path, tmp_path / "drive.mcap", VEHICLE, BagOptions())
     assert not list(tmp_path.glob("*.mcap"))
@@ -203,7 +203,7 @@ def test_the_selected_times_have_the_given_rate(log_hz, hz, count):
     assert abs(len(chosen) - min(count, times[-1] * hz + 1)) <= 1 + 1e-6 * count
 
 
-@pytest.mark.parametrize("name", ["nav_msgs/msg/Odometry", "sensor_msgs/msg/CameraInfo", *sorted(OTHERS)])
+@pytest.mark.parametrize("name", ["nav_msgs/msg/Odometry", "sensor_msgs/msg/CameraInfo", *sorted(EXTRA_DEFINITIONS)])
 def test_definitions_contain_all_their_parts(name):
     from mcap_ros2._dynamic import generate_dynamic, serialize_dynamic
 

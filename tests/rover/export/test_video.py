@@ -16,7 +16,14 @@ from polarsim.rover.cameras.frames import render_frames
 from polarsim.rover.cameras.layout import picture_folder
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.trace import write_trace
-from polarsim.rover.export.video import frame_rate, make_videos, shown, video_name, with_boxes, write_video
+from polarsim.rover.export.video import (
+    frame_rate,
+    to_8_bit_rgb,
+    video_name,
+    with_boxes,
+    write_missing_videos,
+    write_video,
+)
 from polarsim.rover.perception.detections import detection_table
 from polarsim.rover.vehicle.mounts import FRONT
 from tests.rover import driven
@@ -32,7 +39,7 @@ def test_half_speed_has_half_the_frame_rate():
 
 
 def test_the_full_range_of_light_is_displayed():
-    picture = shown(np.array([[0, 16, 4095]], np.uint16))
+    picture = to_8_bit_rgb(np.array([[0, 16, 4095]], np.uint16))
     assert picture.shape == (1, 3, 3)
     assert list(picture[0, :, 0]) == [0, 0, 255]
 
@@ -118,13 +125,13 @@ def test_videos_are_current_until_detections_change(av, tmp_path):
         views=(FRONT,), suns=("2",), models=("hapke",), exposures_ms=(512,), scale=0.1, finer=1
     )
     render_frames(tmp_path, driven.vehicle(), options, 0, render=driven.RENDER)
-    assert make_videos(tmp_path, driven.vehicle(), options, 0) == 1
-    assert make_videos(tmp_path, driven.vehicle(), options, 0) == 0
+    assert write_missing_videos(tmp_path, driven.vehicle(), options, 0) == 1
+    assert write_missing_videos(tmp_path, driven.vehicle(), options, 0) == 0
     path = tmp_path / "videos" / "front_end_cam_2_hapke_0512.webm"
     plain = read(av, path)[2]
     detections = detection_table([(frame, "rock", 0.9, 40, 30, 90, 80) for frame in range(6)])
     tables.write_parquet(picture_folder(tmp_path, FRONT, "2", "hapke", 512) / "detections.parquet", detections)
-    assert make_videos(tmp_path, driven.vehicle(), options, 0) == 1
+    assert write_missing_videos(tmp_path, driven.vehicle(), options, 0) == 1
     orange = read(av, path)[2][3].astype(int)
     assert (orange[..., 0] - orange[..., 2]).max() > 60 > np.abs(plain[3][..., 0].astype(int) - plain[3][..., 2]).max()
 
@@ -135,7 +142,7 @@ def test_the_number_of_threads_does_not_change_videos(av, tmp_path):
     render_frames(tmp_path, driven.vehicle(), options, 0, render=driven.RENDER)
     made = []
     for threads in (1, 3):
-        assert make_videos(tmp_path, driven.vehicle(), options, 0, threads) == 3
+        assert write_missing_videos(tmp_path, driven.vehicle(), options, 0, threads) == 3
         made.append({path.name: path.read_bytes() for path in (tmp_path / "videos").iterdir()})
         shutil.rmtree(tmp_path / "videos")
     assert made[0] == made[1]
@@ -145,4 +152,4 @@ def test_the_error_of_a_missing_picture_has_its_path(tmp_path):
     write_trace(tmp_path, driven.trace(seconds=0.2))
     options = CameraSuiteOptions(views=(FRONT,), suns=("2",), models=("hapke",), exposures_ms=(512,), scale=0.1)
     with pytest.raises(RoverError, match=r"00000\.png"):
-        make_videos(tmp_path, driven.vehicle(), options, 0)
+        write_missing_videos(tmp_path, driven.vehicle(), options, 0)

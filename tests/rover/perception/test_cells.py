@@ -7,7 +7,7 @@ from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.perception import hazard_map
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.map_updates import update_from_boxes
-from polarsim.rover.perception.measure import ride_of
+from polarsim.rover.perception.measure import front_camera_drive
 from polarsim.rover.planning.challenge import true_cells
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.world.surface import bare_world
@@ -84,7 +84,7 @@ def test_a_box_that_is_cut_off_hides_the_ground_below_it(mapped):
 
 def test_ground_is_visible_only_near_the_path_of_the_camera():
     suite = CameraSuite(driven.trace(seconds=8.0), driven.vehicle(), driven.options(views=(FRONT,), every=4))
-    seen = hazard_map.map_from_boxes(table([]), ride_of(suite), hazard_map.grid_over(WORLD), CONFIDENCE)
+    seen = hazard_map.map_from_boxes(table([]), front_camera_drive(suite), hazard_map.grid_over(WORLD), CONFIDENCE)
     assert 0.1 < seen.visible.mean() < 0.9
     assert not seen.visible[:, -3:].any()  # behind the start
     assert not seen.rock.any()

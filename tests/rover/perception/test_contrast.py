@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.rover.perception import contrast
-from polarsim.rover.perception.contrast import has_contrast
+from polarsim.rover.perception.contrast import boxes_with_contrast
 
 PICTURE = np.full((60, 80), 10, np.uint8)
 PICTURE[20:40, 10:30] = 200
@@ -16,12 +16,12 @@ BOXES = np.array([[10, 20, 30, 40], [50, 20, 70, 40], [0, 0, 80, 60], [40, 50, 8
 def shown(picture: np.ndarray, boxes: np.ndarray, least_contrast: float) -> np.ndarray:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(contrast, "MIN_CONTRAST", least_contrast)
-        return has_contrast(picture, boxes)
+        return boxes_with_contrast(picture, boxes)
 
 
 def test_a_bright_rock_is_visible_and_a_rock_in_the_dark_is_not():
-    assert has_contrast(PICTURE, BOXES).tolist() == [True, False, True, False, True]
-    assert has_contrast(PICTURE, np.zeros((0, 4))).tolist() == []
+    assert boxes_with_contrast(PICTURE, BOXES).tolist() == [True, False, True, False, True]
+    assert boxes_with_contrast(PICTURE, np.zeros((0, 4))).tolist() == []
     black = np.zeros((60, 80), np.uint8)
     assert not shown(black, BOXES, 0.01).any()
     assert shown(black, BOXES, 0.0).all()

@@ -47,7 +47,7 @@ def test_inference_widths_are_limited_to_the_width_of_pictures(drive, tmp_path, 
         calls.append((sizes.widths, [picture.shape[1] for picture in pictures]))
         return [np.zeros((0, 6))] * len(pictures)
 
-    monkeypatch.setattr("polarsim.rover.perception.detections.detect", recorded)
+    monkeypatch.setattr("polarsim.rover.perception.detections.predict_images", recorded)
     detect_drive(folder, driven.vehicle(), options, onboard, 3)
     assert {tuple(widths) for widths, _ in calls} == {(256, 384)}  # at most a fifth of the camera's 1936
     assert {width for _, pictures in calls for width in pictures} <= {384, 387}

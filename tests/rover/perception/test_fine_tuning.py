@@ -40,7 +40,7 @@ def test_windows_of_all_picture_sets_are_8_bit_images_with_labels(drive, tmp_pat
     labelled = 0
     for part in ("train", "val"):
         for name in parts[part]:
-            picture = png.read(tmp_path / f"dataset/images/{part}/{name}.png")
+            picture = png.read_png(tmp_path / f"dataset/images/{part}/{name}.png")
             assert picture.shape[1] == 128
             assert picture.dtype == np.uint8
             labelled += len(yolo.read_boxes(tmp_path / f"dataset/labels/{part}/{name}.txt", picture.shape[::-1])[1])

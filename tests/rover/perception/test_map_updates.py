@@ -5,7 +5,7 @@ import pytest
 
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import looking
+from polarsim.geometry.poses import camera_pose
 from polarsim.photo import BLACK_LEVEL
 from polarsim.rover.perception.hazard_grid import PARTS, HazardGrid
 from polarsim.rover.perception.map_updates import (
@@ -18,7 +18,7 @@ from polarsim.rover.perception.observation import has_texture
 from polarsim.rover.world.surface import bare_world
 
 LENS = Lens(500.0, 500.0, 242.0, 152.0, width=484, height=304)
-CAMERA = Camera(looking(np.array([0.0, 0.0, 1.25]), 0.0, 30.0 * np.pi / 180, 0.0), LENS)
+CAMERA = Camera(camera_pose(np.array([0.0, 0.0, 1.25]), 0.0, 30.0 * np.pi / 180, 0.0), LENS)
 LEVEL = 0.3  # height of the ground
 ALL_LIT = np.ones((LENS.height, LENS.width), bool)
 

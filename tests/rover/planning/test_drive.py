@@ -14,20 +14,20 @@ from scipy import ndimage
 pytest.importorskip("mujoco", reason="mujoco is not installed")
 
 from polarsim.report.figures.autonomy_maps import picture_times, shown_pictures
-from polarsim.rover.cameras.options import CameraSuiteOptions, Light, lights_ahead
+from polarsim.rover.cameras.options import CameraSuiteOptions, ImagingCondition, lights_ahead
 from polarsim.rover.drive import ride as ride_module
-from polarsim.rover.drive.job import Job
+from polarsim.rover.drive.job import DriveJob
 from polarsim.rover.drive.options import DriveOptions
-from polarsim.rover.drive.ride import Ride
+from polarsim.rover.drive.ride import RunningDrive
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.observation import Observation, Perception
 from polarsim.rover.planning.drive import PICTURES, autonomous_job, run_autonomous_drive, write_outcome
-from polarsim.rover.planning.metrics import drive_metrics, events
+from polarsim.rover.planning.metrics import drive_metrics, event_table
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.pictures import WIDTH_PX
 from polarsim.rover.planning.pilot import Pilot
 from polarsim.rover.planning.planner import Planner
-from polarsim.rover.planning.touches import touches
+from polarsim.rover.planning.touches import rock_contacts
 from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
@@ -41,7 +41,7 @@ BOXES = ((3.6, 0.6), (3.9, -0.6))  # in the path of the left and right wheels
 
 
 @pytest.fixture(scope="module")
-def job() -> Job:
+def job() -> DriveJob:
     relief = ndimage.gaussian_filter(np.random.default_rng(0).normal(size=(101, 151)), 1.0)  # texture for stereo
     bare = bare_world(0.006 * relief / relief.std(), 0.06, -1.5, -3.0)
     rows, vertices, faces = [], [], []
@@ -58,17 +58,17 @@ def job() -> Job:
     )
     line = DriveOptions(path_m=((0.0, 0.0), (5.8, 0.0)))
     soil = SoilOptions(slip_sinkage=False, step_s=0.002)
-    return Job(world, read_vehicle(line.vehicle), read_soil(soil.table, soil.soil), line, soil, WorldOptions(), 0)
+    return DriveJob(world, read_vehicle(line.vehicle), read_soil(soil.table, soil.soil), line, soil, WorldOptions(), 0)
 
 
 @pytest.fixture(scope="module")
-def moment(job) -> tuple[Ride, Callable[..., Observation]]:
+def moment(job) -> tuple[RunningDrive, Callable[..., Observation]]:
     """Return a ride at the start, and a function that returns the stereo observation there in a light."""
-    ride = Ride(autonomous_job(job, OPTIONS))
+    ride = RunningDrive(autonomous_job(job, OPTIONS))
     ride.run_for(0.1)
     state, level = ride.simulation.state(), ride.simulation.ground.level
 
-    def observe(light: Light, threads: int = 1) -> Observation:
+    def observe(light: ImagingCondition, threads: int = 1) -> Observation:
         perception = Perception(
             job.world, job.vehicle, ride.route, "stereo", light, CAMERAS, 0, render=driven.RENDER, threads=threads
         )
@@ -82,15 +82,15 @@ def value(rows: pd.DataFrame, metric: str) -> float:
 
 
 def test_a_drive_by_labels_avoids_rocks_that_a_blind_drive_hits(job):
-    blind = run_autonomous_drive(job, "blind", Light("3", 256), OPTIONS, CAMERAS, render=driven.RENDER)
-    rocks = touches(blind.trace, job.vehicle)
+    blind = run_autonomous_drive(job, "blind", ImagingCondition("3", 256), OPTIONS, CAMERAS, render=driven.RENDER)
+    rocks = rock_contacts(blind.trace, job.vehicle)
     assert value(drive_metrics(blind, rocks, job.vehicle, OPTIONS), "collisions") == 2
-    hits = events(blind, rocks)
+    hits = event_table(blind, rocks)
     assert hits["what"].tolist() == ["collision"] * 2
     assert sorted(zip(hits["x_m"], hits["y_m"], strict=True)) == sorted(BOXES)
     assert hits["time_s"].is_monotonic_increasing
-    outcome = run_autonomous_drive(job, "truth", Light("3", 256), OPTIONS, CAMERAS, render=driven.RENDER)
-    rows = drive_metrics(outcome, touches(outcome.trace, job.vehicle), job.vehicle, OPTIONS)
+    outcome = run_autonomous_drive(job, "truth", ImagingCondition("3", 256), OPTIONS, CAMERAS, render=driven.RENDER)
+    rows = drive_metrics(outcome, rock_contacts(outcome.trace, job.vehicle), job.vehicle, OPTIONS)
     assert value(rows, "success") == 1
     assert value(rows, "collisions") == 0
     assert value(rows, "closest pass of a rock above 10 cm") > 0.02
@@ -103,7 +103,7 @@ def test_equal_drives_write_equal_bytes(job, tmp_path):
     for name in ("a", "b"):
         write_outcome(
             tmp_path / name,
-            run_autonomous_drive(job, "truth", Light("3", 256), brief, CAMERAS, render=driven.RENDER),
+            run_autonomous_drive(job, "truth", ImagingCondition("3", 256), brief, CAMERAS, render=driven.RENDER),
             brief,
         )
     files = sorted(path.relative_to(tmp_path / "a") for path in (tmp_path / "a").rglob("*") if path.is_file())
@@ -121,7 +121,12 @@ def test_a_path_across_the_line_is_progress_and_spinning_in_place_is_not(job, mo
     motors = job.vehicle.drive.model_copy(update={"torque_limit_n_m": torque_n_m} if torque_n_m else {})
     slow = replace(job, vehicle=job.vehicle.model_copy(update={"drive": motors}))
     outcome = run_autonomous_drive(
-        slow, "truth", Light("3", 256), OPTIONS.model_copy(update={"longest_s": 11.0}), CAMERAS, render=driven.RENDER
+        slow,
+        "truth",
+        ImagingCondition("3", 256),
+        OPTIONS.model_copy(update={"longest_s": 11.0}),
+        CAMERAS,
+        render=driven.RENDER,
     )
     assert outcome.trace.drive["ended"] == ended
     if torque_n_m is None:
@@ -133,14 +138,14 @@ def test_a_path_across_the_line_is_progress_and_spinning_in_place_is_not(job, mo
 def test_stereo_maps_the_boxes_and_odometry_follows_the_drive(job, tmp_path):
     short = replace(job, drive=job.drive.model_copy(update={"path_m": ((0.0, 0.0), (1.6, 0.0))}))
     outcome = run_autonomous_drive(
-        short, "stereo", Light("3", "auto"), OPTIONS, CameraSuiteOptions(scale=0.5), render=driven.RENDER
+        short, "stereo", ImagingCondition("3", "auto"), OPTIONS, CameraSuiteOptions(scale=0.5), render=driven.RENDER
     )
     grid = outcome.pilot.grid
     x, y = np.meshgrid(grid.x, grid.y)
     near = np.any([np.hypot(x - bx, y - by) < 0.35 for bx, by in BOXES], axis=0)
     assert (grid.rock & near).sum() >= 4
     assert (grid.rock & ~near).sum() < 0.06 * grid.seen.sum()
-    rows = drive_metrics(outcome, touches(outcome.trace, job.vehicle), job.vehicle, OPTIONS)
+    rows = drive_metrics(outcome, rock_contacts(outcome.trace, job.vehicle), job.vehicle, OPTIONS)
     assert value(rows, "odometry: absolute error") < 0.2
     write_outcome(tmp_path, outcome, OPTIONS)
     pictures = picture_times(tmp_path / PICTURES)
@@ -163,17 +168,17 @@ def test_headlights_illuminate_the_ground_at_night(moment):
     ride, observe = moment
     ahead = lights_ahead(ride.job.vehicle)
     assert set(ahead) == {"navlight_left", "navlight_right", "hazlight_fore_port", "hazlight_fore_starboard"}
-    dark, lit = (observe(Light("night", 1024.0, lights)).pair[0] for lights in ((), ahead))
+    dark, lit = (observe(ImagingCondition("night", 1024.0, lights)).pair[0] for lights in ((), ahead))
     assert lit.mean() > dark.mean() + 20
 
 
 def test_noise_in_the_dark_is_not_observed_ground(moment):
-    observation = moment[1](Light("night", 1024.0))
+    observation = moment[1](ImagingCondition("night", 1024.0))
     assert observation.pair[0].std() > 0
     assert not (observation.updates[0].weight > 0).any()
 
 
 def test_pictures_do_not_depend_on_the_number_of_threads(moment):
-    one, three = (moment[1](Light("3", 256.0), threads).pair for threads in (1, 3))
+    one, three = (moment[1](ImagingCondition("3", 256.0), threads).pair for threads in (1, 3))
     assert one[0].std() > 0
     np.testing.assert_array_equal(one, three)

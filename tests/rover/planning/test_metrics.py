@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from polarsim.errors import RoverError
 from polarsim.geometry.poses import Pose
-from polarsim.rover.planning.challenge import FULL_RATE_1_S, points, true_cells
+from polarsim.rover.planning.challenge import FULL_RATE_1_S, challenge_score, true_cells
 from polarsim.rover.planning.touches import box_gap, cylinder_gap
 from polarsim.rover.planning.trajectory import absolute_error, relative_error
 from polarsim.rover.world.surface import bare_world
@@ -24,7 +24,7 @@ def test_points_of_a_map_with_one_wrong_height_and_one_wrong_rock():
     rock[0, :2] = True
     heights, rocks = true.copy(), rock.copy()
     heights[1, 4], rocks[1, 4] = 0.051, True
-    score = points(heights, rocks, true, rock, SCORED, seconds=10 / FULL_RATE_1_S * 2)
+    score = challenge_score(heights, rocks, true, rock, SCORED, seconds=10 / FULL_RATE_1_S * 2)
     assert score.geometry == pytest.approx(300 * 0.9)
     assert score.rocks == pytest.approx(300 * 2 * 2 / 5)  # two right, one false
     assert score.productivity == pytest.approx(125)
@@ -33,7 +33,7 @@ def test_points_of_a_map_with_one_wrong_height_and_one_wrong_rock():
 
 def test_unknown_heights_are_wrong_and_without_true_rocks_there_is_no_score_for_rocks():
     none = np.zeros((2, 5), bool)
-    score = points(np.full((2, 5), np.nan), none, np.zeros((2, 5)), none, SCORED, seconds=60)
+    score = challenge_score(np.full((2, 5), np.nan), none, np.zeros((2, 5)), none, SCORED, seconds=60)
     assert (score.geometry, score.productivity) == (0, 0)
     assert np.isnan(score.rocks)
 

@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.rover.cameras.options import CameraSuiteOptions, Light, lights_ahead
+from polarsim.rover.cameras.options import CameraSuiteOptions, ImagingCondition, lights_ahead
 from polarsim.rover.perception.options import Mode
 from polarsim.rover.planning.cases import AXES, cases, parse_case
 from polarsim.rover.planning.options import AutonomyOptions
-from polarsim.rover.planning.summary import effects_of, summary, with_derived
+from polarsim.rover.planning.summary import drive_summary, effects_of, with_derived
 from polarsim.schemas.rover import EVERY_AUTONOMY, MODES
 from tests.rover import driven
 
@@ -49,8 +49,8 @@ def test_there_is_a_drive_for_each_combination_and_names_read_back():
     case = parse_case("both_night_auto_on_principled_sun_mix-seed1_seed3")
     assert (case.mode, case.detector, case.seed) == ("both", "sun_mix-seed1", 3)
     vehicle = driven.vehicle()
-    assert case.light(vehicle) == Light("night", "auto", lights_ahead(vehicle), "principled")
-    assert parse_case("stereo_1_0064_off_hapke_seed0").light(vehicle) == Light("1", 64.0)
+    assert case.light(vehicle) == ImagingCondition("night", "auto", lights_ahead(vehicle), "principled")
+    assert parse_case("stereo_1_0064_off_hapke_seed0").light(vehicle) == ImagingCondition("1", 64.0)
     assert parse_case("truth_seed3").axes == {"mode": "truth", **dict.fromkeys(AXES[1:], "any")}
 
 
@@ -70,7 +70,7 @@ def test_ratios_are_relative_to_the_blind_drive_of_the_seed_and_maps_are_summed(
 
 
 def test_means_over_seeds_for_each_light_and_all_lights_have_intervals():
-    table = summary(EVERY).set_index(["mode", "sun"])
+    table = drive_summary(EVERY).set_index(["mode", "sun"])
     assert table["value"].to_dict() == {
         ("blind", "any"): 150.0, ("stereo", "1"): 195.0, ("stereo", "3"): 305.0, ("stereo", "all"): 250.0,
     }  # fmt: skip
@@ -79,7 +79,7 @@ def test_means_over_seeds_for_each_light_and_all_lights_have_intervals():
     assert (low, high) == (150.0, 240.0)  # with two drives, extreme resamples contain a drive twice
     low, high = table.loc[("stereo", "all"), ["low", "high"]].astype(float)
     assert (low, high) == (130.0, 500.0)  # seed 0 twice or seed 7 twice, since drives of a seed stay together
-    single = summary(EVERY[EVERY["seed"] == 7]).set_index("sun").loc["3"]
+    single = drive_summary(EVERY[EVERY["seed"] == 7]).set_index("sun").loc["3"]
     assert np.isnan([single["low"], single["high"]]).all()  # a single drive has no interval
 
 
@@ -87,7 +87,7 @@ def test_detectors_of_a_mode_have_separate_and_pooled_means():
     every = rows(
         *(drive("both", "1", seed, value, detector=name) for seed in (0, 1) for name, value in (("a", 1), ("b", 3)))
     )
-    table = summary(every).set_index(["sun", "detector"])["value"]
+    table = drive_summary(every).set_index(["sun", "detector"])["value"]
     assert table.loc["1"].to_dict() == table.loc["all"].to_dict() == {"a": 1.0, "b": 3.0, "all": 2.0}
 
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from polarsim.rover.soil.bulldozing import Bulldozing, settle
-from polarsim.rover.soil.nodes import FLOW, LEVEL, PLASTIC, START, Ground, make_ground
+from polarsim.rover.soil.nodes import FLOW, LEVEL, PLASTIC, START, SoilGround, make_soil_ground
 from polarsim.rover.soil.shapes import Bodies
 from tests.reference import soil as reference
 from tests.reference.soil_rig import LOAD_A, WHEEL_A, SoilBin, flat_ground, volume
 
 
-def pressed_volume(ground: Ground) -> float:
+def pressed_volume(ground: SoilGround) -> float:
     """Return the volume that wheels compressed permanently, m3."""
     return float((ground.state[..., PLASTIC] / ground.normals[..., 2]).sum()) * ground.cell**2
 
@@ -65,9 +65,9 @@ def test_berms_are_at_both_sides_of_a_rut(lunar):
     assert np.abs(profile[np.abs(y) > 0.3]).max() < 1e-5
 
 
-def heap(angle_deg: float) -> Ground:
+def heap(angle_deg: float) -> SoilGround:
     """Return poured soil: a cone of twice the stable slope, and random heaps and pits next to it."""
-    ground = make_ground(np.zeros((81, 81)), 0.02)
+    ground = make_soil_ground(np.zeros((81, 81)), 0.02)
     x, y = np.meshgrid(ground.x - 0.6, ground.y - 0.8)
     poured = np.maximum(0.2 - 2 * math.tan(math.radians(angle_deg)) * np.hypot(x, y), 0.0)
     poured += (x > 0.5) * np.random.default_rng(0).uniform(-0.03, 0.03, poured.shape)
@@ -76,7 +76,7 @@ def heap(angle_deg: float) -> Ground:
     return ground
 
 
-def steepest(ground: Ground) -> tuple[float, float]:
+def steepest(ground: SoilGround) -> tuple[float, float]:
     """Return the maximum slope between adjacent nodes in eight directions, and of planes of cells, as tangents."""
     level, root = ground.level, math.sqrt(2)
     corners = level[1:, 1:] - level[:-1, :-1], level[1:, :-1] - level[:-1, 1:]
@@ -106,7 +106,7 @@ def test_both_engines_settle_equally():
 
 def test_undisturbed_ground_does_not_slide():
     steep = np.tile(np.arange(30) * 0.05, (30, 1))
-    ground = make_ground(steep, 0.02)
+    ground = make_soil_ground(steep, 0.02)
     settle(ground)
     np.testing.assert_array_equal(ground.level, steep)
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from polarsim.rover.soil import contact
 from polarsim.rover.soil.bulldozing import Bulldozing
 from polarsim.rover.soil.law import read_soil
-from polarsim.rover.soil.nodes import FREE, ROCK, SHEAR_X, SHEAR_Z, START, make_ground
+from polarsim.rover.soil.nodes import FREE, ROCK, SHEAR_X, SHEAR_Z, START, make_soil_ground
 from polarsim.rover.soil.shapes import Bodies
 from tests.reference import soil as reference
 from tests.reference.soil_limit import steady_wheel
@@ -99,7 +99,7 @@ def test_both_engines_agree(yaw, lean, slip, seed):
     noise = np.random.default_rng(seed).normal(0, 0.004, (70, 80))
     rock = np.zeros((70, 80), bool)
     rock[30:33, 45:48] = True
-    one = make_ground(noise, 0.01, y0=-0.35, rock=rock)
+    one = make_soil_ground(noise, 0.01, y0=-0.35, rock=rock)
     two, law, borne, slips = copied(one), read_soil(SOILS, "lunar").law(), 0.0, (np.zeros(1), np.zeros(1))
     for step in range(12):
         centre = (0.4 + 0.004 * step, 0.0, 0.235 - 0.001 * step + 0.003 * (step % 3))
@@ -118,7 +118,7 @@ def test_both_engines_agree(yaw, lean, slip, seed):
     assert borne > 0
     np.testing.assert_allclose(one.state, two.state, rtol=1e-12, atol=1e-15)
     np.testing.assert_array_equal(one.owner, two.owner)
-    assert (one.state[rock] == make_ground(noise, 0.01, rock=rock).state[rock]).all()
+    assert (one.state[rock] == make_soil_ground(noise, 0.01, rock=rock).state[rock]).all()
 
 
 @ENGINES
@@ -126,7 +126,7 @@ def test_a_rotated_wheel_has_rotated_forces(lunar, press):
     """Level ground is isotropic."""
     cell, law, forces = 0.02, lunar.law(), []
     for yaw in (0.0, math.pi / 2):
-        ground = make_ground(np.zeros((61, 61)), cell, -0.6, -0.6)
+        ground = make_soil_ground(np.zeros((61, 61)), cell, -0.6, -0.6)
         ahead = np.array([math.cos(yaw), math.sin(yaw), 0])
         for step in range(20):
             bodies = one_wheel(0.002 * step * ahead + (0, 0, 0.235), 0.2 * ahead, 0.25, yaw)
@@ -162,7 +162,7 @@ def test_soil_does_not_pull_a_wheel_down(lunar, press):
 @ENGINES
 def test_soil_under_a_rock_carries_no_load(lunar, press):
     rock = np.ones((40, 60), bool)
-    ground = make_ground(np.zeros((40, 60)), 0.02, y0=-0.4, rock=rock)
+    ground = make_soil_ground(np.zeros((40, 60)), 0.02, y0=-0.4, rock=rock)
     loads = press(ground, one_wheel((0.6, 0, 0.23)), lunar.law(), 1e-3)
     assert not loads.forces.any()
     assert (ground.owner == ROCK).all()
@@ -207,7 +207,7 @@ def test_slip_sinkage_needs_travel(lunar, press):
 @given(yaw=st.floats(-math.pi, math.pi), lean=st.floats(-0.4, 0.4), seed=st.integers(0, 99))
 def test_skipped_nodes_of_a_window_have_no_influence(yaw, lean, seed):
     """Equal bytes with and without the bound on contact heights, over a drive with a hop."""
-    ground = make_ground(np.random.default_rng(seed).normal(0, 0.006, (60, 60)), 0.02, -0.6, -0.6)
+    ground = make_soil_ground(np.random.default_rng(seed).normal(0, 0.006, (60, 60)), 0.02, -0.6, -0.6)
     whole, ahead = copied(ground), np.array([math.cos(yaw), math.sin(yaw), 0])
     law = read_soil(SOILS, "lunar").law()
     for step in range(60):

@@ -8,7 +8,15 @@ from scipy.spatial.transform import Rotation
 
 from polarsim.geometry.poses import Pose
 from polarsim.render.views.cameras import pinhole
-from polarsim.rover.vehicle.mounts import FRONT, Mount, base_from_camera, heading, levelled, mount_of, pose_of
+from polarsim.rover.vehicle.mounts import (
+    FRONT,
+    Mount,
+    base_from_camera,
+    heading,
+    levelled,
+    mount_of,
+    pose_of_quaternion,
+)
 from tests.rover import driven
 
 LENS = pinhole(44, 1936, 1216)
@@ -74,4 +82,6 @@ def test_a_scaled_camera_has_the_same_field_of_view():
 def test_the_pose_of_a_quaternion_has_its_rotation(rotvec, position):
     rotation = Rotation.from_rotvec(rotvec)
     x, y, z, w = rotation.as_quat()
-    np.testing.assert_allclose(pose_of(position, np.array([w, x, y, z])).rotation, rotation.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(
+        pose_of_quaternion(position, np.array([w, x, y, z])).rotation, rotation.as_matrix(), atol=1e-12
+    )

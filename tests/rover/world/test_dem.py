@@ -7,12 +7,12 @@ from polarsim.errors import FormatError, RoverError
 from polarsim.rover.world import dem as module
 from polarsim.rover.world.dem import dem_world
 from polarsim.rover.world.options import DemOptions, WorldOptions
-from polarsim.rover.world.stitch import Terrain, rough_world
+from polarsim.rover.world.stitch import TerrainSolids, rough_world
 from polarsim.rover.world.surface import read_world, write_world
 from tests.rover.made_world import ball, plane
 
 PATH = np.array([[2.0, 0.0], [-2.0, 0.0]])
-TERRAINS = [Terrain(4, plane(0.0), {7: ball(0, 0, 0), 8: ball(0.4, 0, 0, 0.05)})]
+TERRAINS = [TerrainSolids(4, plane(0.0), {7: ball(0, 0, 0), 8: ball(0.4, 0, 0, 0.05)})]
 BARE = {"craters": 0.0, "relief_m": 0.0, "rocks": 0.0}
 
 

@@ -6,12 +6,12 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 from polarsim.rover.world.hulls import DEVIATION_M, STEP_M, convex_parts, rock_parts, under_rocks
-from polarsim.rover.world.stitch import Terrain, stitch
+from polarsim.rover.world.stitch import TerrainSolids, stitch
 from tests.rover.made_world import SMALL, ball, plane
 
 
 def test_nodes_under_a_rock_are_marked():
-    world = stitch([Terrain(4, plane(0.0), {7: ball(0, 0, 0)}), Terrain(1, plane(0.0), {})], SMALL)
+    world = stitch([TerrainSolids(4, plane(0.0), {7: ball(0, 0, 0)}), TerrainSolids(1, plane(0.0), {})], SMALL)
     y, x = np.meshgrid(world.y, world.x, indexing="ij")
     distance = np.hypot(x - 1.75, y)
     under = under_rocks(world)
@@ -63,7 +63,9 @@ def test_the_number_of_parts_is_limited():
 
 
 def test_all_rocks_of_a_world_have_hulls():
-    world = stitch([Terrain(4, plane(0.0), {7: ball(0.1, 0.2, 0)}), Terrain(1, plane(0.0), {3: ball(0, 0, 0)})], SMALL)
+    world = stitch(
+        [TerrainSolids(4, plane(0.0), {7: ball(0.1, 0.2, 0)}), TerrainSolids(1, plane(0.0), {3: ball(0, 0, 0)})], SMALL
+    )
     parts = rock_parts(world)
     assert [part.rock for part in parts] == world.rocks["rock"].tolist()
     centres = [part.corners.mean(axis=0)[:2] for part in parts]

@@ -9,21 +9,21 @@ from polarsim.errors import RoverError
 from polarsim.geometry.meshes import Mesh
 from polarsim.rover.world.rock_field import (
     RockLaw,
-    Shape,
-    per_m2,
-    posed,
-    shapes_of,
+    RockModel,
+    random_rocks,
+    rock_shapes,
+    rocks_per_m2,
     smooth,
-    strewn_rocks,
+    vertices_in_world,
 )
-from polarsim.rover.world.stitch import Terrain
+from polarsim.rover.world.stitch import TerrainSolids
 from tests.rover.made_world import ball, plane
 
 NOWHERE = np.zeros((0, 2))
 
 
 def shape(diameter=0.1):
-    return Shape(1, 1, diameter, (ball(0, 0, 0, 0.5),))
+    return RockModel(1, 1, diameter, (ball(0, 0, 0, 0.5),))
 
 
 def covered_share(diameter_m: float, abundance: float) -> float:
@@ -37,7 +37,7 @@ def test_rocks_cover_the_share_of_the_law(abundance):
     for smallest in (0.05, 0.3):
 
         def covers(d, step=1e-5):
-            density = (per_m2(d - step, abundance) - per_m2(d + step, abundance)) / (2 * step)
+            density = (rocks_per_m2(d - step, abundance) - rocks_per_m2(d + step, abundance)) / (2 * step)
             return density * np.pi * d * d / 4
 
         share = quad(covers, smallest, 5.0, limit=200)[0]
@@ -48,10 +48,10 @@ def test_rocks_cover_the_share_of_the_law(abundance):
 def test_sizes_follow_the_law_and_rocks_do_not_overlap():
     options = RockLaw(abundance=0.05, smallest_m=0.1, largest_m=1.0, clear_m=3.0)
     start = np.array([[5.0, 0.0]])
-    field = strewn_rocks(options, [shape()], 60.0, start, seed=3)
+    field = random_rocks(options, [shape()], 60.0, start, seed=3)
     assert (np.diff(field.diameter) <= 0).all()
     for size in (0.1, 0.2, 0.4):
-        expected = 3600 * (per_m2(size, 0.05) - per_m2(1.0, 0.05))
+        expected = 3600 * (rocks_per_m2(size, 0.05) - rocks_per_m2(1.0, 0.05))
         assert (field.diameter >= size).sum() == pytest.approx(expected, abs=4 * np.sqrt(expected))
     place = np.stack([field.x, field.y], axis=1)
     large = place[:400], field.diameter[:400]
@@ -62,7 +62,7 @@ def test_sizes_follow_the_law_and_rocks_do_not_overlap():
 
 
 def test_equal_seeds_give_equal_fields():
-    first, again, second = (strewn_rocks(RockLaw(), [shape()], 10.0, NOWHERE, seed) for seed in (1, 1, 2))
+    first, again, second = (random_rocks(RockLaw(), [shape()], 10.0, NOWHERE, seed) for seed in (1, 1, 2))
     np.testing.assert_array_equal(first.x, again.x)
     np.testing.assert_array_equal(first.diameter, again.diameter)
     assert len(first.x) != len(second.x) or (first.x != second.x).any()
@@ -70,15 +70,15 @@ def test_equal_seeds_give_equal_fields():
 
 def test_large_rocks_use_shapes_of_the_larger_half():
     shapes = [shape(diameter) for diameter in (0.3, 0.06, 0.2, 0.08)]
-    field = strewn_rocks(RockLaw(abundance=0.1), shapes, 10.0, NOWHERE, 0)
+    field = random_rocks(RockLaw(abundance=0.1), shapes, 10.0, NOWHERE, 0)
     large = field.diameter > 0.14
     assert set(field.shape[large]) == {0, 2}
     assert set(field.shape[~large]) == {0, 1, 2, 3}
 
 
 def test_a_shape_has_unit_diameter_and_the_ground_at_zero():
-    terrain = Terrain(4, plane(-0.3), {7: ball(0.2, -0.1, -0.26, 0.1)})  # the centre is 4 cm above the ground
-    (rock,) = shapes_of([terrain], (20,))
+    terrain = TerrainSolids(4, plane(-0.3), {7: ball(0.2, -0.1, -0.26, 0.1)})  # the centre is 4 cm above the ground
+    (rock,) = rock_shapes([terrain], (20,))
     fine, coarse = rock.levels
     assert (rock.terrain, rock.rock) == (4, 7)
     assert rock.diameter_m == pytest.approx(0.2, rel=0.03)
@@ -86,7 +86,7 @@ def test_a_shape_has_unit_diameter_and_the_ground_at_zero():
     assert len(coarse.faces) <= 36 < len(fine.faces)
     assert (coarse.vertices[:, None] == fine.vertices).all(axis=-1).any(axis=1).all()
     assert (np.einsum("ij,ij->i", coarse.normals(), coarse.vertices - coarse.vertices.mean(axis=0)) > 0).all()
-    placed = posed(fine, 0.5, 0.3, np.array([3.0, 2.0, 1.0]))
+    placed = vertices_in_world(fine, 0.5, 0.3, np.array([3.0, 2.0, 1.0]))
     outline = ConvexHull(placed[:, :2]).volume
     assert outline == pytest.approx(np.pi * 0.5**2 / 4, rel=0.01)
     np.testing.assert_allclose(placed[:, :2].mean(axis=0), [3.0, 2.0], atol=0.01)
@@ -94,7 +94,9 @@ def test_a_shape_has_unit_diameter_and_the_ground_at_zero():
 
 def test_a_shape_rotates_about_the_vertical():
     corner = Mesh(np.array([[1.0, 0.0, 0.5]]), np.zeros((0, 3), int))
-    np.testing.assert_allclose(posed(corner, 2.0, np.pi / 2, np.array([1.0, 1, 1])), [[1.0, 3.0, 2.0]], atol=1e-12)
+    np.testing.assert_allclose(
+        vertices_in_world(corner, 2.0, np.pi / 2, np.array([1.0, 1, 1])), [[1.0, 3.0, 2.0]], atol=1e-12
+    )
 
 
 def test_large_shapes_have_more_triangles():
@@ -108,4 +110,4 @@ def test_large_shapes_have_more_triangles():
 
 def test_terrains_without_rocks_are_an_error():
     with pytest.raises(RoverError, match=r"rover\.world\.dem\.rocks"):
-        shapes_of([Terrain(4, plane(0.0), {})], ())
+        rock_shapes([TerrainSolids(4, plane(0.0), {})], ())

@@ -6,13 +6,22 @@ import pytest
 from polarsim.errors import FormatError, RoverError
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
-from polarsim.rover.world.stitch import Terrain, centres, fill_holes, read_terrain, rough_world, stitch
+from polarsim.rover.world.stitch import (
+    TerrainSolids,
+    fill_holes,
+    read_terrain_meshes,
+    rough_world,
+    stitch,
+    terrain_centres,
+)
 from tests.rover.made_world import SMALL, ball, plane
 
 
 def test_the_first_terrain_is_in_the_east():
-    np.testing.assert_allclose(centres(SMALL), [1.75, -1.75])
-    world = stitch([Terrain(4, plane(0.0), {7: ball(0.1, 0.2, 0)}), Terrain(1, plane(0.0), {3: ball(0, 0, 0)})], SMALL)
+    np.testing.assert_allclose(terrain_centres(SMALL), [1.75, -1.75])
+    world = stitch(
+        [TerrainSolids(4, plane(0.0), {7: ball(0.1, 0.2, 0)}), TerrainSolids(1, plane(0.0), {3: ball(0, 0, 0)})], SMALL
+    )
     assert list(world.rocks["terrain"]) == [4, 1]
     assert list(world.rocks["rock_in_terrain"]) == [7, 3]
     np.testing.assert_allclose(world.rocks[["x_m", "y_m"]], [[1.85, 0.2], [-1.75, 0.0]], atol=1e-3)
@@ -21,7 +30,7 @@ def test_the_first_terrain_is_in_the_east():
 
 
 def test_grounds_of_equal_slope_join_without_a_seam_at_any_level():
-    world = stitch([Terrain(4, plane(-0.2, 0.1), {}), Terrain(1, plane(0.05, 0.1), {})], SMALL)
+    world = stitch([TerrainSolids(4, plane(-0.2, 0.1), {}), TerrainSolids(1, plane(0.05, 0.1), {})], SMALL)
     centre = np.abs(world.y) < 1.9
     inside = np.abs(world.x) < 3.4
     expected = np.broadcast_to(0.1 * world.y[:, None], world.level.shape)
@@ -29,7 +38,7 @@ def test_grounds_of_equal_slope_join_without_a_seam_at_any_level():
 
 
 def test_filler_ground_is_level_far_from_the_terrains():
-    world = stitch([Terrain(4, plane(0, 0.1), {}), Terrain(1, plane(0, 0.1), {})], SMALL)
+    world = stitch([TerrainSolids(4, plane(0, 0.1), {}), TerrainSolids(1, plane(0, 0.1), {})], SMALL)
     assert np.abs(world.level[:, [0, -1]]).max() < 0.02
     assert np.isfinite(world.level).all()
 
@@ -44,7 +53,7 @@ def test_a_hole_under_a_rock_is_filled_from_its_edge():
 
 
 def test_noise_depends_on_the_seed():
-    flat = stitch([Terrain(4, plane(0.0), {}), Terrain(1, plane(0.0), {})], SMALL)
+    flat = stitch([TerrainSolids(4, plane(0.0), {}), TerrainSolids(1, plane(0.0), {})], SMALL)
     first, again, second = (rough_world(flat, 0.001, seed) for seed in (1, 1, 2))
     np.testing.assert_array_equal(first.level, again.level)
     assert (first.level != second.level).any()
@@ -52,28 +61,28 @@ def test_noise_depends_on_the_seed():
 
 
 def test_decimated_rocks_are_preferred(tmp_path):
-    obj.write(tmp_path / "terrain04_ground.obj", plane(0.0), "ground")
-    obj.write(tmp_path / "terrain04_rock1.obj", ball(0, 0, 0, 0.2), "rock")
-    obj.write(tmp_path / "terrain04_rock1_decimate-005.obj", ball(0, 0, 0, 0.1), "rock")
-    obj.write(tmp_path / "terrain04_rock2.obj", ball(0.3, 0, 0, 0.05), "rock")
-    rocks = read_terrain(tmp_path, 4).rocks
+    obj.write_obj(tmp_path / "terrain04_ground.obj", plane(0.0), "ground")
+    obj.write_obj(tmp_path / "terrain04_rock1.obj", ball(0, 0, 0, 0.2), "rock")
+    obj.write_obj(tmp_path / "terrain04_rock1_decimate-005.obj", ball(0, 0, 0, 0.1), "rock")
+    obj.write_obj(tmp_path / "terrain04_rock2.obj", ball(0.3, 0, 0, 0.05), "rock")
+    rocks = read_terrain_meshes(tmp_path, 4).rocks
     assert rocks[1].vertices.max() == pytest.approx(0.1, abs=2e-3)
     assert sorted(rocks) == [1, 2]
 
 
 def test_the_error_of_a_rock_without_volume_has_its_file(tmp_path):
-    obj.write(tmp_path / "terrain04_ground.obj", plane(0.0), "ground")
-    obj.write(tmp_path / "terrain04_rock1.obj", plane(0.1, half=0.1), "rock")
+    obj.write_obj(tmp_path / "terrain04_ground.obj", plane(0.0), "ground")
+    obj.write_obj(tmp_path / "terrain04_rock1.obj", plane(0.1, half=0.1), "rock")
     with pytest.raises(RoverError, match=r"terrain04_rock1\.obj"):
-        read_terrain(tmp_path, 4)
+        read_terrain_meshes(tmp_path, 4)
 
 
 def test_a_missing_ground_is_an_error(tmp_path):
     with pytest.raises(FormatError, match=r"terrain04_ground\.obj"):
-        read_terrain(tmp_path, 4)
+        read_terrain_meshes(tmp_path, 4)
 
 
 def test_a_ground_outside_its_part_is_an_error():
     far = Mesh(plane(0.0).vertices + np.array([9.0, 0.0, 0.0]), plane(0.0).faces)
     with pytest.raises(RoverError, match="terrain 4"):
-        stitch([Terrain(4, far, {}), Terrain(1, plane(0.0), {})], SMALL)
+        stitch([TerrainSolids(4, far, {}), TerrainSolids(1, plane(0.0), {})], SMALL)

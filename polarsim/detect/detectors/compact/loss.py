@@ -14,7 +14,7 @@ BOX_WEIGHT, MASK_WEIGHT = 2.0, 2.0
 _CORE = 0.25  # half size of the region of assigned cells around the centre of a box, relative to the box
 
 
-def assign(classes: Tensor, boxes: Tensor, shape: tuple[int, int, int]) -> Tensor:
+def assign_labels(classes: Tensor, boxes: Tensor, shape: tuple[int, int, int]) -> Tensor:
     """Return the index of the label (c, h, w) assigned to each cell, -1 for none.
 
     A label is assigned to the cells in the central half of its box, including the cell of its centre. If several labels
@@ -61,7 +61,7 @@ def losses(logits: Tensor, boxes: Tensor, labels: Sequence[tuple[Tensor, Tensor]
     for picture, (classes, corners) in enumerate(labels):
         if not len(corners):
             continue
-        owner = assign(classes, corners, logits.shape[1:])
+        owner = assign_labels(classes, corners, logits.shape[1:])
         index = (owner >= 0).nonzero()
         targets.append(corners[owner[index[:, 0], index[:, 1], index[:, 2]]])
         predicted.append(boxes[picture, index[:, 0], :, index[:, 1], index[:, 2]])

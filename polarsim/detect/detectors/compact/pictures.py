@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.detect.dataset import MASKS, read_pictures
-from polarsim.detect.frame import PADDING, frame, read_picture
+from polarsim.detect.dataset import MASKS, dataset_images
+from polarsim.detect.frame import PADDING, letterbox, read_picture
 from polarsim.errors import DetectError
 from polarsim.formats import yolo
 from polarsim.geometry.boxes import area, clip
@@ -33,12 +33,12 @@ class TrainingImage:
     mask: np.ndarray | None = None  # (h, w) uint8, see `class_masks`; None without mask training
 
 
-class Pictures:
+class TrainingImages:
     """Images of a part of a data set, cached in memory up to `_CACHE_BYTES`."""
 
     def __init__(self, dataset: Path, part: str, imgsz: int, masks: bool = False) -> None:
         self._dataset, self._part, self._imgsz, self._masks = dataset, part, imgsz, masks
-        self._keys = read_pictures(dataset, part)
+        self._keys = dataset_images(dataset, part)
         self._cache: dict[int, TrainingImage] = {}
         self._room = _CACHE_BYTES
 
@@ -56,16 +56,20 @@ class Pictures:
         return picture
 
     def _read(self, key: str) -> TrainingImage:
-        pixels, offset, scale = frame(read_picture(self._dataset / "images" / self._part / f"{key}.png"), self._imgsz)
+        pixels, offset, scale = letterbox(
+            read_picture(self._dataset / "images" / self._part / f"{key}.png"), self._imgsz
+        )
         classes, boxes = yolo.read_boxes(self._dataset / "labels" / self._part / f"{key}.txt")
         mask = None
         if self._masks:
-            mask = _framed(class_masks.read(self._dataset / MASKS / self._part / f"{key}.png"), pixels, offset, scale)
+            mask = _framed(
+                class_masks.read_class_mask(self._dataset / MASKS / self._part / f"{key}.png"), pixels, offset, scale
+            )
         return TrainingImage(pixels, classes, boxes / np.tile(scale, 2) + np.tile(offset, 2), mask)
 
 
 def _framed(mask: np.ndarray, pixels: np.ndarray, offset: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Resize a mask (h, w) to the output of `frame`; padding gets the value `IGNORED`."""
+    """Resize a mask (h, w) to the output of `letterbox`; padding gets the value `IGNORED`."""
     width, height = (round(side) for side in (WIDTH, HEIGHT) / scale)
     left, top = offset.astype(int)
     framed = np.full(pixels.shape, class_masks.IGNORED, np.uint8)
@@ -82,7 +86,7 @@ def class_shares(mask: np.ndarray, cell: int) -> np.ndarray:
     )
 
 
-def batches(pictures: Pictures, order: np.ndarray, size: int) -> Iterator[list[TrainingImage]]:
+def batches(pictures: TrainingImages, order: np.ndarray, size: int) -> Iterator[list[TrainingImage]]:
     """Yield batches of images in the given order.
 
     Raises

@@ -15,13 +15,13 @@ import torch
 from polarsim.detect import metrics
 from polarsim.detect.detectors.compact.loss import losses, mask_loss
 from polarsim.detect.detectors.compact.network import STRIDE, Compact
-from polarsim.detect.detectors.compact.pictures import Pictures, TrainingImage, augment, batches, class_shares
+from polarsim.detect.detectors.compact.pictures import TrainingImage, TrainingImages, augment, batches, class_shares
 from polarsim.detect.detectors.compact.weights import decode_boxes, network, to_input
 from polarsim.detect.detectors.devices import choose_device, computes_bfloat16
 from polarsim.detect.detectors.families import Trained, Training
-from polarsim.detect.detectors.files import load, read_detector, save
+from polarsim.detect.detectors.files import load_tensors, read_detector, save_tensors
 from polarsim.detect.split import TRAIN, VAL
-from polarsim.errors import DetectError, about
+from polarsim.errors import DetectError, with_path
 from polarsim.geometry import masks
 from polarsim.randomness import generator
 from polarsim.run_files.class_masks import CLASSES, IGNORED
@@ -63,7 +63,9 @@ def train(training: Training) -> Trained:
     """
     options, checkpoint = training.options, training.folder / "checkpoint.pt"
     device = _set_up_torch(training)
-    pictures, held_out = (Pictures(training.dataset, part, training.imgsz, options.masks) for part in (TRAIN, VAL))
+    pictures, held_out = (
+        TrainingImages(training.dataset, part, training.imgsz, options.masks) for part in (TRAIN, VAL)
+    )
     state = _start(training, device)
     _resume(state, checkpoint)
     for epoch in range(len(state.curve), options.epochs):
@@ -107,7 +109,7 @@ def _start(training: Training, device: str) -> TrainingState:
         torch.manual_seed(int(generator(training.seed, "detect", "weights").integers(2**31)))
         module, average = (network(options.model, masks=options.masks) for _ in range(2))
         if options.start_weights:
-            with about(options.start_weights):
+            with with_path(options.start_weights):
                 module = network(options.model, read_detector(options.start_weights).state, options.masks)
     average.load_state_dict(module.state_dict())
     module, average = module.to(device), average.to(device).eval()
@@ -118,7 +120,7 @@ def _start(training: Training, device: str) -> TrainingState:
 
 
 def _train_epoch(
-    state: TrainingState, pictures: Pictures, epoch: int, training: Training, device: str
+    state: TrainingState, pictures: TrainingImages, epoch: int, training: Training, device: str
 ) -> dict[str, float]:
     """Train one epoch; return mean losses. Random numbers depend only on seed and epoch."""
     options = training.options
@@ -166,7 +168,7 @@ def _update_average(state: TrainingState) -> None:
                 mean.copy_(value)
 
 
-def _validate(module: Compact, pictures: Pictures, training: Training, device: str) -> dict[str, float]:
+def _validate(module: Compact, pictures: TrainingImages, training: Training, device: str) -> dict[str, float]:
     """Return losses, mAP@0.5 and mAP@[0.5:0.95] over classes with labels, and mask IoU of rocks and shadows."""
     totals, validated, detections = [], [], []
     confusion = np.zeros((len(CLASSES), len(CLASSES)), int)
@@ -206,14 +208,14 @@ def _means(part: str, steps: list[dict[str, float]]) -> dict[str, float]:
 
 def _mean_iou(confusion: np.ndarray) -> float:
     """Return the mean IoU of rocks and shadows over classes with pixels; 0 without pixels."""
-    by_class = masks.iou(confusion)[1:]
+    by_class = masks.class_iou(confusion)[1:]
     return float(by_class[~np.isnan(by_class)].mean()) if not np.isnan(by_class).all() else 0.0
 
 
 def _confusion(logits: torch.Tensor, targets: np.ndarray) -> np.ndarray:
     """Return the confusion matrix of cells with a majority class."""
     truth = np.where(targets.max(axis=1) > _MIN_MAJORITY, targets.argmax(axis=1), IGNORED)
-    return masks.confusion(truth, logits.argmax(dim=1).cpu().numpy(), len(CLASSES))
+    return masks.confusion_matrix(truth, logits.argmax(dim=1).cpu().numpy(), len(CLASSES))
 
 
 def _shares(batch: list[TrainingImage]) -> np.ndarray | None:
@@ -248,13 +250,13 @@ def _write_checkpoint(state: TrainingState, path: Path) -> None:
         "best_fitness": state.best_fitness,
         "curve": state.curve,
     }
-    save(path, content)
+    save_tensors(path, content)
 
 
 def _resume(state: TrainingState, path: Path) -> None:
     """Restore a state from a checkpoint, if a valid checkpoint exists."""
     try:
-        content = load(path)
+        content = load_tensors(path)
     except DetectError:  # missing or incomplete
         return
     state.module.load_state_dict(content["module"])

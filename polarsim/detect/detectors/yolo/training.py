@@ -10,13 +10,13 @@ from typing import Any
 
 import pandas as pd
 
-from polarsim.detect.dataset import read_pictures
+from polarsim.detect.dataset import dataset_images
 from polarsim.detect.detectors.devices import choose_device, computes_bfloat16
 from polarsim.detect.detectors.families import MAX_BOXES, Trained, Training
 from polarsim.detect.detectors.yolo.library import ultralytics
 from polarsim.detect.detectors.yolo.weights import load_start
 from polarsim.detect.split import TRAIN, VAL
-from polarsim.errors import DetectError, about
+from polarsim.errors import DetectError, with_path
 from polarsim.formats import tables
 from polarsim.formats.files import write_text
 from polarsim.photo import BOX_CLASSES
@@ -58,7 +58,9 @@ def _link(dataset: Path, run: Path) -> None:
             link = run / kind / part
             link.unlink(missing_ok=True)
             link.symlink_to((dataset / kind / part).resolve(), target_is_directory=True)
-        write_text(run / f"{part}.txt", "".join(f"./images/{part}/{key}.png\n" for key in read_pictures(dataset, part)))
+        write_text(
+            run / f"{part}.txt", "".join(f"./images/{part}/{key}.png\n" for key in dataset_images(dataset, part))
+        )
     names = "".join(f"  {number}: {name}\n" for number, name in enumerate(BOX_CLASSES))
     write_text(run / "data.yaml", f"path: {run.resolve()}\ntrain: {TRAIN}.txt\nval: {VAL}.txt\nnames:\n{names}")
 
@@ -96,7 +98,7 @@ def _fit(run: Path, training: Training) -> Any:
     trainer = Trainer(overrides=arguments)
     trainer.add_callback("on_train_start", lambda t: _set_up_torch(t, training))
     trainer.add_callback("on_fit_epoch_end", _report)
-    with about(run):
+    with with_path(run):
         trainer.train()
         if not trainer.best.is_file() or not math.isfinite(float(sum(trainer.tloss.values()))):
             raise DetectError("training diverged: lower detect.training.learning_rate")
