@@ -34,7 +34,7 @@ def synthetic_page() -> Files:
     keys = [key for terrain in TERRAINS for key in photo_grid(terrain)]
     table = pd.DataFrame([{**key_columns(key), "domain": domain} for key in keys for domain in DOMAINS])
     random = np.random.default_rng(1)
-    for name in ("score", "confidence", "least_confidence"):
+    for name in ("score", "confidence", "min_confidence"):
         table[name] = random.random(len(table))
     table["rocks"], table["shadows"], table["defect"] = 20, 20, ""
     about = {"run": "made_up", "terrains": list(TERRAINS), "domains": list(DOMAINS), "width": 1936, "height": 1216}

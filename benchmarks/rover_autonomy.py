@@ -43,7 +43,7 @@ from polarsim.rover.planning.rank import rank_detectors
 from polarsim.rover.planning.summary import drive_case, summarise_autonomy
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
-from polarsim.schemas.rover import AUTONOMY, EVERY_AUTONOMY
+from polarsim.schemas.rover import AUTONOMY, AUTONOMY_METRICS
 
 CONFIG = Path(__file__).parents[1] / "config"
 CASES = {"run", "modes", "auto_exposure", "headlights", "detectors"}  # options that select drives
@@ -79,7 +79,7 @@ def _run_drive(
             detector=asked.weights.get(case.detector),
             threads=asked.threads,
         )
-    print(row_of(case, tables.read_parquet(folder / "figures.parquet", EVERY_AUTONOMY.columns)), flush=True)
+    print(row_of(case, tables.read_parquet(folder / "figures.parquet", AUTONOMY_METRICS.columns)), flush=True)
     return True
 
 
@@ -103,7 +103,9 @@ def write_tables(asked: argparse.Namespace, found: list[Case], origin: dict[str,
     """Write tables and figures of these drives."""
     folders = [asked.out / "drives" / case.name for case in found]
     rover, shown, drawn = (asked.out / name for name in ("rover", "tables", "figures"))
-    each, together, effects = (rover / f"{name}.parquet" for name in ("every_autonomy", "autonomy", "autonomy_effects"))
+    each, together, effects = (
+        rover / f"{name}.parquet" for name in ("autonomy_metrics", "autonomy", "autonomy_effects")
+    )
     files = [folder / "figures.parquet" for folder in folders]
     summarise_autonomy(drives=files, each=each, together=together, effects=effects)
     stems = {"stem": shown / "rover_autonomy", "effects_stem": shown / "rover_autonomy_effects"}

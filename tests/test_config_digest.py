@@ -112,7 +112,7 @@ def test_options_of_unused_sections_do_not_change_the_digest(change, name):
         {"labels": {"seeds": "none"}},
         {"labels": {"corrections": "corrections"}},
         {"detect": {"views": "views"}},
-        {"labels": {"taken_back": ["03_A_off_180_L_0256"]}},
+        {"labels": {"excluded_annotations": ["03_A_off_180_L_0256"]}},
         {"render": {"models": ["hapke"]}},
         {"detect": {"seeds": [1]}},
         {"scoring": {"iou_threshold": 0.6}},

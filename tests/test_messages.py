@@ -97,7 +97,7 @@ WRONG = [
     ({"detect": {"mixes": {"a": {"b": "x"}}}}, "detect.mixes.a.b"),
     ({"detect": {"views": 3}}, "detect.views"),
     ({"labels": {"seeds": {"exposure": "good"}}}, "labels.seeds.exposure"),
-    ({"labels": {"shadow_start_ms_by_terrain": {"x": 1}}}, "labels.shadow_start_ms_by_terrain.x"),
+    ({"labels": {"min_shadow_exposure_ms_by_terrain": {"x": 1}}}, "labels.min_shadow_exposure_ms_by_terrain.x"),
     ({"rover": {"cameras": {"onboard": {"weights": 4}}}}, "rover.cameras.onboard.weights"),
     ({"rover": {"world": {"dem": {"centre_m": [1, 2, 3]}}}}, "rover.world.dem.centre_m"),
     ({"gap": {"components": {"a": 3}}}, "gap.components.a"),

@@ -215,9 +215,10 @@ def undo(
     changes = found.groupby(["kind", "change"]).agg(labels=("key", "size"), photos=("key", "nunique"))
     for row in changes.reset_index().to_dict("records"):
         typer.echo(f"{row['kind']:7} {row['change']:6} {row['labels']:6} labels on {row['photos']} photos")
+    excluded = ", ".join([*config.labels.excluded_annotations, str(key)])
     typer.echo(
-        f"{found['key'].nunique()} photos follow from {key}. To exclude it, add this key to the run's configuration "
-        f"and repeat `polarsim run`:\nlabels:\n  taken_back: [{', '.join([*config.labels.taken_back, str(key)])}]"
+        f"{found['key'].nunique()} photos have labels derived from {key}. To exclude the annotation, add this key to the "
+        f"configuration of the run and repeat `polarsim run`:\nlabels:\n  excluded_annotations: [{excluded}]"
     )
 
 

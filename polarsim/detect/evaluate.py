@@ -116,7 +116,7 @@ def evaluate(
     matched = _joined(parts["breakdown"], (*SIDE_COLUMNS, *BREAKDOWN_COLUMNS))
     _write(tables_of.breakdown, matched)
     left_out = {sides: _left_out(datasets, *sides) for sides in named}
-    facts = {"split": by, "leaks_views": leaked, **detector_facts(training, imgsz), "unit": options.resampled}
+    facts = {"split": by, "shares_views": leaked, **detector_facts(training, imgsz), "unit": options.resampled}
     _write(tables_of.detection, _detection_table(matched, left_out, facts))
     _write(tables_of.curves, _joined(parts["curves"], CURVES.columns))
     _write(tables_of.false_positives, _joined(parts["false_positives"], (*SIDE_COLUMNS, *FALSE_POSITIVE_COLUMNS)))

@@ -43,7 +43,7 @@ def _counts(run: Run, *, of_twins: bool) -> pd.DataFrame:
     labels = run.all_labels(of_twins=of_twins)
     grouped = labels.assign(rocks=labels["kind"] == ROCK, shadows=labels["kind"] != ROCK).groupby("key")
     counts = grouped[["rocks", "shadows"]].sum()
-    confidence = grouped["confidence"].agg(confidence="mean", least_confidence="min")
+    confidence = grouped["confidence"].agg(confidence="mean", min_confidence="min")
     return counts.join(confidence).reset_index().assign(of_twins=of_twins)
 
 

@@ -20,7 +20,7 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         "like seeds.",
     )
 
-    taken_back: tuple[str, ...] = Field(
+    excluded_annotations: tuple[str, ...] = Field(
         (),
         description="Keys of photos (01_A_off_180_L_0256) whose seeds and corrections are ignored. `polarsim undo KEY` "
         "lists the derived labels.",
@@ -31,7 +31,7 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         description="Selects the labels of an exposure: 'photo' by contrast in the photo or OLAT image, 'annotator' by "
         "minimum exposures of the annotators.",
     )
-    min_contrast: float = Field(
+    min_contrast_snr: float = Field(
         3.0,
         ge=0,
         description="Minimum contrast of a label with its surroundings, standard deviations of pixel noise. Higher "
@@ -45,7 +45,7 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         "labels.",
     )
 
-    shadow_start_ms_by_terrain: dict[int, int] = Field(
+    min_shadow_exposure_ms_by_terrain: dict[int, int] = Field(
         default_factory=dict,
         description="Minimum exposure with shadow labels under a Sun lamp, ms, by terrain number. Default of unlisted "
         "terrains: 128.",
@@ -57,7 +57,7 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         2, ge=1, le=8, description="Step between sampled pixels of cast shadows, px; larger is faster and coarser."
     )
 
-    @field_validator("taken_back")
+    @field_validator("excluded_annotations")
     @classmethod
     def _photo_keys(cls, values: tuple[str, ...]) -> tuple[str, ...]:
         try:
@@ -67,8 +67,8 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
 
     def excluded(self, terrain: int) -> tuple[PhotoKey, ...]:
         """Return the photos of a terrain whose annotations are excluded."""
-        return tuple(key for key in map(PhotoKey.parse, self.taken_back) if key.terrain == terrain)
+        return tuple(key for key in map(PhotoKey.parse, self.excluded_annotations) if key.terrain == terrain)
 
     def shadow_start(self, terrain: int) -> int:
         """Return the minimum exposure with shadow labels under a Sun lamp, ms."""
-        return self.shadow_start_ms_by_terrain.get(terrain, SHADOWS_ANNOTATED_FROM_MS)
+        return self.min_shadow_exposure_ms_by_terrain.get(terrain, SHADOWS_ANNOTATED_FROM_MS)

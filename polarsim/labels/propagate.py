@@ -105,7 +105,9 @@ def labels_of_terrain(inputs: PropagationInputs, options: LabelsOptions) -> dict
     scene = read_terrain(inputs.meshes, terrain)
     seeded, corrected = read_seeds(inputs.seeds, terrain), read_corrections(options.corrections, terrain)
     if unknown := [key for key in options.excluded(terrain) if key not in {*seeded, *corrected}]:
-        raise LabelError(f"labels.taken_back: {unknown[0]} is neither a seed nor a correction", path=inputs.seeds)
+        raise LabelError(
+            f"labels.excluded_annotations: {unknown[0]} is neither a seed nor a correction", path=inputs.seeds
+        )
     corrections = _left(corrected, options)
     drawings = _left(drop_mislabelled(seeded, scene, localised), options)
     by_people = {**drawings, **corrections}
@@ -120,7 +122,7 @@ def labels_of_terrain(inputs: PropagationInputs, options: LabelsOptions) -> dict
 
 def _left(drawings: PhotoAnnotations, options: LabelsOptions) -> PhotoAnnotations:
     """Return the annotations without the excluded photos."""
-    return {key: annotated for key, annotated in drawings.items() if str(key) not in options.taken_back}
+    return {key: annotated for key, annotated in drawings.items() if str(key) not in options.excluded_annotations}
 
 
 def grid_labels(

@@ -43,13 +43,13 @@ def derived_labels(
     LabelError
         The photo has no annotation, or the annotation is already excluded.
     """
-    if str(drawing) in options.taken_back:
-        raise LabelError(f"the annotation of {drawing} is already excluded (labels.taken_back)")
+    if str(drawing) in options.excluded_annotations:
+        raise LabelError(f"the annotation of {drawing} is already excluded (labels.excluded_annotations)")
 
     def labels(without: tuple[str, ...]) -> LabelsByPhoto:
-        return labels_of_terrain(inputs, options.model_copy(update={"taken_back": without}))
+        return labels_of_terrain(inputs, options.model_copy(update={"excluded_annotations": without}))
 
-    changes = label_changes(labels(options.taken_back), labels((*options.taken_back, str(drawing))))
+    changes = label_changes(labels(options.excluded_annotations), labels((*options.excluded_annotations, str(drawing))))
     write_parquet(out, changes)
     return changes
 

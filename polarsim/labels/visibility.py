@@ -130,7 +130,7 @@ def visible_labels(
 def has_contrast(label: Label, brightness: Brightness, exposure_ms: int, options: LabelsOptions) -> bool:
     """Return whether the contrast of a label with its surroundings reaches both thresholds."""
     measured = label_contrast(brightness, label.box, exposure_ms)
-    return measured.snr >= options.min_contrast and measured.dn >= options.min_contrast_dn
+    return measured.snr >= options.min_contrast_snr and measured.dn >= options.min_contrast_dn
 
 
 def labels_by_exposure(labels: list[Label], key: PhotoKey, min_exposures: MinExposures) -> list[Label]:

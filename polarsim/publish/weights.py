@@ -14,7 +14,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue
 
-_SCORES = ("trained", "split", "seed", "evaluated", "kind", "images", "labels", "leaks_views")
+_SCORES = ("trained", "split", "seed", "evaluated", "kind", "images", "labels", "shares_views")
 _FACTS = ("detector", "start", "epochs", "imgsz")
 _INTERVALS = {"map50": "mAP@0.5", "map50_95": "mAP@[0.5:0.95]"}
 _COMPACT = "compact"  # start of the names of polarsim's detectors; all other detectors are Ultralytics models
@@ -109,7 +109,7 @@ def _evaluation(scores: pd.DataFrame) -> str:
         cells = [f"{row[name]:.3f} [{row[f'{name}_low']:.3f}, {row[f'{name}_high']:.3f}]" for name in _INTERVALS]
         subject = (row["evaluated"], row["kind"], row["images"], row["labels"])
         lines.append(f"| {' | '.join(map(str, subject))} | {' | '.join(cells)} |")
-    if scores["leaks_views"].any():
+    if scores["shares_views"].any():
         lines += ["", "Training and test share views in different light; scores on new views are lower."]
     return "\n".join(lines)
 

@@ -116,7 +116,7 @@ def detector_notes(detection: pd.DataFrame) -> list[str]:
     for (detector, start, epochs, imgsz, split), part in detection.groupby(
         ["detector", "start", "epochs", "imgsz", "split"], sort=False
     ):
-        leak = "training and test share views" if part["leaks_views"].any() else "training and test share no view"
+        leak = "training and test share views" if part["shares_views"].any() else "training and test share no view"
         low, high = part["images"].min(), part["images"].max()
         images = f"{low}" if low == high else f"{low} to {high}"
         training = f"started from {start}, {epochs} epochs, seed {seeds},"

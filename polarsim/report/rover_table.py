@@ -9,7 +9,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.report.layout import origin_note, with_origin, write_table
-from polarsim.schemas.rover import DRIVES, EVERY_DRIVE, ONBOARD
+from polarsim.schemas.rover import DRIVE_METRICS, DRIVES, ONBOARD
 
 DRIVES_CAPTION = (
     "Drives, means over seeds, for each wheel and all wheels. Slip, sinkage and torque are means over the time while "
@@ -37,7 +37,7 @@ def tabulate_rover(
     FormatError
         A table is missing or has other columns.
     """
-    wide = drive_rows(read_parquet(each, EVERY_DRIVE.columns))
+    wide = drive_rows(read_parquet(each, DRIVE_METRICS.columns))
     note = f"{_ends(wide)} Intervals: 95 %, Student's t over seeds."
     _write(stem, read_parquet(drives, DRIVES.columns), DRIVES_CAPTION, origin, note)
     _write(each_stem, wide, EACH_CAPTION, origin)

@@ -139,14 +139,16 @@ def _checked_corrections(config: Config) -> set[PhotoKey]:
 def _check_excluded(config: Config, corrections: set[PhotoKey]) -> None:
     """Check that each excluded photo is a seed or a correction, as far as the seeds exist already."""
     seeds = config.labels.seeds
-    for key in map(PhotoKey.parse, config.labels.taken_back):
+    for key in map(PhotoKey.parse, config.labels.excluded_annotations):
         if key.terrain not in config.terrains:
-            raise ConfigError(f"labels.taken_back: {key}, expected terrains of the run {config.terrains}")
+            raise ConfigError(f"labels.excluded_annotations: {key}, expected terrains of the run {config.terrains}")
         if key in corrections:
             continue
         if not isinstance(seeds, SeedOptions):
-            raise ConfigError(f"labels.taken_back: {key} is not a correction, and labels.seeds is {NO_SEEDS!r}")
+            raise ConfigError(
+                f"labels.excluded_annotations: {key} is not a correction, and labels.seeds is {NO_SEEDS!r}"
+            )
         root = seeds.root or config.source.root
         files, folder = find_labels(root, key.terrain) if root.is_dir() else ({}, root)
         if files and key not in dict(choose_seed_files(files, config.positions, seeds)):
-            raise ConfigError(f"labels.taken_back: {key} is neither a seed nor a correction", path=folder)
+            raise ConfigError(f"labels.excluded_annotations: {key} is neither a seed nor a correction", path=folder)

@@ -57,7 +57,7 @@ DETECTION = Table(
     ANY_KIND,
     SPLIT,
     SEED,
-    Columns("leaks_views", BOOL, "", "Whether photos of a view are both in the training and the test set"),
+    Columns("shares_views", BOOL, "", "Whether photos of a view are both in the training and the test set"),
     TRAINING,
     IMAGES,
     Columns("left_out", INTEGER, "count", "Corrupt images of training and test, which are excluded"),

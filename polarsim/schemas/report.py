@@ -49,7 +49,7 @@ DETECTION = Table(
     detect.ANY_KIND,
     detect.SPLIT,
     detect.SEED,
-    _part(detect.DETECTION, "leaks_views"),
+    _part(detect.DETECTION, "shares_views"),
     detect.TRAINING,
     detect.IMAGES,
     _part(detect.DETECTION, "left_out"),

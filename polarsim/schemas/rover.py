@@ -26,8 +26,8 @@ DRIVES_COUNT = Columns("drives", INTEGER, "count", "Number of drives")
 SEEDS_COUNT = Columns("seeds", INTEGER, "count", "Number of seeds")
 VALUE = Columns("value", NUMBER, "`unit`", "Value of the metric")
 
-EVERY_DRIVE = Table(
-    "rover/every_drive.parquet",
+DRIVE_METRICS = Table(
+    "rover/drive_metrics.parquet",
     "A drive and metric of the rover",
     SEED,
     Columns("control", TEXT, "", "Controller of the drive"),
@@ -80,7 +80,7 @@ AUTONOMY_EVENTS = Table(
     Columns("rock", INTEGER, "", "Rock id"),
     Columns("height_m", NUMBER, "m", "Height of the rock"),
 )
-EVERY_AUTONOMY = Table("rover/every_autonomy.parquet", "A drive and metric", CASE, SEED, ENDED, METRIC, UNIT, VALUE)
+AUTONOMY_METRICS = Table("rover/autonomy_metrics.parquet", "A drive and metric", CASE, SEED, ENDED, METRIC, UNIT, VALUE)
 AUTONOMY = Table(
     "rover/autonomy.parquet",
     "A kind of drive and metric",
@@ -145,6 +145,6 @@ AUTONOMY_RANK = Table(
     ),
 )
 TABLES = (
-    EVERY_DRIVE, DRIVES, ONBOARD, AUTONOMY_EVENTS, EVERY_AUTONOMY, AUTONOMY, AUTONOMY_EFFECTS, AUTONOMY_DETECTORS,
+    DRIVE_METRICS, DRIVES, ONBOARD, AUTONOMY_EVENTS, AUTONOMY_METRICS, AUTONOMY, AUTONOMY_EFFECTS, AUTONOMY_DETECTORS,
     AUTONOMY_RANK,
 )  # fmt: skip

@@ -127,7 +127,7 @@ def test_every_tested_label_has_a_row(tested):
 
 
 def test_a_split_without_shared_views_is_reported(tested):
-    assert not tables.read_parquet(tested / "detection.parquet")["leaks_views"].any()
+    assert not tables.read_parquet(tested / "detection.parquet")["shares_views"].any()
 
 
 def test_corrupt_images_of_training_and_test_are_counted(modified):

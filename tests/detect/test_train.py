@@ -223,7 +223,7 @@ def test_evaluation_in_two_equal_domains(matched, world):
     assert detection["kind"].tolist() == ["rock", "shadow", "all"] * 2
     assert set(detection["images"]) == {tested}
     assert detection["labels"].tolist() == [5 * tested, 5 * tested, 10 * tested] * 2
-    assert detection["leaks_views"].all()
+    assert detection["shares_views"].all()
     assert set(detection["detector"]) == {"yolov5n (YOLOv5u)"}
     ipd = tables.read_parquet(matched / "ipd.parquet")
     assert ipd["pairs"].tolist() == [5 * tested] * 2

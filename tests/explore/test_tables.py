@@ -30,7 +30,7 @@ def test_every_image_has_a_row_with_score_and_counts(made):
     assert (photo["score"], twin["score"]) == (0.9, 0.5)
     assert (photo["rocks"], photo["shadows"]) == (2, 2)
     assert photo["confidence"] == pytest.approx((0.99 + 0.4) / 2)
-    assert photo["least_confidence"] == 0.4
+    assert photo["min_confidence"] == 0.4
     assert table["defect"].value_counts().to_dict() == {"": len(table) - 1, "dark": 1}
     assert table.loc[(str(KEYS[0]), "photo"), "defect"] == "dark"
 
@@ -148,6 +148,6 @@ def test_the_table_of_all_of_nasas_photos_is_small():
     table = pd.DataFrame({"key": keys, "domain": np.tile(["photo", "hapke", "principled"], 5280)})
     for name in ("terrain", "exposure_ms", "rocks", "shadows"):
         table[name] = 1
-    for name in ("score", "confidence", "least_confidence"):
+    for name in ("score", "confidence", "min_confidence"):
         table[name] = 0.5
     assert len(arrow.encode_arrow(table)) < 1 << 20

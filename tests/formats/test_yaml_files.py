@@ -24,7 +24,7 @@ def test_the_output_of_pyyaml_reads_back(content, flow):
     ("text", "line"),
     [
         ("a: 1\nb: 2\na: 3\n", 3),
-        ("labels:\n  seeds: {}\nrun: x\nlabels:\n  taken_back: []\n", 4),
+        ("labels:\n  seeds: {}\nrun: x\nlabels:\n  excluded_annotations: []\n", 4),
         ("a: {b: 1, b: 1}", 1),
         ("a:\n  - b: 1\n    c: 2\n    b: 1\n", 4),
         ("a: &x {b: {c: 1, 'c': 2}}\nd: *x\n", 1),

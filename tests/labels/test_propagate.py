@@ -88,7 +88,7 @@ def test_shadows_start_at_a_minimum_exposure_and_rocks_do_not(labels):
 
 
 def test_a_terrain_can_override_the_minimum_shadow_exposure(scene, tmp_path):
-    found = propagate(scene, tmp_path / "early", shadow_start_ms_by_terrain={TERRAIN: 64, 1: 1024})
+    found = propagate(scene, tmp_path / "early", min_shadow_exposure_ms_by_terrain={TERRAIN: 64, 1: 1024})
     assert len(shadows(found, "A_off_30_L_0064")) == 2
 
 

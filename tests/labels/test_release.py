@@ -76,7 +76,7 @@ def labels(request, release_root, tmp_path_factory):
         meshes=folder / "meshes",
         boxes=folder / "boxes",
         table=folder / "labels.parquet",
-        options=LabelsOptions(visibility="annotator", shadow_start_ms_by_terrain={1: 32}, ray_step_px=4),
+        options=LabelsOptions(visibility="annotator", min_shadow_exposure_ms_by_terrain={1: 32}, ray_step_px=4),
     )
     found = {key: yolo.read_boxes(folder / "boxes" / f"{key}.txt") for key in files}
     return {key: value for key, value in files.items() if key not in seeds}, found

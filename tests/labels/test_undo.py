@@ -59,14 +59,14 @@ def test_derived_labels_are_missing_in_a_run_without_the_seed(scene, tmp_path):
         propagate_labels(terrain=TERRAIN, keys=KEYS, options=chosen, **out, **inputs(scene))
         return read_parquet(tmp_path / f"{name}.parquet")
 
-    undone = table("undone", taken_back=(str(SEED),))
+    undone = table("undone", excluded_annotations=(str(SEED),))
     (scene.seeds / f"{SEED}.txt").unlink()
     never = table("never")
     assert undone.equals(never)
 
 
 def test_only_annotated_photos_can_be_excluded(scene, tmp_path):
-    options = OPTIONS.model_copy(update={"taken_back": (str(SEED),)})
+    options = OPTIONS.model_copy(update={"excluded_annotations": (str(SEED),)})
     with pytest.raises(LabelError, match=str(SEED)):
         derived_labels(
             drawing=SEED,
@@ -78,7 +78,7 @@ def test_only_annotated_photos_can_be_excluded(scene, tmp_path):
 
 def test_an_invalid_photo_key_cannot_be_excluded():
     with pytest.raises(ValidationError, match="no photo key"):
-        LabelsOptions(taken_back=("03_A_off_99_L_0256",))
+        LabelsOptions(excluded_annotations=("03_A_off_99_L_0256",))
 
 
 def test_undo_reports_a_photo_without_annotation(polarsim, tmp_path, monkeypatch):

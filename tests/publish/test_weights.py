@@ -14,7 +14,7 @@ torch = pytest.importorskip("torch")
 def score(**own) -> dict[str, object]:
     row = {"trained": "hapke", "evaluated": "analog", "kind": "rock", "split": "position", "seed": 0}
     row |= {
-        "leaks_views": False,
+        "shares_views": False,
         "detector": "compact (polarsim's own)",
         "start": "packaged",
         "epochs": 3,
@@ -34,7 +34,7 @@ def trained(tmp_path_factory):
         write_detector(folder / f"{name}.pt", Detector("compact", 640, 3, "packaged", state))
     counts = {"pictures": {"train": 42, "val": 7, "test": 0}}
     write_json(run / "detect/position/datasets/hapke/dataset.json", counts)
-    rows = [score(), score(trained="real", detector="yolov5n (YOLOv5u)", leaks_views=True), score(seed=1, map50=0.9)]
+    rows = [score(), score(trained="real", detector="yolov5n (YOLOv5u)", shares_views=True), score(seed=1, map50=0.9)]
     write_parquet(run / "detect/detection.parquet", pd.DataFrame(rows))
     return run
 

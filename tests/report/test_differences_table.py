@@ -30,7 +30,7 @@ def row(metric, kind, against, sides, seed=0, **values):
 def tabulated(tmp_path):
     def tabulate(rows):
         detection = {
-            "trained": "real", "evaluated": "real", "kind": "rock", "split": "photo", "seed": 0, "leaks_views": True,
+            "trained": "real", "evaluated": "real", "kind": "rock", "split": "photo", "seed": 0, "shares_views": True,
             "detector": "compact", "start": "scratch", "epochs": 20, "imgsz": 288, "images": 144, "labels": 9,
             "map50": 0.6, "map50_95": 0.3, "iou_mean": 0.5,
         }  # fmt: skip

@@ -69,7 +69,7 @@ def test_latex_text_escapes_every_special_character(text):
         (256.0, "exposure_ms", "256"),
         (float("nan"), "f1", "–"),
         (None, "f1", "–"),
-        (np.True_, "leaks_views", "yes"),
+        (np.True_, "shares_views", "yes"),
         ("photo", "split", "photo"),
     ],
 )

@@ -38,7 +38,7 @@ def checked(data, **sections):
 
 
 def test_a_release_with_a_seed_a_correction_and_an_excluded_seed_passes(data):
-    checked(data, labels={"corrections": str(data / "corrections"), "taken_back": [SEED, CORRECTED]})
+    checked(data, labels={"corrections": str(data / "corrections"), "excluded_annotations": [SEED, CORRECTED]})
     checked(data, labels={"seeds": {"root": str(data / "release")}}, scoring={"annotated_root": str(data / "release")})
 
 
@@ -75,7 +75,7 @@ def test_a_path_without_usable_content_is_an_error_that_names_it(data, wrong, ke
     ],
 )
 def test_an_excluded_photo_that_is_neither_seed_nor_correction_is_an_error(data, name, section):
-    options = {"corrections": str(data / "corrections"), "taken_back": [name], **section}
+    options = {"corrections": str(data / "corrections"), "excluded_annotations": [name], **section}
     with pytest.raises(PolarsimError):
         checked(data, labels=options)
 

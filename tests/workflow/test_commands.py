@@ -402,7 +402,7 @@ def test_an_import_is_corrections_of_the_run(call, exported, labels, place, here
     call("import", here / "corrections", tmp_path / "again")
     same_boxes(tmp_path / "again", rows)
     found = call("undo", KEY, "--configfile", with_corrections(place, here / "corrections"))
-    assert f"photos follow from {KEY}" in found
+    assert f"labels derived from {KEY}" in found
     undone = pd.read_parquet(here / f"labels/undone/{KEY}.parquet")
     assert set(undone.columns) >= {"key", "kind", "rock", "change"}
     corrections.drop(KEY)
@@ -472,7 +472,7 @@ def test_undo_lists_labels_derived_from_a_seed(call, here):
     printed = call("undo", seed, "--configfile", "config/small.yaml")
     changes = pd.read_parquet(here / f"labels/undone/{seed}.parquet")
     assert len(changes) > 0
-    assert f"{changes['key'].nunique()} photos follow from {seed}" in printed
+    assert f"{changes['key'].nunique()} photos have labels derived from {seed}" in printed
 
 
 def test_the_report_is_of_the_run(call, here):

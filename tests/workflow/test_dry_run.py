@@ -172,7 +172,7 @@ def test_thirteen_terrains_plan_fewer_than_1000_jobs(checkout, snakemake):
         ("terrains: [010]\n", "010"),
         ("labels: {corrections: nowhere}\n", "nowhere"),
         ("labels: {seeds: {root: ~/nowhere}}\n", "nowhere"),
-        ("labels: {taken_back: [04_A_off_30_L_0256]}\n", "04_A_off_30_L_0256"),
+        ("labels: {excluded_annotations: [04_A_off_30_L_0256]}\n", "04_A_off_30_L_0256"),
     ],
 )
 def test_values_that_snakemake_accepts_silently_are_an_error_before_any_job(checkout, snakemake, text, named):

@@ -32,7 +32,7 @@ def test_a_job_a_drive_and_one_a_view_of_it(dry_run, tmp_path, name, drives, vie
         (root / f"Labels/Terrain{terrain:02d}/{terrain:02d}_A_off_30_L_0256.txt").write_text("0 0.5 0.5 0.1 0.1\n")
     done = dry_run("rover", "--configfile", f"config/{name}.yaml", POLAR_SIM_ROOT=str(root))
     jobs = planned(done)
-    assert (jobs["drive_rover"], jobs["see_drive"], jobs["write_bag"]) == (drives, drives * views, drives)
+    assert (jobs["drive_rover"], jobs["render_drive"], jobs["write_bag"]) == (drives, drives * views, drives)
     assert jobs["measure_drive"] == drives
     assert jobs["detect_drive"] == drives  # by the packaged detector
     assert jobs.get("film_drive") == (None if name == "overlays/rover" else drives)
@@ -245,7 +245,7 @@ def test_a_drive_of_five_seconds_ends_in_tables_figures_and_a_bag(checkout, snak
 
 
 RULES = (
-    "drive_rover", "see_drive", "measure_drive", "write_bag", "write_urdf", "summarise_drives",
+    "drive_rover", "render_drive", "measure_drive", "write_bag", "write_urdf", "summarise_drives",
     "summarise_onboard", "tabulate_rover", "tabulate_onboard", "draw_drive", "draw_sequence", "draw_front",
 )  # fmt: skip
 

@@ -39,7 +39,7 @@ def test_a_small_run_ends(small, snakemake):
         for trained in ("analog", "hapke", "mixed")
         for evaluated in ("analog", "hapke")
     }
-    assert not detection["leaks_views"].any()
+    assert not detection["shares_views"].any()
     for name in ("detection", "ipd", "gap", "evaluation"):
         for form in ("csv", "md", "tex", "parquet"):
             assert (results / f"tables/{name}.{form}").stat().st_size

@@ -42,7 +42,7 @@ def polarsim_run(*words: str) -> subprocess.CompletedProcess:
 
 @pytest.mark.slow
 def test_a_run_stores_its_configuration_once_and_its_report_reads_it(clone, snakemake, polarsim):
-    settings = ["positions=[A]", "labels={taken_back: [03_A_off_180_L_0256]}"]
+    settings = ["positions=[A]", "labels={excluded_annotations: [03_A_off_180_L_0256]}"]
     call = (CURVES, "--configfile", "mine.yaml", "--config", *settings)
     stored = clone / "results/mine" / STORED
     planned = snakemake(clone, "--dry-run", *call)
@@ -184,7 +184,7 @@ def test_any_values_read_back_from_the_stored_configuration(tmp_path_factory, te
         "run": "any",
         "terrains": terrains,
         "source": {"kind": "polar", "root": f"/{root}"},
-        "labels": {"min_contrast_dn": contrast, "taken_back": taken},
+        "labels": {"min_contrast_dn": contrast, "excluded_annotations": taken},
     }
     config = Config.model_validate(content)
     store_config(config, folder)

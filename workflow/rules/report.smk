@@ -155,7 +155,7 @@ rule report_detectors:
         "../scripts/report_detectors.py"
 
 
-rule draw_finds:
+rule draw_detections:
     """Detections in photo and twins, as in figures 4 and 5 of the paper, and the rocks with the largest differences."""
     input:
         instances=PATHS.first_training("instances.parquet"),
@@ -194,7 +194,7 @@ rule draw_finds:
         photo_domain=CONFIG.photo_domain,
         origin=ORIGIN,
     script:
-        "../scripts/draw_finds.py"
+        "../scripts/draw_detections.py"
 
 
 rule tabulate_stereo:

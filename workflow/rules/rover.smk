@@ -43,7 +43,7 @@ rule drive_rover:
         "../scripts/drive_rover.py"
 
 
-rule see_drive:
+rule render_drive:
     """Images of one view of a drive for every Sun, model and exposure from the same rays, and labels."""
     input:
         trace="results/{run}/rover/seed{seed}/trace.parquet",
@@ -63,7 +63,7 @@ rule see_drive:
         options=DRIVES.camera_options("views", "onboard", "videos"),  # images do not depend on other views and later steps
         render=rover_render(CONFIG.render),
     script:
-        "../scripts/see_drive.py"
+        "../scripts/render_drive.py"
 
 
 rule make_drive_dataset:
@@ -200,7 +200,7 @@ rule summarise_drives:
         drives=of_drives("results/{run}/rover/seed{seed}/drive.json"),
         traces=of_drives("results/{run}/rover/seed{seed}/trace.parquet"),  # read through drives
     output:
-        each="results/{run}/rover/every_drive.parquet",
+        each="results/{run}/rover/drive_metrics.parquet",
         together="results/{run}/rover/drives.parquet",
     resources:
         mem_mb=growing(1000),
@@ -226,7 +226,7 @@ rule tabulate_rover:
     """Tables of the means and of every drive."""
     input:
         drives="results/{run}/rover/drives.parquet",
-        each="results/{run}/rover/every_drive.parquet",
+        each="results/{run}/rover/drive_metrics.parquet",
     output:
         table=shown("results/{run}/tables/rover.csv", "Rover", picture="drives"),
         each_table=shown(

@@ -45,7 +45,7 @@ rule summarise_autonomy:
     input:
         drives=expand("results/{{run}}/rover/autonomy/{case}/figures.parquet", case=DRIVES.cases),
     output:
-        each="results/{run}/rover/every_autonomy.parquet",
+        each="results/{run}/rover/autonomy_metrics.parquet",
         together="results/{run}/rover/autonomy.parquet",
         effects="results/{run}/rover/autonomy_effects.parquet",
     resources:
@@ -83,7 +83,7 @@ rule tabulate_autonomy:
 rule rank_detectors:
     """Ranks of detectors by gap and by drive metrics, and their correlation."""
     input:
-        each="results/{run}/rover/every_autonomy.parquet",
+        each="results/{run}/rover/autonomy_metrics.parquet",
         detection="results/{run}/detect/detection.parquet" if DRIVES.has_gap else [],
         ipd="results/{run}/detect/ipd.parquet" if DRIVES.has_gap else [],
     output:

@@ -18,7 +18,7 @@ export function build(section) {
   inner = h('div', { style: 'position:relative' });
   list = h('div', { class: 'grid', tabindex: 0, role: 'region', 'aria-label': 'Images', onscroll: draw }, inner);
   count = h('span', { id: 'count', role: 'status' });
-  const sort = chooser('sort by', ['key', 'score', 'confidence', 'least_confidence', 'rocks'], state.sort, (value) => set({ sort: value }));
+  const sort = chooser('sort by', ['key', 'score', 'confidence', 'min_confidence', 'rocks'], state.sort, (value) => set({ sort: value }));
   section.className = 'split';
   section.append(filters, h('div', { class: 'column' }, h('div', { class: 'bar' }, count, sort), list));
   addEventListener('resize', draw);

@@ -16,14 +16,14 @@ from polarsim.formats import tables
 from polarsim.intervals import student_interval
 from polarsim.rover.drive.trace import Trace, read_trace
 from polarsim.rover.vehicle.table import WHEELS
-from polarsim.schemas.rover import DRIVES, EVERY_DRIVE
+from polarsim.schemas.rover import DRIVE_METRICS, DRIVES
 
 WHOLE = "all"  # value of `wheel` for metrics of the rover
 MIN_SPEED_M_S = 0.02  # m/s: rows at lower speed are excluded from slip
 
 
 def summarise_drives(folders: Sequence[Path], each: Path, together: Path) -> None:
-    """Write a row per drive and metric, `EVERY_DRIVE.columns`, and the summary `drive_table`.
+    """Write a row per drive and metric, `DRIVE_METRICS.columns`, and the summary `drive_table`.
 
     Raises
     ------
@@ -37,11 +37,11 @@ def summarise_drives(folders: Sequence[Path], each: Path, together: Path) -> Non
 
 
 def rover_metrics(trace: Trace) -> pd.DataFrame:
-    """Return the metrics of the rover in a drive, `EVERY_DRIVE.columns`."""
+    """Return the metrics of the rover in a drive, `DRIVE_METRICS.columns`."""
     metrics = wheel_metrics(trace)
     header = trace.drive
     columns = {"seed": int(header["seed"]), "control": header["options"]["drive"]["control"], "ended": header["ended"]}
-    return metrics[metrics["wheel"] == WHOLE].assign(**columns)[list(EVERY_DRIVE.columns)].reset_index(drop=True)
+    return metrics[metrics["wheel"] == WHOLE].assign(**columns)[list(DRIVE_METRICS.columns)].reset_index(drop=True)
 
 
 def wheel_metrics(trace: Trace) -> pd.DataFrame:

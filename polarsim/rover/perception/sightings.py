@@ -89,7 +89,7 @@ def recall_by_distance(seen: pd.DataFrame) -> pd.DataFrame:
 
 
 def first_stable(seen: pd.DataFrame, frames: list[int]) -> pd.DataFrame:
-    """Return a row per rock: rock, height_m, first_seen_m (farthest label), first_stable_m (NaN: never).
+    """Return a row per rock: rock, height_m, first_visible_m (farthest label), first_stable_m (NaN: never).
 
     Stable: detected in `STABLE_FRAMES` consecutive frames; the distance is that of the last of these frames.
     """
@@ -107,7 +107,7 @@ def first_stable(seen: pd.DataFrame, frames: list[int]) -> pd.DataFrame:
                 stable = float(labels["distance_m"].iloc[k])
                 break
         rows.append((rock, float(labels["height_m"].iloc[0]), float(labels["distance_m"].max()), stable))
-    return pd.DataFrame(rows, columns=["rock", "height_m", "first_seen_m", "first_stable_m"])
+    return pd.DataFrame(rows, columns=["rock", "height_m", "first_visible_m", "first_stable_m"])
 
 
 def miss_distance(stable: pd.DataFrame, rocks: pd.DataFrame, ride: FrontCameraDrive, height_m: float) -> float:

@@ -17,7 +17,7 @@ from polarsim.formats import tables
 from polarsim.intervals import RESAMPLES, bootstrap_draws, percentile_interval
 from polarsim.photo import ROCK
 from polarsim.rover.planning.cases import MODES_WITH_DETECTOR, matched_drives
-from polarsim.schemas.rover import AUTONOMY_DETECTORS, AUTONOMY_RANK, EVERY_AUTONOMY
+from polarsim.schemas.rover import AUTONOMY_DETECTORS, AUTONOMY_METRICS, AUTONOMY_RANK
 
 ENOUGH = 5  # minimum number of detectors: with fewer, even Kendall's p is at least 0.08
 SURE = 0.05
@@ -43,7 +43,7 @@ def rank_detectors(
     Parameters
     ----------
     each
-        rover/every_autonomy.parquet.
+        rover/autonomy_metrics.parquet.
     detection, ipd
         detect/detection.parquet and detect/ipd.parquet of the run with the detectors `<domain>-seed<N>`.
     pair
@@ -59,7 +59,7 @@ def rank_detectors(
     FormatError
         A table is missing or has other columns.
     """
-    every = tables.read_parquet(each, EVERY_AUTONOMY.columns)
+    every = tables.read_parquet(each, AUTONOMY_METRICS.columns)
     drives = detector_drives(every, pair[1])
     if not len(drives):
         raise RoverError(f"{each}: no drives by a detector in the model {pair[1]}")

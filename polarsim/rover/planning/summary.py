@@ -22,7 +22,7 @@ from polarsim.rover.planning.touches import rock_contacts
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
 from polarsim.rover.world.options import WorldOptions
-from polarsim.schemas.rover import ALL, ANY, AUTONOMY, AUTONOMY_EFFECTS, EVERY_AUTONOMY
+from polarsim.schemas.rover import ALL, ANY, AUTONOMY, AUTONOMY_EFFECTS, AUTONOMY_METRICS
 
 EVENTS = "events.parquet"
 OVER_BLIND = {"path": "path over the blind one's", "energy": "energy over the blind one's"}
@@ -64,7 +64,7 @@ def drive_case(
     tables.write_parquet(folder / EVENTS, event_table(outcome, rocks))
     rows = drive_metrics(outcome, rocks, vehicle, options)
     named = rows.assign(**chosen.axes, seed=chosen.seed, ended=str(outcome.trace.drive["ended"]))
-    tables.write_parquet(folder / "figures.parquet", named[list(EVERY_AUTONOMY.columns)])
+    tables.write_parquet(folder / "figures.parquet", named[list(AUTONOMY_METRICS.columns)])
 
 
 def summarise_autonomy(*, drives: Sequence[Path], each: Path, together: Path, effects: Path) -> None:
@@ -75,7 +75,7 @@ def summarise_autonomy(*, drives: Sequence[Path], each: Path, together: Path, ef
     FormatError
         The metrics of a drive are missing.
     """
-    every = pd.concat([tables.read_parquet(path, EVERY_AUTONOMY.columns) for path in drives], ignore_index=True)
+    every = pd.concat([tables.read_parquet(path, AUTONOMY_METRICS.columns) for path in drives], ignore_index=True)
     every = with_derived(every)
     tables.write_parquet(each, every)
     tables.write_parquet(together, drive_summary(every))
@@ -97,7 +97,7 @@ def with_derived(every: pd.DataFrame) -> pd.DataFrame:
         others = rows[(rows["mode"] != "blind") & rows["seed"].isin(blind.index)]
         ratio = others["value"] / others["seed"].map(blind)
         parts.append(others.assign(metric=name, unit="", value=ratio))
-    return pd.concat([part for part in parts if len(part)], ignore_index=True)[list(EVERY_AUTONOMY.columns)]
+    return pd.concat([part for part in parts if len(part)], ignore_index=True)[list(AUTONOMY_METRICS.columns)]
 
 
 def drive_summary(every: pd.DataFrame) -> pd.DataFrame:

@@ -36,7 +36,7 @@ def test_exposures_are_separate_and_pooled():
     parts = {
         "stops": stops,
         "map": setting.assign(cells=10, right=3, false=1, missed=0, f1=1.0, height_error_m=0.01, within_5_cm=1.0),
-        "stable": setting.assign(rock=1, height_m=0.2, first_seen_m=3.0, first_stable_m=2.0, stopping_m=0.5),
+        "stable": setting.assign(rock=1, height_m=0.2, first_visible_m=3.0, first_stable_m=2.0, stopping_m=0.5),
         "sightings": setting.assign(frame=0, rock=1, distance_m=1.2, height_m=0.2, detected=[True, False]),
     }
     values = metrics(parts).set_index(["metric", "exposure_ms"])["value"]

@@ -8,7 +8,7 @@ from scipy import stats
 from polarsim.errors import RoverError
 from polarsim.formats.tables import write_parquet
 from polarsim.rover.planning.rank import detector_drives, gap_metrics, kendall, rank_detectors, rank_table, spearman
-from polarsim.schemas.rover import EVERY_AUTONOMY
+from polarsim.schemas.rover import AUTONOMY_METRICS
 
 NAMES = [f"{domain}-seed{seed}" for domain in ("analog", "principled", "hapke") for seed in (0, 1)]
 
@@ -25,7 +25,7 @@ def every(hits: dict[str, list[float]], rock_map: float = 150.0) -> pd.DataFrame
             ("rock map", rock_map - 10 * hit + seed),
         )
     ]
-    return pd.DataFrame(found, columns=list(EVERY_AUTONOMY.columns))
+    return pd.DataFrame(found, columns=list(AUTONOMY_METRICS.columns))
 
 
 def gaps(ipd: list[float]) -> pd.DataFrame:

@@ -12,14 +12,14 @@ from polarsim.rover.perception.options import Mode
 from polarsim.rover.planning.cases import AXES, cases, parse_case
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.summary import drive_summary, effects_of, with_derived
-from polarsim.schemas.rover import EVERY_AUTONOMY, MODES
+from polarsim.schemas.rover import AUTONOMY_METRICS, MODES
 from tests.rover import driven
 
 NAMED = [*AXES, "seed", "metric", "unit", "value"]
 
 
 def rows(*drives: tuple) -> pd.DataFrame:
-    return pd.DataFrame(drives, columns=NAMED).assign(ended="finished")[list(EVERY_AUTONOMY.columns)]
+    return pd.DataFrame(drives, columns=NAMED).assign(ended="finished")[list(AUTONOMY_METRICS.columns)]
 
 
 def drive(mode: str, sun: str, seed: int, value: float, metric: str = "energy", **others: str) -> tuple:
