@@ -217,8 +217,8 @@ def undo(
         typer.echo(f"{row['kind']:7} {row['change']:6} {row['labels']:6} labels on {row['photos']} photos")
     excluded = ", ".join([*config.labels.excluded_annotations, str(key)])
     typer.echo(
-        f"{found['key'].nunique()} photos have labels derived from {key}. To exclude the annotation, add this key to the "
-        f"configuration of the run and repeat `polarsim run`:\nlabels:\n  excluded_annotations: [{excluded}]"
+        f"{found['key'].nunique()} photos have labels derived from {key}. To exclude the annotation, add this key to "
+        f"the configuration of the run and repeat `polarsim run`:\nlabels:\n  excluded_annotations: [{excluded}]"
     )
 
 
