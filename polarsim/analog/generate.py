@@ -10,7 +10,7 @@ import numpy as np
 
 from polarsim.analog import scanner
 from polarsim.analog.options import AnalogOptions
-from polarsim.analog.photographer import empty_labels, take_photos
+from polarsim.analog.photographs import empty_labels, take_photos
 from polarsim.analog.presets import PRESETS
 from polarsim.analog.terrain import AnalogTerrain, build_terrain
 from polarsim.analog.truth import AlbedoMap, write_truth

@@ -9,7 +9,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
 from polarsim.report.layout import origin_note, with_origin, write_table
-from polarsim.report.seeds import interval_text
+from polarsim.report.training_seeds import interval_text
 from polarsim.schemas.covers import COVER_SCORES, FINE_TUNED, MEAN, MERGED, RENDERED, SINGLE
 
 CAPTION = "Detectors trained on random scenes, tested on real cover photos of held-out terrains: value [95 % interval]."

@@ -13,7 +13,7 @@ from polarsim.report.detection_table import KINDS, notes_below, tabulate_detecti
 from polarsim.report.ipd_rocks_table import tabulate_ipd_rocks
 from polarsim.report.ipd_table import tabulate_ipd
 from polarsim.report.layout import MISSING, with_origin, write_blocks, write_table
-from polarsim.report.seeds import SEED, by_splits, metric_cell, over_seeds
+from polarsim.report.training_seeds import SEED, by_splits, metric_cell, over_seeds
 from polarsim.schemas.detect import BREAKDOWN, DIFFERENCES, FALSE_POSITIVES
 
 FALSE_POSITIVE_CAPTION = (

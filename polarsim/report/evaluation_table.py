@@ -13,7 +13,7 @@ import pandas as pd
 from polarsim.errors import PolarsimError
 from polarsim.formats.tables import read_csv
 from polarsim.report.layout import MISSING, format_value, origin_note, with_origin, write_table
-from polarsim.scoring.complaints import warnings_of
+from polarsim.scoring.consistency_warnings import warnings_of
 from polarsim.scoring.metrics import BOX_METRICS, COLUMNS, STAGES, metrics_table
 
 CAPTION = "Metrics of every stage, a column per terrain. Unit 1: share or ratio; against: reference of the metric."

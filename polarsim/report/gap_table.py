@@ -11,7 +11,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import paper
 from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks
-from polarsim.report.seeds import by_splits, over_seeds, seed_notes
+from polarsim.report.training_seeds import by_splits, over_seeds, seed_notes
 from polarsim.schemas.detect import ABLATION
 from polarsim.schemas.report import GAP
 

@@ -11,7 +11,7 @@ from polarsim.photo import ROCK
 from polarsim.report import paper
 from polarsim.report.detection_table import notes_below
 from polarsim.report.layout import with_origin, write_table
-from polarsim.report.seeds import SEED
+from polarsim.report.training_seeds import SEED
 from polarsim.schemas.detect import IPD_ROCKS
 
 DOMAINS = ("trained", "first", "second")

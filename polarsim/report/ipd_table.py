@@ -12,7 +12,7 @@ from polarsim.photo import ROCK
 from polarsim.report import paper
 from polarsim.report.detection_table import KINDS, notes_below
 from polarsim.report.layout import MISSING, with_origin, write_table
-from polarsim.report.seeds import metric_cell
+from polarsim.report.training_seeds import metric_cell
 from polarsim.schemas import detect
 from polarsim.schemas.report import IPD
 

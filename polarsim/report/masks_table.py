@@ -8,7 +8,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.report.layout import origin_note, with_origin, write_table
-from polarsim.report.seeds import interval_text
+from polarsim.report.training_seeds import interval_text
 from polarsim.run_files.class_masks import CLASSES
 from polarsim.schemas.covers import MASK_SCORES
 

@@ -9,7 +9,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.report import paper
 from polarsim.report.layout import origin_note, with_origin, write_blocks
-from polarsim.report.seeds import interval_text
+from polarsim.report.training_seeds import interval_text
 from polarsim.schemas.detect import BAD_DEPTH_MM, BAD_DEPTH_PERCENT, STEREO_IPD
 from polarsim.schemas.report import STEREO
 

@@ -6,7 +6,7 @@
 - Cameras after refinement are compared with the cameras for which the meshes were reconstructed.
 - Projected meshes are compared with the boxes that localised the cameras.
 
-Values above the limits of `complaints` are reported as warnings.
+Values above the limits of `consistency_warnings` are reported as warnings.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.run_files.scans import read_scan
 from polarsim.run_files.scene import FITTED, TerrainMesh, mesh_origins, read_terrain
 from polarsim.scoring.alignment import align_rigs, refine_alignment
-from polarsim.scoring.complaints import STAGE, metric_warning
+from polarsim.scoring.consistency_warnings import STAGE, metric_warning
 from polarsim.scoring.labels import read_sound_boxes
 from polarsim.scoring.left_right import boxes_of_both, photos_of_both
 from polarsim.scoring.metrics import Metric, write_metrics

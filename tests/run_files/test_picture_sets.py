@@ -10,7 +10,7 @@ from polarsim.errors import FormatError
 from polarsim.formats import png
 from polarsim.formats.tables import write_parquet
 from polarsim.render.options import MODELS
-from polarsim.report.figures.shots import draw_sequence
+from polarsim.report.figures.drive_images import draw_sequence
 from polarsim.rover.cameras.options import SUN_AZIMUTHS_DEG, CameraSuiteOptions
 from polarsim.rover.planning.cases import cases, parse_case
 from polarsim.rover.planning.options import AutonomyOptions

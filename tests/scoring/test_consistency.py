@@ -16,8 +16,8 @@ from polarsim.geometry.stereo import default_rig
 from polarsim.photo import BLACK_LEVEL, NO_ROCK, PhotoKey
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
-from polarsim.scoring.complaints import LIMITS, metric_warning, warnings_of
 from polarsim.scoring.consistency import box_overlaps, cameras_together, ground_support, scans_on_meshes
+from polarsim.scoring.consistency_warnings import LIMITS, metric_warning, warnings_of
 from polarsim.scoring.left_right import boxes_of_both, photos_of_both
 from polarsim.scoring.metrics import Metric, metrics_table
 from polarsim.scoring.score import PhotoLabels

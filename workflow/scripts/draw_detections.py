@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.job_files import list_of_paths
-from polarsim.report.figures.finds import draw_detector_results
+from polarsim.report.figures.detections import draw_detector_results
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.job_files import optional_path
-from polarsim.report.figures.shots import draw_front
+from polarsim.report.figures.drive_images import draw_front
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.report.figures.shots import draw_sequence
+from polarsim.report.figures.drive_images import draw_sequence
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):

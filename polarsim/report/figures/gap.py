@@ -12,7 +12,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import gap_table, paper
 from polarsim.report.figures.canvas import FIGURE_WIDTH, INK, SERIES, figure_title, note, page
-from polarsim.report.seeds import seed_means, split_panels, title_suffix
+from polarsim.report.training_seeds import seed_means, split_panels, title_suffix
 from polarsim.schemas.detect import ABLATION
 
 PANELS = {

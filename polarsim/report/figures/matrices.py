@@ -12,7 +12,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import detection_table, ipd_table, paper
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, figure_title, note, page
-from polarsim.report.seeds import seed_means, split_panels, title_suffix
+from polarsim.report.training_seeds import seed_means, split_panels, title_suffix
 from polarsim.schemas.detect import DETECTION, IPD
 
 TITLES = {"map50": "mAP@0.5", "map50_95": "mAP@[0.5:0.95]", "iou_mean": "IOU_mean"}

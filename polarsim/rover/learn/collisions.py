@@ -7,7 +7,7 @@ import numpy as np
 from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.drive.state import RoverState
 from polarsim.rover.drive.trace import trace_table
-from polarsim.rover.planning.touches import REACH_M, body_touch, rock_surface_points
+from polarsim.rover.planning.contacts import REACH_M, body_touch, rock_surface_points
 from polarsim.schemas.rover import HIGH_M
 
 

@@ -26,7 +26,7 @@ _NEAREST_M, _FARTHEST_M = 1.5, 10.0  # range of depths for odometry
 
 
 def event_table(outcome: Outcome, rocks: pd.DataFrame) -> pd.DataFrame:
-    """Return a row per touched rock (`rocks`: see `touches`) with position, and a row per stop; `AUTONOMY_EVENTS`."""
+    """Return a row per touched rock (`rocks`: see `rock_contacts`) with position, and a row per stop; `AUTONOMY_EVENTS`."""
     hit = rocks[rocks["touched"]].merge(outcome.trace.world.rocks[["rock", "x_m", "y_m"]], on="rock")
     what = np.where(hit["height_m"] > HIGH_M, COLLISION, TOUCH)
     rows = [hit.assign(what=what)[list(AUTONOMY_EVENTS.columns)]]
@@ -37,7 +37,7 @@ def event_table(outcome: Outcome, rocks: pd.DataFrame) -> pd.DataFrame:
 
 
 def drive_metrics(outcome: Outcome, rocks: pd.DataFrame, vehicle: Vehicle, options: AutonomyOptions) -> pd.DataFrame:
-    """Return rows of metric, unit and value of a drive; `rocks`: see `touches`."""
+    """Return rows of metric, unit and value of a drive; `rocks`: see `rock_contacts`."""
     drive, table = outcome.trace.drive, outcome.trace.table
     seconds = max(float(drive["seconds"]), 1e-9)
     hit = rocks[rocks["touched"]]

@@ -15,10 +15,10 @@ from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.planning.cases import AXES, MODES_WITHOUT_PICTURES, matched_drives, parse_case
+from polarsim.rover.planning.contacts import rock_contacts
 from polarsim.rover.planning.drive import job_for, run_autonomous_drive, write_outcome
 from polarsim.rover.planning.metrics import drive_metrics, event_table
 from polarsim.rover.planning.options import AutonomyOptions
-from polarsim.rover.planning.touches import rock_contacts
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
 from polarsim.rover.world.options import WorldOptions

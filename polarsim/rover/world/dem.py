@@ -17,7 +17,6 @@ from polarsim.formats.geotiff import Elevation, read_elevation
 from polarsim.geometry.heightfields import amplitudes, octave_relief, spacings
 from polarsim.rover.world.craters import dig, random_craters
 from polarsim.rover.world.options import CraterOptions, DemOptions, WorldOptions
-from polarsim.rover.world.placed import PlacedRock, with_rocks
 from polarsim.rover.world.rock_field import (
     RING_RADII,
     RockField,
@@ -28,6 +27,7 @@ from polarsim.rover.world.rock_field import (
     smooth,
     vertices_in_world,
 )
+from polarsim.rover.world.rock_table import PlacedRock, with_rocks
 from polarsim.rover.world.stitch import TerrainSolids
 from polarsim.rover.world.surface import World, WorldBackdrop, bare_world
 from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS

@@ -11,7 +11,7 @@ from scipy import ndimage
 from polarsim.errors import RoverError
 from polarsim.geometry.topology import hull_faces
 from polarsim.randomness import generator
-from polarsim.rover.world.placed import PlacedRock, with_rocks
+from polarsim.rover.world.rock_table import PlacedRock, with_rocks
 from polarsim.rover.world.surface import World, bare_world
 
 CORNERS = 24  # number of points whose convex hull is a rock

@@ -22,7 +22,7 @@ from polarsim.geometry.meshes import Mesh, subdivide_smoothly
 from polarsim.geometry.topology import hull_faces
 from polarsim.randomness import generator
 from polarsim.rover.world.hulls import top_at
-from polarsim.rover.world.placed import outward
+from polarsim.rover.world.rock_table import outward
 from polarsim.rover.world.stitch import TerrainSolids
 
 _TRIES = 50  # attempts to place a rock without overlap

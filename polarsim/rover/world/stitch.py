@@ -22,7 +22,7 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.randomness import generator
 from polarsim.rover.world.hulls import require_volume, top_at
 from polarsim.rover.world.options import LENGTH_M, WorldOptions
-from polarsim.rover.world.placed import PlacedRock, outward, with_rocks
+from polarsim.rover.world.rock_table import PlacedRock, outward, with_rocks
 from polarsim.rover.world.surface import World, bare_world
 
 BLEND_M = 0.4  # width of the blend of two grounds at a seam

@@ -21,13 +21,13 @@ from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.ride import RunningDrive
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.observation import Observation, Perception
+from polarsim.rover.planning.contacts import rock_contacts
 from polarsim.rover.planning.drive import PICTURES, autonomous_job, run_autonomous_drive, write_outcome
 from polarsim.rover.planning.metrics import drive_metrics, event_table
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.pictures import WIDTH_PX
 from polarsim.rover.planning.pilot import Pilot
 from polarsim.rover.planning.planner import Planner
-from polarsim.rover.planning.touches import rock_contacts
 from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from polarsim.errors import RoverError
 from polarsim.geometry.poses import Pose
 from polarsim.rover.planning.challenge import FULL_RATE_1_S, challenge_score, true_cells
-from polarsim.rover.planning.touches import box_gap, cylinder_gap
+from polarsim.rover.planning.contacts import box_gap, cylinder_gap
 from polarsim.rover.planning.trajectory import absolute_error, relative_error
 from polarsim.rover.world.surface import bare_world
 

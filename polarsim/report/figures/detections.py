@@ -16,7 +16,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.geometry import boxes
 from polarsim.photo import HEIGHT, HEX_COLOURS, ROCK, WIDTH, PhotoKey
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, figure_title, note, page, rectangle
-from polarsim.report.figures.seen import DetectorResults, draw_predictions, read_detector_results
+from polarsim.report.figures.detection_grid import DetectorResults, draw_predictions, read_detector_results
 from polarsim.run_files.pictures import picture_finder
 from polarsim.schemas.photos import BOX
 from polarsim.tone import to_8bit
