@@ -26,7 +26,7 @@ _NEAREST_M, _FARTHEST_M = 1.5, 10.0  # range of depths for odometry
 
 
 def event_table(outcome: Outcome, rocks: pd.DataFrame) -> pd.DataFrame:
-    """Return a row per touched rock (`rocks`: see `rock_contacts`) with position, and a row per stop; `AUTONOMY_EVENTS`."""
+    """Return `AUTONOMY_EVENTS`: touched rocks with position (`rocks`: see `rock_contacts`) and stops."""
     hit = rocks[rocks["touched"]].merge(outcome.trace.world.rocks[["rock", "x_m", "y_m"]], on="rock")
     what = np.where(hit["height_m"] > HIGH_M, COLLISION, TOUCH)
     rows = [hit.assign(what=what)[list(AUTONOMY_EVENTS.columns)]]
