@@ -74,8 +74,8 @@ def measure(terrain: int, run: Path, analog: Path, held_out: list[str], photos: 
         print(
             f"{name}, {azimuth} held out: {seconds:.0f} CPU s, falloff {found.falloff}, vignetting {found.vignetting}"
         )
-        for figure in albedo_metrics(found, mesh, true, points):
-            print(f"  {figure.subject}: {figure.metric} {100 * figure.value:.1f} % ({figure.n} points)")
+        for metric in albedo_metrics(found, mesh, true, points):
+            print(f"  {metric.subject}: {metric.metric} {100 * metric.value:.1f} % ({metric.n} points)")
         for model, fit in sorted(found.models.items()):
             print(f"  {model}: lamps over 30's { ({k: round(v / fit.lamps['30'], 3) for k, v in fit.lamps.items()}) }")
             for scale in ("pixels", "texels"):

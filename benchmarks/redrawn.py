@@ -17,7 +17,7 @@ import pandas as pd
 
 from polarsim.config import RELEASE_ROOT
 from polarsim.cover_photos.photos import annotation_rows
-from polarsim.cover_photos.scores import cover_figures
+from polarsim.cover_photos.scores import cover_metrics
 from polarsim.formats import release, tables
 from polarsim.photo import AZIMUTHS, HEIGHT, ROCK, WIDTH, PhotoKey
 
@@ -57,10 +57,10 @@ def main() -> None:
         shown = [str(key) for key in keys if str(key) in set(found["key"])]
         for name in ("all", *sorted({key[:2] for key in shown})):
             own = [key for key in shown if name in ("all", key[:2])]
-            figures = cover_figures(labels, [found], own, seed=0, resamples=1000).iloc[0]
+            row = cover_metrics(labels, [found], own, seed=0, resamples=1000).iloc[0]
             print(
                 f"azimuth {azimuth}, terrain {name}, {len(own)} photos: "
-                f"{figures['map50']:.3f} [{figures['map50_low']:.3f}, {figures['map50_high']:.3f}]"
+                f"{row['map50']:.3f} [{row['map50_low']:.3f}, {row['map50_high']:.3f}]"
             )
 
 

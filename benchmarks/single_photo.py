@@ -106,11 +106,11 @@ def main() -> None:
     lens = replace(surveyed_rig().rig.left, fy=surveyed_rig().rig.left.fx, distortion=(0.0,) * 5)
     ours(mesh, lens, clock, args.threads)
     mitsuba(mesh, lens, clock, args.threads)
-    figures = {"triangles": len(mesh.faces)} | {name: median(values) for name, values in clock.seconds.items()}
-    for name, value in figures.items():
+    results = {"triangles": len(mesh.faces)} | {name: median(values) for name, values in clock.seconds.items()}
+    for name, value in results.items():
         print(f"{name:24s} {value:.4g}")
     if args.json:
-        write_json(args.json, figures)
+        write_json(args.json, results)
 
 
 if __name__ == "__main__":

@@ -193,10 +193,10 @@ class Scores:
             pooled = sum(own.values(), MatchCounts())
             if not pooled.tp + pooled.fn:
                 continue
-            figures = pooled.metrics()
-            named = " ".join(f"{name} {figures[name] or 0:.3f}" for name in ("precision", "recall", "f1", "miou"))
+            values = pooled.metrics()
+            named = " ".join(f"{name} {values[name] or 0:.3f}" for name in ("precision", "recall", "f1", "miou"))
             by_terrain = ", ".join(f"{terrain:02d} {own[terrain].metrics()['f1'] or 0:.3f}" for terrain in sorted(own))
-            print(f"{task:36s} {kind:6s} {named} n {figures['truth_boxes']} (F1 {by_terrain})")
+            print(f"{task:36s} {kind:6s} {named} n {values['truth_boxes']} (F1 {by_terrain})")
 
 
 def task_of(key: PhotoKey) -> str:

@@ -90,3 +90,23 @@ def test_the_size_of_a_photo_is_written_in_one_module():
         if isinstance(node, ast.Constant) and type(node.value) is int and node.value in sizes
     }
     assert {place.split(":")[0] for place in found} == {"polarsim/photo.py"}, found
+
+
+def names_of(node: ast.AST) -> list[str]:
+    """Return the name that a node defines or uses."""
+    attribute = {ast.Name: "id", ast.arg: "arg", ast.FunctionDef: "name"}.get(type(node))
+    return [getattr(node, attribute)] if attribute else []
+
+
+def test_a_figure_is_a_picture():
+    """Numbers are metrics, values or statistics: code outside the modules that draw has no name with `figure`."""
+    drawing = ("report/", "lint/errata.py", "paths.py")
+    named = {
+        f"{path.relative_to(CHECKOUT)}:{node.lineno}: {name}"
+        for path in sorted((CHECKOUT / "polarsim").rglob("*.py"))
+        if not path.relative_to(CHECKOUT / "polarsim").as_posix().startswith(drawing)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for name in names_of(node)
+        if {"figure", "figures"} & set(name.split("_"))
+    }
+    assert named == set()

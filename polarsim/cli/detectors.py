@@ -133,8 +133,8 @@ def _print_ipd(report: dict[str, Any]) -> None:
 
     rows = [["class", "pairs", f"{report['unit']}s", "IOU_mean A", "IOU_mean B", "ipd [95 %]", "ipd_abs [95 %]"]]
     for name, row in report["classes"].items():
-        figures = [shown(row, key) for key in ("iou_mean_a", "iou_mean_b", "ipd", "ipd_abs")]
-        rows.append([name, str(row["pairs"]), str(row["units"]), *figures])
+        values = [shown(row, key) for key in ("iou_mean_a", "iou_mean_b", "ipd", "ipd_abs")]
+        rows.append([name, str(row["pairs"]), str(row["units"]), *values])
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for cells in rows:
         typer.echo("  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip())

@@ -239,9 +239,9 @@ def _print_scores(report: dict[str, Any]) -> None:
 
     table = Table("class", "files", "truth", "labels", "precision", "recall", "F1", "mean IoU")
     for name, row in report["classes"].items():
-        counts = (str(row[figure]) for figure in ("files", "truth_boxes", "label_boxes"))
+        counts = (str(row[metric]) for metric in ("files", "truth_boxes", "label_boxes"))
         ratios = (
-            "-" if row[figure] is None else f"{row[figure]:.3f}" for figure in ("precision", "recall", "f1", "miou")
+            "-" if row[metric] is None else f"{row[metric]:.3f}" for metric in ("precision", "recall", "f1", "miou")
         )
         table.add_row(name, *counts, *ratios)
     Console().print(table)

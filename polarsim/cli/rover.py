@@ -60,7 +60,7 @@ def drive(
             raise PolarsimError("no such folder of meshes; create the meshes with polarsim run", path=there)
     folder = out or run_folder / f"rover/seed{number}"
     with reporting(), progress_bar(f"drive {number}") as progress:  # typer keeps Ctrl-C to itself
-        figures = run_drive_pipeline(
+        metrics = run_drive_pipeline(
             meshes=meshes,
             folder=folder,
             options=rover,
@@ -71,6 +71,6 @@ def drive(
             pictures=pictures,
             threads=threads,
         )
-    for row in figures.to_dict("records"):
+    for row in metrics.to_dict("records"):
         typer.echo(f"{row['metric']:24} {row['value']:.4g} {row['unit']}".rstrip())
-    typer.echo(f"{figures['ended'].iloc[0]}: {folder}")
+    typer.echo(f"{metrics['ended'].iloc[0]}: {folder}")

@@ -74,8 +74,8 @@ def publish_detector(
         calibration=calibration,
     )
     detectors.write_detector(detector, complete)
-    figures = tables.read_parquet(scores, COVER_SCORES.columns)
-    write_text(card, _card(complete, figures[figures["detectors"] == SINGLE], check))
+    metrics = tables.read_parquet(scores, COVER_SCORES.columns)
+    write_text(card, _card(complete, metrics[metrics["detectors"] == SINGLE], check))
 
 
 def _chosen(

@@ -83,7 +83,7 @@ def score_covers(
     rows += [(MEAN, NO_SEED, list(of_seed.values()))] if len(of_seed) > 1 else []
     rows += [(MERGED, NO_SEED, [_read(merged, truth, folds)])] if merged else []
     parts = [
-        _figures(truth, evaluated, keys, options).assign(terrain=name, detectors=detectors, seed=seed)
+        _calibrated_metrics(truth, evaluated, keys, options).assign(terrain=name, detectors=detectors, seed=seed)
         for detectors, seed, evaluated in rows
         for name, keys in _by_terrain([key for fold_keys in folds.values() for key in fold_keys]).items()
     ]
@@ -111,20 +111,20 @@ def _by_terrain(keys: Sequence[str]) -> dict[str, list[str]]:
     return chosen
 
 
-def _figures(
+def _calibrated_metrics(
     labels: pd.DataFrame, by_seed: Sequence[_CoverPredictions], keys: Sequence[str], options: ComparisonOptions
 ) -> pd.DataFrame:
-    """Return the metrics of `cover_figures` with the calibration error."""
+    """Return the metrics of `cover_metrics` with the calibration error."""
     predictions = [of_seed.predictions for of_seed in by_seed]
-    figures = cover_figures(labels, predictions, keys, resamples=options.resamples)
+    table = cover_metrics(labels, predictions, keys, resamples=options.resamples)
     errors = [
         np.mean([_calibration_error(labels, of_seed.calibrated, keys, kind) for of_seed in by_seed])
-        for kind in figures["kind"]
+        for kind in table["kind"]
     ]
-    return figures.assign(calibration_error=errors)
+    return table.assign(calibration_error=errors)
 
 
-def cover_figures(
+def cover_metrics(
     labels: pd.DataFrame, predictions: Sequence[pd.DataFrame], keys: Sequence[str], *, seed: int = 0, resamples: int
 ) -> pd.DataFrame:
     """Return average precision of each labelled kind over all photos, with 95 % bootstrap intervals over photos.

@@ -109,7 +109,7 @@ def breakdown(
         parts += [(by, str(group), groups == group, 0) for group in np.unique(groups)]
     for by, group, chosen, area in parts:
         replicates = resamples if by == ALL else group_resamples
-        rows += [{"by": by, "group": group} | row for row in _figures(matched, chosen, area, seed, replicates)]
+        rows += [{"by": by, "group": group} | row for row in _group_metrics(matched, chosen, area, seed, replicates)]
     return pd.DataFrame(rows, columns=list(BREAKDOWN_COLUMNS))
 
 
@@ -126,7 +126,9 @@ def curves(matched: Matches) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=list(CURVE_COLUMNS))
 
 
-def _figures(matched: Matches, chosen: np.ndarray, area: int, seed: int, resamples: int) -> Iterator[dict[str, object]]:
+def _group_metrics(
+    matched: Matches, chosen: np.ndarray, area: int, seed: int, resamples: int
+) -> Iterator[dict[str, object]]:
     """Yield a row per class and a row for all classes, for a mask (p,) of photos and a range of area (0: all)."""
     from polarsim.detect.bootstrap_numba import resampled_precision
 

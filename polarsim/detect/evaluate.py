@@ -108,10 +108,10 @@ def evaluate(
     common = sorted(set.intersection(*map(set, keys.values()))) if keys else []
     for (trained, evaluated), path in track(sorted(named.items()), "evaluate"):
         detections = tables.read_parquet(path, PREDICTION_COLUMNS)
-        figures = _figures(keys[evaluated], truth[evaluated], detections, options)
-        performances[trained, evaluated] = figures.pop("instances")
+        domain_metrics = _metrics_of_domain(keys[evaluated], truth[evaluated], detections, options)
+        performances[trained, evaluated] = domain_metrics.pop("instances")
         evaluations[trained, evaluated] = DomainEvaluation(common, truth[evaluated], detections, options)
-        for name, table in figures.items():
+        for name, table in domain_metrics.items():
             parts[name].append(_named(table, SIDE_COLUMNS, (trained, evaluated)))
     matched = _joined(parts["breakdown"], (*SIDE_COLUMNS, *BREAKDOWN_COLUMNS))
     _write(tables_of.breakdown, matched)
@@ -152,7 +152,7 @@ def detector_facts(training: TrainingOptions, imgsz: int) -> dict[str, Any]:
     }
 
 
-def _figures(
+def _metrics_of_domain(
     keys: Sequence[str], labels: pd.DataFrame, predictions: pd.DataFrame, options: ComparisonOptions
 ) -> dict[str, pd.DataFrame]:
     """Return the tables of a detector on a domain."""

@@ -85,11 +85,11 @@ def compare_sets(
     for kind in sorted(set(sides[0]["kind"]) | set(sides[1]["kind"])):
         of_kind = [performance[performance["kind"] == kind] for performance in performances]
         difference = instance_performance_difference(*of_kind, rules=rules, seed=seed, resamples=resamples)
-        figures: dict[str, Any] = {key: value for key, value in asdict(difference).items() if key != "unit"}
+        summary: dict[str, Any] = {key: value for key, value in asdict(difference).items() if key != "unit"}
         for name, performance in zip(("a", "b"), of_kind, strict=True):
-            figures |= {f"labels_{name}": len(performance), f"iou_mean_{name}": float(performance["iou"].mean())}
+            summary |= {f"labels_{name}": len(performance), f"iou_mean_{name}": float(performance["iou"].mean())}
         report["classes"][kind] = {
-            key: None if isinstance(value, float) and np.isnan(value) else value for key, value in figures.items()
+            key: None if isinstance(value, float) and np.isnan(value) else value for key, value in summary.items()
         }
     return report
 

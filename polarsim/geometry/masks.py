@@ -54,7 +54,7 @@ def without_small_components(mask: np.ndarray, connectivity: int = 4) -> np.ndar
     """
     import cv2
 
-    _, parts, figures, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=connectivity)
-    areas = figures[:, cv2.CC_STAT_AREA] * (np.arange(len(figures)) > 0)  # number 0 is the background
+    _, parts, statistics, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8), connectivity=connectivity)
+    areas = statistics[:, cv2.CC_STAT_AREA] * (np.arange(len(statistics)) > 0)  # number 0 is the background
     kept = areas >= SMALL_PART * max(1, areas.max())
     return np.asarray(kept[parts])

@@ -166,9 +166,9 @@ def fit_to_dark_region(
     reach = round(REACH_PX + REACH * float(np.sqrt(np.prod(box[2:] - box[:2]))))
     in_reach = cv2.dilate(cast.astype(np.uint8), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)).astype(bool)
     dark = without_thin_parts(in_reach & bare & (rate < dark_level + LEVEL * (lit_level - dark_level)), STREAK_PX)
-    count, parts, figures, _ = cv2.connectedComponentsWithStats(dark.astype(np.uint8), connectivity=8)
+    count, parts, statistics, _ = cv2.connectedComponentsWithStats(dark.astype(np.uint8), connectivity=8)
     covered = np.bincount(parts[cast & dark], minlength=count)
-    areas = figures[:, cv2.CC_STAT_AREA]
+    areas = statistics[:, cv2.CC_STAT_AREA]
     cast_area = int(cast.sum())
     selected = [part for part in range(1, count) if covered[part] >= MIN_COVERED_SHARE * areas[part]]
     if not selected or not 1 / MAX_AREA_RATIO < sum(areas[part] for part in selected) / cast_area < MAX_AREA_RATIO:

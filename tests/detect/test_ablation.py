@@ -20,7 +20,7 @@ OPTIONS = ComparisonOptions(resamples=1000)
 SIDE = 100.0  # side of every rock, px
 COLUMNS = ["x0", "y0", "x1", "y1"]
 CHANGE_METRICS = [columns.each[1] for columns in CHANGE_COLUMNS]
-CHANGES = [f"{figure}{end}" for figure in CHANGE_METRICS for end in CHANGE_ENDS if "change" in end]
+CHANGES = [f"{metric}{end}" for metric in CHANGE_METRICS for end in CHANGE_ENDS if "change" in end]
 
 
 def boxes(rows, **columns):
@@ -110,9 +110,9 @@ def test_no_change_is_zero_and_the_reverse_change_has_the_opposite_sign(performa
     assert len(known) >= len(CHANGE_METRICS)
     assert (same[known] == 0).all()
     there, back = rocks(photo, twin, other), rocks(photo, other, twin)
-    for figure in CHANGE_METRICS:
-        assert there[f"{figure}_change"] == -back[f"{figure}_change"]
-        np.testing.assert_allclose(there[f"{figure}_change_low"], -back[f"{figure}_change_high"], atol=1e-12)
+    for metric in CHANGE_METRICS:
+        assert there[f"{metric}_change"] == -back[f"{metric}_change"]
+        np.testing.assert_allclose(there[f"{metric}_change_low"], -back[f"{metric}_change_high"], atol=1e-12)
 
 
 def test_a_class_without_labels_has_a_row_without_metrics():

@@ -137,12 +137,12 @@ def test_a_missing_depth_is_bad_and_hidden_pixels_are_ignored(monkeypatch):
         np.array([[True, True, True, True, False, False]]),
     )
     depth = np.array([[2.01, 2.05, np.nan, 1.97, 1, 9]])
-    figures = score_depth(depth, truth)
-    assert figures["pixels"] == 4
-    assert figures["valid_share"] == 0.75
-    assert figures["median_abs_error_mm"] == pytest.approx(30)
-    assert figures["bad_share"] == 0.75
-    assert figures["bad_relative_share"] == 0.5
+    depth_metrics = score_depth(depth, truth)
+    assert depth_metrics["pixels"] == 4
+    assert depth_metrics["valid_share"] == 0.75
+    assert depth_metrics["median_abs_error_mm"] == pytest.approx(30)
+    assert depth_metrics["bad_share"] == 0.75
+    assert depth_metrics["bad_relative_share"] == 0.5
     assert rock_performance(depth, truth) == [{"rock": 7, "pixels": 3, "performance": pytest.approx(1 / 3)}]
     monkeypatch.setattr(score_module, "MIN_ROCK_PX", 4)
     assert rock_performance(depth, truth) == []

@@ -49,10 +49,10 @@ def half_ball(x, y, z, radius=0.06):
 @pytest.mark.parametrize("terrain", [4, 11])
 def test_published_rocks_are_cleaned_and_get_a_ground_at_their_feet(release_root, tmp_path, terrain):
     paths = obj.rock_files(release_root / "TerrainMeshes" / f"Terrain{terrain:02d}")
-    table, figures = adopt(tmp_path, terrain, {str(rock): str(path) for rock, path in paths.items()})
+    table, shape_metrics = adopt(tmp_path, terrain, {str(rock): str(path) for rock, path in paths.items()})
     assert table["rock"].tolist() == list(paths)
     assert set(table["source"]) == {"published"}
-    assert (figures["islands"] == 1).all()
+    assert (shape_metrics["islands"] == 1).all()
     assert (table["volume_m3"] > 0).all()
     ground = obj.read_obj(tmp_path / "meshes" / obj.ground_name(terrain))
     heights = ground.vertices[:, 2].reshape(FloorGrid(GRID.extent, 0.02).shape)
@@ -65,9 +65,9 @@ def test_published_rocks_are_cleaned_and_get_a_ground_at_their_feet(release_root
 
 
 def test_a_terrain_without_meshes_is_level_ground_and_an_empty_table(tmp_path):
-    table, figures = adopt(tmp_path, 6, {})
+    table, shape_metrics = adopt(tmp_path, 6, {})
     assert len(table) == 0
-    assert list(figures.index) == ["terrain06_ground.obj"]
+    assert list(shape_metrics.index) == ["terrain06_ground.obj"]
     assert not obj.read_obj(tmp_path / "meshes" / "terrain06_ground.obj").vertices[:, 2].any()
 
 
@@ -75,8 +75,8 @@ def test_a_published_ground_is_used(tmp_path):
     obj.write_obj(
         tmp_path / "ground.obj", Mesh(np.array([[-2, -2, 1], [2, -2, 1], [0, 2, 1.0]]), np.array([[0, 1, 2]])), "g"
     )
-    _, figures = adopt(tmp_path, 4, {}, ground=str(tmp_path / "ground.obj"))
-    assert figures.loc["terrain04_ground.obj", "faces"] == 1
+    _, shape_metrics = adopt(tmp_path, 4, {}, ground=str(tmp_path / "ground.obj"))
+    assert shape_metrics.loc["terrain04_ground.obj", "faces"] == 1
 
 
 def wavy_ground(lift=0.0, half=2.0, step=0.05):
@@ -110,8 +110,8 @@ def adopt_on(folder, ground):
 
 
 def test_tables_state_the_published_ground(tmp_path):
-    table, figures = adopt_on(tmp_path, wavy_ground())
-    assert figures.loc["terrain04_ground.obj", "made_from"] == "published"
+    table, shape_metrics = adopt_on(tmp_path, wavy_ground())
+    assert shape_metrics.loc["terrain04_ground.obj", "made_from"] == "published"
     assert mesh_origins(tmp_path / "meshes")["terrain04_rock3.obj"] == "published"
     np.testing.assert_allclose(table["height_m"], 0.06, atol=0.008)  # of a half ball, on waves of up to 3.4 degrees
     ground = obj.read_obj(tmp_path / "meshes" / "terrain04_ground.obj")
@@ -121,8 +121,8 @@ def test_tables_state_the_published_ground(tmp_path):
 
 def test_tables_distinguish_fitted_and_published_ground(tmp_path):
     obj.write_obj(tmp_path / "rock.obj", half_ball(0, 0, 0.2), "rock")
-    _, figures = adopt(tmp_path, 4, {"2": str(tmp_path / "rock.obj")})
-    assert figures["made_from"].to_dict() == {
+    _, shape_metrics = adopt(tmp_path, 4, {"2": str(tmp_path / "rock.obj")})
+    assert shape_metrics["made_from"].to_dict() == {
         "terrain04_ground.obj": "fitted",
         "terrain04_rock2.obj": "published",
         "terrain04_rock2_decimate-005.obj": "published",

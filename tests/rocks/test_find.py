@@ -108,10 +108,10 @@ def test_every_rock_has_a_cloud_with_unit_normals_inside_its_cuboid(worked):
 
 
 def test_every_rock_gets_a_closed_mesh_and_a_small_copy(worked):
-    figures = pd.read_csv(worked / "meshes" / "meshes.csv").set_index("mesh")
-    assert len(figures) == 7
-    assert figures.drop("terrain01_ground.obj")["watertight"].all()
-    assert (figures["islands"] == 1).all()
+    meshes = pd.read_csv(worked / "meshes" / "meshes.csv").set_index("mesh")
+    assert len(meshes) == 7
+    assert meshes.drop("terrain01_ground.obj")["watertight"].all()
+    assert (meshes["islands"] == 1).all()
     for rock in pd.read_parquet(worked / "rocks.parquet")["rock"]:
         full, copy = (
             obj.read_obj(worked / "meshes" / obj.rock_name(1, rock, decimated=small)) for small in (False, True)
