@@ -16,7 +16,7 @@ if SOURCE.is_generated:
             receipt=f"{CONFIG.source.root}/receipts/Terrain{{terrain}}.json",
         priority: TRAINING_WAITS
         resources:
-            mem_mb=growing(2000),
+            mem_mb=memory_per_attempt(2000),
             runtime=20,  # minutes
         params:
             positions=PATHS.positions,
@@ -33,7 +33,7 @@ else:
             receipt=f"{CONFIG.source.root}/receipts/Terrain{{terrain}}.json",
         priority: TRAINING_WAITS
         resources:
-            mem_mb=growing(500),
+            mem_mb=memory_per_attempt(500),
             runtime=240,  # minutes; an archive has about 0.9 GB
         params:
             source=options("source"),
@@ -52,7 +52,7 @@ rule index_terrain:
         seeds=directory("results/{run}/acquire/Terrain{terrain}/seeds"),
     priority: TRAINING_WAITS
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=10,
     params:
         positions=PATHS.positions,
@@ -71,7 +71,7 @@ rule merge_photos:
         merged="results/{run}/acquire/photos.parquet",
     priority: TRAINING_WAITS
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=5,
     script:
         "../scripts/merge_photos.py"

@@ -17,7 +17,7 @@ rule locate_cameras:
         cameras=directory("results/{run}/cameras/located/Terrain{terrain}"),
     priority: TRAINING_WAITS
     resources:
-        mem_mb=growing(1500),
+        mem_mb=memory_per_attempt(1500),
         runtime=20,
     params:
         positions=PATHS.positions,
@@ -36,7 +36,7 @@ rule refine_cameras:
         cameras=directory("results/{run}/cameras/Terrain{terrain}"),
     priority: TRAINING_WAITS
     resources:
-        mem_mb=growing(1500),
+        mem_mb=memory_per_attempt(1500),
         runtime=20,
     params:
         options=options("cameras.refinement"),

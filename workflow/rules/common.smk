@@ -7,13 +7,13 @@ from pathlib import Path
 from polarsim.digest import script_digest
 from polarsim.errors import PolarsimError
 from polarsim.formats.yaml_files import read_yaml
-from polarsim.paths import TABLES_OF_DETECTORS, CoverPaths, GapPaths, RoverPaths, RunPaths, growing
-from polarsim.running.configuration import base_of, check_config, store_config
+from polarsim.paths import TABLES_OF_DETECTORS, CoverPaths, GapPaths, RoverPaths, RunPaths, memory_per_attempt
+from polarsim.running.configuration import base_configuration, check_config, store_config
 from polarsim.running.inputs import check_paths
 
 CONFIG_FILES = workflow.config_settings.configfiles
 try:
-    BASE_FILES = base_of(CONFIG_FILES)
+    BASE_FILES = base_configuration(CONFIG_FILES)
 except PolarsimError as error:
     sys.exit(f"error: {error}")
 

@@ -23,7 +23,7 @@ rule read_covers:
         pairing="results/{run}/covers/pairing.csv",
     priority: TRAINING_WAITS
     resources:
-        mem_mb=growing(1500),
+        mem_mb=memory_per_attempt(1500),
         runtime=10,
     params:
         root=str(CONFIG.annotated_root),
@@ -39,7 +39,7 @@ rule carve_rocks:
         meshes=directory("results/{run}/covers/carved"),
     priority: TRAINING_WAITS
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=10,
     params:
         number=COVERS.carved_rocks,
@@ -57,7 +57,7 @@ rule render_scenes:
         pictures=directory("results/{run}/covers/scenes/Terrain{terrain}"),
     priority: TRAINING_WAITS
     resources:
-        mem_mb=growing(2000),
+        mem_mb=memory_per_attempt(2000),
         runtime=240,
     params:
         number=COVERS.number_of_scenes,
@@ -76,7 +76,7 @@ rule make_cover_dataset:
         dataset=directory("results/{run}/covers/folds/{fold}/dataset"),
     priority: TRAINING_WAITS
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=10,
     params:
         train=COVERS.trained_in,
@@ -111,7 +111,7 @@ rule cut_windows:
         windows=directory("results/{run}/covers/windows"),
     priority: TRAINING_WAITS
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=10,
     params:
         windows=CONFIG.covers.fine_tuning.windows,
@@ -130,7 +130,7 @@ rule make_fine_tuning_dataset:
         dataset=directory("results/{run}/covers/folds/{fold}/fine_tuning"),
     priority: TRAINING_WAITS
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=10,
     params:
         train=COVERS.trained_in,
@@ -165,7 +165,7 @@ rule predict_cover_photos:
     output:
         found="results/{run}/covers/folds/{fold}/seed{seed}/{cover_trained}/found.parquet",
     resources:
-        mem_mb=growing(2000),
+        mem_mb=memory_per_attempt(2000),
         runtime=60,
     params:
         widths=CONFIG.detect.prediction.widths or CONFIG.covers.widths,
@@ -187,7 +187,7 @@ rule segment_covers:
     output:
         masks=directory("results/{run}/covers/folds/{fold}/masks"),
     resources:
-        mem_mb=growing(2000),
+        mem_mb=memory_per_attempt(2000),
         runtime=30,
     params:
         options=options("detect.prediction"),
@@ -207,7 +207,7 @@ rule choose_cover_widths:
         predictions="results/{run}/covers/{cover_trained}/seed{seed}/predictions.parquet",
         sizes="results/{run}/covers/{cover_trained}/seed{seed}/sizes.csv",
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=15,
     params:
         folds=list(COVERS.folds),
@@ -224,7 +224,7 @@ rule merge_cover_detectors:
     output:
         merged="results/{run}/covers/{cover_trained}/merged/predictions.parquet",
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=5,
     params:
         options=options("detect.prediction"),
@@ -244,7 +244,7 @@ rule score_covers:
     output:
         scores="results/{run}/covers/{cover_trained}/scores.parquet",
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=15,
     params:
         folds=list(COVERS.folds),
@@ -268,7 +268,7 @@ rule publish_detector:
         detector="results/{run}/covers/detector.pt",
         card="results/{run}/covers/detector.md",
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=15,
     params:
         folds=list(COVERS.folds),
@@ -285,7 +285,7 @@ rule tabulate_covers:
         table=shown("results/{run}/tables/covers.csv", "Tables", table="real cover photos"),
         others=multiext("results/{run}/tables/covers", ".md", ".tex", ".parquet"),  # written through table
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -301,7 +301,7 @@ rule tabulate_masks:
         table=shown("results/{run}/tables/masks.csv", "Tables", table="masks of real cover photos"),
         others=multiext("results/{run}/tables/masks", ".md", ".tex", ".parquet"),  # written through table
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -318,7 +318,7 @@ rule draw_covers:
     output:
         figure=shown("results/{run}/figures/covers.png", "Detection", figure="real cover photos"),
     resources:
-        mem_mb=growing(1500),
+        mem_mb=memory_per_attempt(1500),
         runtime=5,
     script:
         "../scripts/draw_covers.py"
@@ -334,7 +334,7 @@ rule draw_scenes:
     output:
         figure=shown("results/{run}/figures/scenes.png", "Detection", figure="strewn scenes"),
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=5,
     params:
         terrains=COVERS.strewn,

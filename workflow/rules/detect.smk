@@ -31,7 +31,7 @@ rule split_photos:
         facts="results/{run}/detect/{split}/split.json",  # written through split
     priority: TRAINING_WAITS
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=5,
     params:
         terrains=CONFIG.terrains,
@@ -52,7 +52,7 @@ rule convert_pictures:
         pictures=directory("results/{run}/detect/pictures/{domain}"),
     priority: TRAINING_WAITS
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=60,
     params:
         pictures=PATHS.pictures_folder,
@@ -73,7 +73,7 @@ rule make_dataset:
         dataset=directory("results/{run}/detect/{split}/datasets/{domain}"),
     priority: TRAINING_WAITS
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=10,
     params:
         options=options("detect.split"),
@@ -89,7 +89,7 @@ rule mix_datasets:
         dataset=directory("results/{run}/detect/{split}/datasets/{mix}"),
     priority: TRAINING_WAITS
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=10,
     params:
         weights=PATHS.weights_of_mix,
@@ -109,7 +109,7 @@ rule train_detector:
         curve="results/{run}/detect/{split}/seed{seed}/detectors/{trained}.csv",
     priority: TRAINING_WAITS
     resources:
-        mem_mb=growing(2500),
+        mem_mb=memory_per_attempt(2500),
         runtime=2880,  # minutes
         gpu=PATHS.gpus("detect.prediction"),
     params:
@@ -136,7 +136,7 @@ rule predict:
             evaluated=DOMAINS,
         ),
     resources:
-        mem_mb=growing(2000),
+        mem_mb=memory_per_attempt(2000),
         runtime=240,
         gpu=PATHS.gpus("detect.prediction"),
     params:
@@ -166,7 +166,7 @@ rule evaluate:
         instances="results/{run}/detect/{split}/seed{seed}/instances.parquet",
         differences="results/{run}/detect/{split}/seed{seed}/differences.parquet",
     resources:
-        mem_mb=growing(2000),
+        mem_mb=memory_per_attempt(2000),
         runtime=60,
     params:
         domains=DOMAINS,
@@ -189,7 +189,7 @@ rule measure_stereo:
         pairs="results/{run}/detect/stereo/pairs_Terrain{terrain}.parquet",
         rocks="results/{run}/detect/stereo/rocks_Terrain{terrain}.parquet",
     resources:
-        mem_mb=growing(2000),
+        mem_mb=memory_per_attempt(2000),
         runtime=240,
     params:
         positions=PATHS.positions,
@@ -211,7 +211,7 @@ rule compare_stereo:
         instances="results/{run}/detect/stereo_instances.parquet",
         ipd="results/{run}/detect/stereo_ipd.parquet",
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=15,
     params:
         options=options("detect.comparison"),
@@ -229,7 +229,7 @@ rule gather_tables:
     output:
         **{table: f"results/{{run}}/detect/{table}.parquet" for table in EVALUATED},
     resources:
-        mem_mb=growing(2000),
+        mem_mb=memory_per_attempt(2000),
         runtime=10,
     params:
         splits=[split for split in SPLITS for seed in SEEDS],

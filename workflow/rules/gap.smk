@@ -23,7 +23,7 @@ rule write_truth:
         true_cameras=directory("results/{run}/gap/truth/cameras/Terrain{terrain}"),
         true_meshes=directory("results/{run}/gap/truth/meshes/Terrain{terrain}"),
     resources:
-        mem_mb=growing(2000),
+        mem_mb=memory_per_attempt(2000),
         runtime=10,
     params:
         truth=PATHS.truth,
@@ -38,7 +38,7 @@ rule thin_meshes:
     output:
         thinned=directory("results/{run}/gap/thinned/Terrain{terrain}"),
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=5,
     script:
         "../scripts/thin_meshes.py"
@@ -60,7 +60,7 @@ rule render_component:
         annotations="results/{run}/gap/twins/{component}/coco/Terrain{terrain}.json",
         table="results/{run}/gap/twins/{component}/tables/Terrain{terrain}.parquet",
     resources:
-        mem_mb=growing(4000),
+        mem_mb=memory_per_attempt(4000),
         runtime=30,
         gpu=PATHS.gpus("render"),
     params:
@@ -90,7 +90,7 @@ rule convert_component:
     output:
         dataset=directory("results/{run}/gap/{split}/datasets/{component}"),
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=60,
     params:
         options=options("detect.pictures"),
@@ -118,7 +118,7 @@ rule run_ablation:
     output:
         ablation="results/{run}/gap/{split}/seed{seed}/ablation.parquet",
     resources:
-        mem_mb=growing(2000),
+        mem_mb=memory_per_attempt(2000),
         runtime=60,
     params:
         evaluated=GAP.pairs,
@@ -140,7 +140,7 @@ use rule gather_tables as gather_ablation with:
     output:
         ablation="results/{run}/gap/ablation.parquet",
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=5,
 
 
@@ -152,7 +152,7 @@ rule tabulate_gap:
         table=shown("results/{run}/tables/gap.csv", "Tables", table="ablation"),
         others=multiext("results/{run}/tables/gap", ".md", ".tex", ".parquet"),  # written through table
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -167,7 +167,7 @@ rule draw_gap:
     output:
         figure=shown("results/{run}/figures/gap.png", "Detection", picture="ablation"),
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=5,
     params:
         origin=ORIGIN,

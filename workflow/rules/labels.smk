@@ -25,7 +25,7 @@ rule propagate_labels:
         table="results/{run}/labels/tables/Terrain{terrain}.parquet",
     priority: TRAINING_WAITS
     resources:
-        mem_mb=growing(2000),
+        mem_mb=memory_per_attempt(2000),
         runtime=20,
     params:
         positions=PATHS.positions,
@@ -47,7 +47,7 @@ rule draw_masks:
         masks=directory("results/{run}/labels/masks/Terrain{terrain}"),
         annotations="results/{run}/labels/coco/Terrain{terrain}.json",
     resources:
-        mem_mb=growing(2000),
+        mem_mb=memory_per_attempt(2000),
         runtime=20,
     params:
         positions=PATHS.positions,
@@ -64,7 +64,7 @@ rule merge_labels:
         merged="results/{run}/labels/labels.parquet",
     priority: TRAINING_WAITS
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=5,
     script:
         "../scripts/merge_labels.py"

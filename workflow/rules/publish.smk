@@ -17,7 +17,7 @@ rule publish_run:
     output:
         receipt="results/{run}/publish/{form}.json",
     resources:
-        mem_mb=growing(4000),
+        mem_mb=memory_per_attempt(4000),
         runtime=120,
     params:
         options=options("publish"),

@@ -20,7 +20,7 @@ rule fit_materials:
         materials=directory("results/{run}/renders/materials/Terrain{terrain}"),
     priority: TWINS_WAIT
     resources:
-        mem_mb=growing(6000),
+        mem_mb=memory_per_attempt(6000),
         runtime=30,
     params:
         models=MODELS,
@@ -45,7 +45,7 @@ rule render_twins:
         table="results/{run}/renders/tables/Terrain{terrain}.parquet",
     priority: TWINS_WAIT
     resources:
-        mem_mb=growing(3000),
+        mem_mb=memory_per_attempt(3000),
         runtime=30,
         gpu=PATHS.gpus("render"),
     params:
@@ -63,7 +63,7 @@ rule write_reflectance:
         curves="results/{run}/renders/reflectance.csv",
     priority: TWINS_WAIT
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=5,
     params:
         options=options("render"),

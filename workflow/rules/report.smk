@@ -39,7 +39,7 @@ rule tabulate_evaluation:
             "results/{{run}}/tables/{name}.{form}", name=["evaluation", "render"], form=["md", "tex", "parquet"]
         ),
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=10,
     params:
         origin=ORIGIN,
@@ -70,7 +70,7 @@ rule tabulate_geometry:
             form=["md", "tex", "parquet"],
         ),
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=10,
     params:
         terrains=CONFIG.terrains,
@@ -101,7 +101,7 @@ rule report_label_scores:
         ],
         reliability_figure=shown("results/{run}/figures/reliability.png", "Labels", terrain="all", picture="confidence"),
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=10,
     params:
         seeds=PATHS.seeds_text,
@@ -147,7 +147,7 @@ rule report_detectors:
         ipd_figure=shown("results/{run}/figures/ipd.png", "Detection", picture="IPD"),
         rocks_figure=shown("results/{run}/figures/ipd_histogram.png", "Detection", picture="IPD of rocks"),
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=10,
     params:
         origin=ORIGIN,
@@ -187,7 +187,7 @@ rule draw_detections:
             for trained in DOMAINS
         ],
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=5,
     params:
         domains=DOMAINS,
@@ -207,7 +207,7 @@ rule tabulate_stereo:
         table=shown("results/{run}/tables/stereo.csv", "Tables", table="stereo depth"),
         others=multiext("results/{run}/tables/stereo", ".md", ".tex", ".parquet"),  # written through table
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -239,7 +239,7 @@ rule draw_photos:
     wildcard_constraints:
         terrain=one_of(TERRAINS, but=["13"]),
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=5,
     params:
         positions=PATHS.positions,
@@ -271,7 +271,7 @@ rule draw_reflectance:
             "results/{run}/figures/reflectance.png", "Photos and twins", terrain="all", position="reflectance models"
         ),
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=5,
     script:
         "../scripts/draw_reflectance.py"
@@ -308,7 +308,7 @@ rule draw_geometry:
             else []
         ),
     resources:
-        mem_mb=growing(1500),
+        mem_mb=memory_per_attempt(1500),
         runtime=5,
     script:
         "../scripts/draw_geometry.py"
@@ -327,7 +327,7 @@ if PATHS.has_errata:
             table="results/{run}/tables/defects.csv",
         threads: 2
         resources:
-            mem_mb=growing(2000),
+            mem_mb=memory_per_attempt(2000),
             runtime=5,
         params:
             root=str(CONFIG.source.root),
@@ -346,7 +346,7 @@ rule draw_opposition:
         ),
         text="results/{run}/figures/opposition.json",
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=5,
     params:
         terrains=CONFIG.terrains,
@@ -368,7 +368,7 @@ rule draw_strip:
     output:
         strip=directory("results/{run}/figures/strip"),
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=5,
     params:
         model=MODELS[-1],
@@ -389,7 +389,7 @@ rule write_results_page:
     output:
         page=shown("results/{run}/results.html", "Results"),
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=5,
     params:
         datasets=[(split, trained) for split in SPLITS for trained in TRAINED],

@@ -22,7 +22,7 @@ if not SOURCE.has_scans:
             meshes=directory("results/{run}/meshes/Terrain{terrain}"),
         priority: TRAINING_WAITS
         resources:
-            mem_mb=growing(1500),
+            mem_mb=memory_per_attempt(1500),
             runtime=10,
         script:
             "../scripts/adopt_rocks.py"
@@ -36,7 +36,7 @@ if not SOURCE.has_scans:
         output:
             copies=directory("results/{run}/repaired/Terrain{terrain}"),
         resources:
-            mem_mb=growing(1500),
+            mem_mb=memory_per_attempt(1500),
             runtime=20,
         params:
             options=options("rocks"),
@@ -59,7 +59,7 @@ else:
             clouds=directory("results/{run}/rocks/Terrain{terrain}/clouds"),
         priority: TRAINING_WAITS
         resources:
-            mem_mb=growing(1500),
+            mem_mb=memory_per_attempt(1500),
             runtime=20,
         params:
             options=options("rocks"),
@@ -75,7 +75,7 @@ else:
             meshes=directory("results/{run}/meshes/Terrain{terrain}"),
         priority: TRAINING_WAITS
         resources:
-            mem_mb=growing(3000),
+            mem_mb=memory_per_attempt(3000),
             runtime=20,
         params:
             options=options("rocks"),

@@ -33,7 +33,7 @@ rule drive_rover:
         # written through trace
         world=multiext("results/{run}/rover/seed{seed}/world/", "ground.npz", "rocks.npz", "rocks.parquet"),
     resources:
-        mem_mb=growing(2000),
+        mem_mb=memory_per_attempt(2000),
         runtime=60,
     params:
         world=options("rover.world"),
@@ -57,7 +57,7 @@ rule render_drive:
         # written through trace
         annotations=expand("results/{{run}}/rover/seed{{seed}}/{{view}}/{sun}_coco.json", sun=DRIVES.suns),
     resources:
-        mem_mb=growing(4000),
+        mem_mb=memory_per_attempt(4000),
         runtime=720,
     params:
         options=DRIVES.camera_options("views", "onboard", "videos"),  # images do not depend on other views and later steps
@@ -73,7 +73,7 @@ rule make_drive_dataset:
     output:
         dataset=directory("results/{run}/rover/fine_tuning"),
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=60,
     params:
         options=ROVER.fine_tuning.model_dump(mode="json", exclude={"epochs"}),
@@ -90,7 +90,7 @@ rule fine_tune_on_drives:
         weights="results/{run}/rover/fine_tuned.pt",
         curve="results/{run}/rover/fine_tuned.csv",
     resources:
-        mem_mb=growing(2500),
+        mem_mb=memory_per_attempt(2500),
         runtime=720,
         gpu=PATHS.gpus("detect.prediction"),
     params:
@@ -112,7 +112,7 @@ rule detect_drive:
     output:
         detections=DRIVES.detections(),  # written through poses
     resources:
-        mem_mb=growing(3000),
+        mem_mb=memory_per_attempt(3000),
         runtime=240,
     params:
         options=DRIVES.camera_options("videos"),
@@ -135,7 +135,7 @@ rule measure_drive:
             "results/{{run}}/rover/seed{{seed}}/onboard/{name}.parquet", name=["sightings", "stable", "map", "stops"]
         ),
     resources:
-        mem_mb=growing(2000),
+        mem_mb=memory_per_attempt(2000),
         runtime=30,
     params:
         options=DRIVES.camera_options("videos"),
@@ -154,7 +154,7 @@ rule film_drive:
         videos=directory("results/{run}/rover/seed{seed}/videos"),
     threads: 2
     resources:
-        mem_mb=growing(2000),
+        mem_mb=memory_per_attempt(2000),
         runtime=720,
     params:
         options=DRIVES.camera_options(),
@@ -173,7 +173,7 @@ rule write_bag:
     output:
         bag="results/{run}/rover/seed{seed}/drive.mcap",
     resources:
-        mem_mb=growing(1500),
+        mem_mb=memory_per_attempt(1500),
         runtime=60,
     params:
         options=options("rover.bag"),
@@ -188,7 +188,7 @@ rule write_urdf:
     output:
         urdf="results/{run}/rover/rover.urdf",
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=5,
     script:
         "../scripts/write_urdf.py"
@@ -203,7 +203,7 @@ rule summarise_drives:
         each="results/{run}/rover/drive_metrics.parquet",
         together="results/{run}/rover/drives.parquet",
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=10,
     script:
         "../scripts/summarise_drives.py"
@@ -216,7 +216,7 @@ rule summarise_onboard:
     output:
         table="results/{run}/rover/onboard.parquet",
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=20,
     script:
         "../scripts/summarise_onboard.py"
@@ -239,7 +239,7 @@ rule tabulate_rover:
             form=["md", "tex", "parquet"],
         ),
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -255,7 +255,7 @@ rule tabulate_onboard:
         table=shown("results/{run}/tables/rover_onboard.csv", "Rover", picture="on board"),
         others=multiext("results/{run}/tables/rover_onboard", ".md", ".tex", ".parquet"),  # written through table
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -270,7 +270,7 @@ rule draw_drive:
     output:
         figure=shown("results/{run}/figures/rover_drive.png", "Rover", picture="slip and sinkage"),
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -285,7 +285,7 @@ rule draw_sequence:
     output:
         figure=shown("results/{run}/figures/rover_sequence.png", "Rover", picture="the drive"),
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=5,
     params:
         pictures=ROVER.shown_set,
@@ -302,7 +302,7 @@ rule draw_front:
     output:
         figure=shown("results/{run}/figures/rover_front.png", "Rover", picture="front camera"),
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=5,
     params:
         pictures=ROVER.shown_set,

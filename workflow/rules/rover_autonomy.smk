@@ -26,7 +26,7 @@ rule drive_alone:
         pictures=directory("results/{run}/rover/autonomy/{case}/pictures"),  # written through figures
         drive="results/{run}/rover/autonomy/{case}/drive.json",  # written through figures
     resources:
-        mem_mb=growing(3000),
+        mem_mb=memory_per_attempt(3000),
         runtime=60,
     params:
         world=options("rover.world"),
@@ -49,7 +49,7 @@ rule summarise_autonomy:
         together="results/{run}/rover/autonomy.parquet",
         effects="results/{run}/rover/autonomy_effects.parquet",
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=10,
     script:
         "../scripts/summarise_autonomy.py"
@@ -72,7 +72,7 @@ rule tabulate_autonomy:
             form=["md", "tex", "parquet"],
         ),
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -90,7 +90,7 @@ rule rank_detectors:
         by_detector="results/{run}/rover/autonomy_detectors.parquet",
         ranks="results/{run}/rover/autonomy_rank.parquet",
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=10,
     params:
         pair=[CONFIG.photo_domain, ROVER.cameras.models[0]],
@@ -108,7 +108,7 @@ rule tabulate_rank:
         table=shown("results/{run}/tables/rover_rank.csv", "Rover", picture="gap and drive"),
         others=multiext("results/{run}/tables/rover_rank", ".md", ".tex", ".parquet"),  # written through table
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -125,7 +125,7 @@ rule draw_autonomy:
         figure=shown("results/{run}/figures/rover_autonomy.png", "Rover", picture="modes"),
         ways=shown("results/{run}/figures/rover_ways.png", "Rover", picture="ways"),
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=5,
     params:
         origin=ORIGIN,
@@ -142,7 +142,7 @@ rule draw_autonomy_maps:
     output:
         figure=shown("results/{run}/figures/rover_maps.png", "Rover", picture="map, way, hits and pictures"),
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=5,
     params:
         origin=ORIGIN,

@@ -18,7 +18,7 @@ rule score_geometry:
         offsets="results/{run}/evaluation/offsets_Terrain{terrain}.parquet",
         consistency="results/{run}/evaluation/consistency_Terrain{terrain}.csv",
     resources:
-        mem_mb=growing(2000),
+        mem_mb=memory_per_attempt(2000),
         runtime=20,
     params:
         truth=PATHS.truth,
@@ -37,7 +37,7 @@ rule score_labels:
         evaluation="results/{run}/evaluation/labels_Terrain{terrain}.csv",
         pairs="results/{run}/evaluation/label_pairs_Terrain{terrain}.parquet",
     resources:
-        mem_mb=growing(500),
+        mem_mb=memory_per_attempt(500),
         runtime=10,
     params:
         positions=PATHS.positions,
@@ -57,7 +57,7 @@ rule score_outlines:
     output:
         evaluation="results/{run}/evaluation/outlines_Terrain{terrain}.csv",
     resources:
-        mem_mb=growing(1500),
+        mem_mb=memory_per_attempt(1500),
         runtime=10,
     params:
         positions=PATHS.positions,
@@ -76,7 +76,7 @@ rule score_masks:
     output:
         scores="results/{run}/covers/mask_scores.parquet",
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=10,
     params:
         root=str(CONFIG.annotated_root),
@@ -96,7 +96,7 @@ rule score_twins:
         evaluation="results/{run}/evaluation/twins_Terrain{terrain}.csv",
         pairs="results/{run}/evaluation/twin_pairs_Terrain{terrain}.parquet",
     resources:
-        mem_mb=growing(1000),
+        mem_mb=memory_per_attempt(1000),
         runtime=20,
     params:
         truth=PATHS.true_labels,
@@ -116,7 +116,7 @@ rule score_materials:
     output:
         evaluation="results/{run}/evaluation/materials_Terrain{terrain}.csv",
     resources:
-        mem_mb=growing(2000),
+        mem_mb=memory_per_attempt(2000),
         runtime=10,
     params:
         truth=PATHS.truth,
