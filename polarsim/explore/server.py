@@ -27,6 +27,7 @@ log = logging.getLogger("polarsim")
 HOST = "127.0.0.1"  # local interface only, for security
 MAX_CACHE_BYTES = 256 << 20  # maximum size of the cache of files
 MAX_REQUEST_BYTES = 1 << 20  # maximum size of the boxes of a photo
+MAX_DISCARDED_BYTES = 8 << 20  # maximum content of a refused request that is read before the connection is closed
 MAX_WORKERS = max(4, os.cpu_count() or 1)  # maximum number of files computed in parallel
 END_S = 10.0  # maximum time that requests in progress have to end
 PROOF_HEADER = "X-Polarsim-Token"
@@ -234,7 +235,8 @@ class _Handler(BaseHTTPRequestHandler):
         self.close_connection = True  # the content of a refused request is not read
         status = self._refusal()
         if status:
-            return self._refuse(status)
+            self._refuse(status)
+            return self._discard_content()
         assert self.saved is not None
         name = self.path.removeprefix(_CORRECTION_PREFIX)
         if not self.path.startswith(_CORRECTION_PREFIX) or name not in self.saved:
@@ -289,6 +291,17 @@ class _Handler(BaseHTTPRequestHandler):
             return json.loads(content)
         except (ValueError, RecursionError) as error:
             raise LabelError(f"invalid boxes: {error}") from error
+
+    def _discard_content(self) -> None:
+        """Read the content of a refused request, at most `MAX_DISCARDED_BYTES`.
+
+        Closing the connection before that resets it, and the client does not receive the answer.
+        """
+        self.wfile.flush()
+        length = self.headers.get("Content-Length", "")
+        left = min(int(length[:12]), MAX_DISCARDED_BYTES) if length.isascii() and length.isdigit() else 0
+        while left > 0 and (part := self.rfile.read(min(left, 1 << 16))):
+            left -= len(part)
 
     def _is_local_host(self) -> bool:
         """Return whether the request names the local host; other names indicate DNS rebinding."""

@@ -206,7 +206,7 @@ def test_the_command_prints_the_configuration_of_the_seeds(tmp_path, polarsim):
     assert done.stdout.splitlines() == [
         f"2 boxes in 1 photos in {tmp_path}/mine",
         f"1 photos without a box were skipped (--keep-empty imports empty photos): {OTHER}",
-        f"in the run's configuration:  labels: {{seeds: {{root: {tmp_path}/mine}}}}",
+        f"configuration of the run:  labels: {{seeds: {{root: {tmp_path}/mine}}}}",
         "read: box (1), polygon (1); skipped: points (1)",
     ]
     wrong = polarsim("import", source, tmp_path / "again", "--name", "boulder")

@@ -54,7 +54,8 @@ def test_an_unknown_station_is_an_error(made, tmp_path):
 def test_an_invalid_station_is_an_error_of_one_line(polarsim, made, station):
     done = polarsim("rerun", "made", station, "--results", made.parent)
     assert done.returncode == 1
-    assert "expected terrain and position such as 03_A" in done.stderr
+    assert f"station {station!r}" in done.stderr
+    assert done.stderr.count("\n") == 1
 
 
 def test_without_rerun_the_message_names_the_extra(polarsim, made, monkeypatch):

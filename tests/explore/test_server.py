@@ -388,7 +388,7 @@ def test_ctrl_c_during_loading_ends_without_a_crash(made, after_s):
         for connection in connections:
             connection.close()
     assert (started.returncode, err) == (0, "")
-    assert "ended" in out
+    assert out.endswith("stopped\n")
 
 
 def test_endless_requests_do_not_block_the_end_of_the_server(monkeypatch):

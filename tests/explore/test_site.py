@@ -86,4 +86,4 @@ def test_explore_writes_the_page(polarsim, made, tmp_path):
     assert (tmp_path / "page/index.html").exists()
     done = polarsim("explore", "nothing", "--results", made.parent)
     assert done.returncode == 1
-    assert re.fullmatch(r"error: \S*: no run 'nothing'; there are made.*\n", done.stderr)
+    assert re.fullmatch(r"error: \S*: no run 'nothing'; existing runs: made.*\n", done.stderr)

@@ -109,7 +109,7 @@ THRESHOLDS = np.array([0.5, 0.75])
 
 
 def of_match(engine):
-    return lambda overlap, other: engine.match(
+    return lambda overlap, other: engine.match_predictions_of_photo(
         overlap, THRESHOLDS, np.resize(other, (2, overlap.shape[1])).astype(bool)
     )
 

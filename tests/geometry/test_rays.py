@@ -236,7 +236,7 @@ FREED_ELSEWHERE = """
 import threading, numpy as np
 from taichi.lang._ndarray import ScalarNdarray
 from polarsim.geometry import taichi_device
-from polarsim.geometry.casters import caster
+from polarsim.geometry.casters import make_caster
 from polarsim.geometry.taichi_device import ti
 
 def telling(word, work):
@@ -248,7 +248,7 @@ def telling(word, work):
 
 def cast():
     ground = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float), np.array([[0, 1, 2]])
-    made = caster(*ground, "taichi")
+    made = make_caster(*ground, "taichi")
     made.nearest(np.array([[0.2, 0.2, 1.5]]), np.array([[0, 0, -1.0]]))
     return made
 

@@ -48,9 +48,8 @@ def test_mislabelled_seeds_are_skipped_with_a_warning(terrain, caplog):
     assert {key.position for key in kept} == {"A"}
     assert len(kept) == 2
     (line,) = [record.getMessage() for record in caplog.records]
-    assert line.startswith(
-        "the seeds of position C show another position: rocks meet 0% of their boxes from its own pose"
-    )
+    assert "position C" in line
+    assert "0% of their boxes" in line
 
 
 def test_correct_seeds_are_kept(terrain, caplog):

@@ -77,7 +77,7 @@ def test_only_annotated_photos_can_be_excluded(scene, tmp_path):
 
 
 def test_an_invalid_photo_key_cannot_be_excluded():
-    with pytest.raises(ValidationError, match="no photo key"):
+    with pytest.raises(ValidationError, match="03_A_off_99_L_0256"):
         LabelsOptions(excluded_annotations=("03_A_off_99_L_0256",))
 
 

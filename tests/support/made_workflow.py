@@ -14,9 +14,9 @@ render: {models: [hapke]}
 """
 SNAKEFILE = """
 from polarsim.config import parse_config
-from polarsim.running.configuration import base_of
+from polarsim.running.configuration import base_configuration
 
-if base_of(workflow.config_settings.configfiles):
+if base_configuration(workflow.config_settings.configfiles):
     configfile: "config/config.yaml"
 
 TERRAINS = [f"{terrain:02d}" for terrain in parse_config(config).terrains]

@@ -60,20 +60,20 @@ def test_every_rule_defines_memory_and_time():
     known = rules()
     assert len(known) > 60
     for name, text in known.items():
-        assert re.search(r"mem_mb=growing\(\d+\)", text), name
+        assert re.search(r"mem_mb=memory_per_attempt\(\d+\)", text), name
         assert re.search(r"runtime=\d+", text), name
 
 
 def test_no_rule_exceeds_the_memory_of_a_submission():
     first = yaml.safe_load((PROFILES["slurm"] / "config.yaml").read_text())
-    most = max(int(found) for text in rules().values() for found in re.findall(r"growing\((\d+)\)", text))
+    most = max(int(found) for text in rules().values() for found in re.findall(r"memory_per_attempt\((\d+)\)", text))
     assert 2 ** first["retries"] * most <= first["resources"]["mem_mb"]
 
 
 PROBE = """
 rule probe:
     output: "made"
-    resources: mem_mb=growing(100), runtime=1
+    resources: mem_mb=memory_per_attempt(100), runtime=1
     shell: "echo {resources.mem_mb} >> tried; test {resources.mem_mb} -gt 300 && touch made"
 """
 
