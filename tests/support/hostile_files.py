@@ -759,7 +759,18 @@ def valid(case: Case, folder: Path) -> Iterator[tuple[Any, dict[Path, bytes]]]:
 
 def damaged_is_refused(case: Case, source: Any, path: Path, whole: bytes, damage: Damage) -> bool:
     """Damage a file, read it, restore it."""
-    _replace(path, damage.apply(whole))
+    return _changed_is_refused(case, source, path, whole, damage.apply(whole))
+
+
+def garbage_is_refused(case: Case, source: Any, path: Path, whole: bytes) -> bool:
+    """Return whether zeros, bytes 0xff, or all bytes in turn are refused instead of the content of a file."""
+    garbage = (bytes([0]), bytes([0xFF]), bytes(range(256)))
+    contents = [each * (len(whole) // len(each) + 1) for each in garbage]
+    return any(_changed_is_refused(case, source, path, whole, content) for content in contents)
+
+
+def _changed_is_refused(case: Case, source: Any, path: Path, whole: bytes, changed: bytes) -> bool:
+    _replace(path, changed)
     try:
         refused = is_refused(case, source)
         assert path.exists()
