@@ -17,6 +17,7 @@ from polarsim.geometry.poses import Pose
 
 Message = dict[str, Any]
 Stamped = tuple[int, str, str, Message]  # time, ns; topic; type; message
+START_NS = 1_000_000_000  # time stamp of the start of a drive, because tf2 interprets 0 as `the latest`
 # Definitions that are missing in the ROS 2 Humble store of rosbags: vision_msgs 4, grid_map 2 and `polarsim_msgs`,
 # without comments. The order of fields is the order of bytes.
 EXTRA_DEFINITIONS = {
@@ -47,6 +48,11 @@ EXTRA_DEFINITIONS = {
     ),
     "polarsim_msgs/msg/WheelStates": "std_msgs/Header header\npolarsim_msgs/WheelState[] wheels",
 }
+
+
+def stamp_ns(time_s: float) -> int:
+    """Return the time stamp, ns, of a time since the start of a drive, s."""
+    return START_NS + round(float(time_s) * 1e9)
 
 
 def definition(name: str) -> str:

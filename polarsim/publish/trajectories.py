@@ -17,13 +17,13 @@ import pandas as pd
 import yaml
 from scipy.spatial.transform import Rotation, Slerp
 
+from polarsim.formats.ros import stamp_ns
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.poses import Pose
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue
 from polarsim.run_files.run import TRACE
 
-START_NS = 1_000_000_000
 POSE = ("time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
 _BODY = (*POSE, "vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s", "ax_m_s2", "ay_m_s2", "az_m_s2")
 _RIGID = 1e-6  # maximum change of the pose relative to the rover of a mounted camera; others are chase cameras
@@ -130,10 +130,6 @@ def write_tum(catalogue: Catalogue, bundle: Bundle) -> None:
                 bundle.copy(f"{folder}/rgb/{shown}.png", path)
                 lines.append(f"{shown} rgb/{shown}.png\n")
             bundle.text(f"{folder}/rgb.txt", "".join(lines))
-
-
-def stamp_ns(time_s: float) -> int:
-    return START_NS + round(float(time_s) * 1e9)
 
 
 def _shots(view: MountedCamera) -> Iterator[tuple[int, Path]]:

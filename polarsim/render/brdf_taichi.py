@@ -31,11 +31,11 @@ def reflectance(parameters: Parameters, normal: np.ndarray, to_lamp: np.ndarray,
     value = np.zeros(len(normal), np.float32)
     if not len(normal):
         return value
-    evaluate(parameters, *vectors, value)
+    evaluate_brdf(parameters, *vectors, value)
     return value
 
 
-def evaluate(parameters: Parameters, normal, to_lamp, to_viewer, value) -> None:
+def evaluate_brdf(parameters: Parameters, normal, to_lamp, to_viewer, value) -> None:
     """Write f_r into `value` (n,), a NumPy or device array; elements of unlit points are unchanged."""
     vectors = normal, to_lamp, to_viewer
     if isinstance(parameters, HapkeParameters):

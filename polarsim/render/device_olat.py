@@ -15,7 +15,7 @@ from polarsim.geometry.rays import START_OFFSET
 from polarsim.geometry.rays_taichi import to_device, vectors_to_device
 from polarsim.geometry.taichi_device import on_taichi_thread, ti
 from polarsim.geometry.taichi_walk import BOXES, FAR, NUMBERS, PAIRS, VALUES, VECTORS, WEIGHTS, walk
-from polarsim.render.brdf_taichi import evaluate
+from polarsim.render.brdf_taichi import evaluate_brdf
 from polarsim.render.hits import MIN_FACING, NO_NORMAL, Hits
 from polarsim.render.lamps import REFERENCE_DISTANCE
 from polarsim.render.materials import kinds_of
@@ -107,7 +107,7 @@ def add_olat_images(olat_images, samples_lit, surroundings, surfaces, camera, la
             for model, material in models.items():
                 for number, parameters in enumerate(material.parameters):
                     value.fill(0)
-                    evaluate(parameters, pixels.normal, to_lamp, pixels.to_viewer, value)
+                    evaluate_brdf(parameters, pixels.normal, to_lamp, pixels.to_viewer, value)
                     _add(
                         value, share, pixels.slot, pixels.weights, id_of_slot, material.of_id, number, material.factor,
                         material.albedo, material.painted, plain_id, plain, sums[model, name],

@@ -15,13 +15,13 @@ from scipy.spatial.transform import Rotation
 
 from polarsim.formats import bags, ros
 from polarsim.formats.files import writing
-from polarsim.formats.ros import Message, Stamped
+from polarsim.formats.ros import Message, Stamped, stamp_ns
 from polarsim.geometry.poses import Pose
 from polarsim.provenance import identity, is_current, store_identity
 from polarsim.randomness import generator
 from polarsim.rover.drive.trace import TRACE, TRACKS, WORLD, Trace, read_trace
 from polarsim.rover.export import messages
-from polarsim.rover.export.bag_pictures import PictureTopics, stamp_ns
+from polarsim.rover.export.bag_pictures import PictureTopics
 from polarsim.rover.export.options import BagOptions
 from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of_quaternion
 from polarsim.rover.vehicle.table import WHEELS, Vehicle

@@ -11,14 +11,13 @@ import pandas as pd
 
 from polarsim.errors import FormatError, with_path
 from polarsim.formats import png, ros, tables
-from polarsim.formats.ros import Stamped
+from polarsim.formats.ros import Stamped, stamp_ns
 from polarsim.geometry.lens import Lens
 from polarsim.rover.cameras.layout import DETECTION_COLUMNS, POSE_COLUMNS, TRUTH_COLUMNS, picture_set
 from polarsim.rover.export.options import BagOptions
 from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of_quaternion
 from polarsim.rover.vehicle.table import CameraPart, Vehicle
 
-START_S = 1  # stamp of a drive's start, since tf2 reads 0 as `the latest`
 ARRAY = "vision_msgs/msg/Detection2DArray"
 
 
@@ -71,11 +70,6 @@ class PictureTopics:
                 if rows is not None:
                     message = ros.detections(time_ns, frame, rows.get(number, []))
                     yield time_ns, f"/{camera.name}/{topic}", ARRAY, message
-
-
-def stamp_ns(time_s: float) -> int:
-    """Return the stamp of a time of the drive's clock."""
-    return START_S * 1_000_000_000 + round(time_s * 1e9)
 
 
 def picture_lens(camera: CameraPart, content: bytes, path: Path) -> Lens:

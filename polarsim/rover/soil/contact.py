@@ -28,7 +28,7 @@ from polarsim.rover.soil.nodes import (
     START,
     YIELD,
 )
-from polarsim.rover.soil.shapes import HALF_WIDTH, INVERSE_WIDTH, RADIUS, dot, low_window, lowest_wheel_point
+from polarsim.rover.soil.shapes import HALF_WIDTH, INVERSE_WIDTH, RADIUS, axis_product, low_window, lowest_wheel_point
 
 STEEPEST = 0.25  # minimum vertical part of a normal: a flank's area is at most four times its cell
 SLOWEST_RIM = 1e-3  # m/s; the slip of a slower wheel is 0
@@ -74,7 +74,7 @@ def update_slips(bodies, length, dt):  # type: ignore[no-untyped-def]
     for body in range(len(bodies.shapes)):
         rotation, velocity = bodies.rotations[body], bodies.velocities[body]
         ax, ay, az = rotation[0, 1], rotation[1, 1], rotation[2, 1]
-        rim, level = dot(bodies.spins[body], ax, ay, az) * bodies.shapes[body, RADIUS], math.hypot(ax, ay)
+        rim, level = axis_product(bodies.spins[body], ax, ay, az) * bodies.shapes[body, RADIUS], math.hypot(ax, ay)
         forward = (velocity[0] * ay - velocity[1] * ax) / level if level > 0 else 0.0
         slip = 0.0
         if abs(rim) >= SLOWEST_RIM and level > 0:

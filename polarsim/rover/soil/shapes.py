@@ -49,7 +49,7 @@ class Bodies(NamedTuple):
 
 
 @njit()
-def dot(a, ax, ay, az):  # type: ignore[no-untyped-def]
+def axis_product(a, ax, ay, az):  # type: ignore[no-untyped-def]
     return a[0] * ax + a[1] * ay + a[2] * az
 
 
