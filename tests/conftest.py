@@ -2,7 +2,7 @@ import logging
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
+
+
+@pytest.fixture(autouse=True)
+def _thread_limits_stay() -> Iterator[None]:
+    """Fail a test that changes a limit of threads, because subprocesses of later tests would inherit it."""
+    before = {name: value for name, value in os.environ.items() if "THREADS" in name}
+    yield
+    assert {name: value for name, value in os.environ.items() if "THREADS" in name} == before
 
 
 @pytest.fixture

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from operator import itemgetter
 from pathlib import Path
@@ -79,10 +80,9 @@ def locate_cameras(
     FormatError
         A file is invalid.
     """
-    os.environ["OMP_NUM_THREADS"] = str(threads)  # read by Open3D's OpenMP when it is first loaded
     source, rig = read_inventory(inventory), read_rig(calibration)
     scanned = [position for position in positions if position in source.scanned]
-    with with_part(f"Terrain{terrain:02d}"):
+    with _openmp_threads(threads), with_part(f"Terrain{terrain:02d}"):
         if scanned:
             located = _locate_by_scans(source, scanned, rig)
         else:
@@ -95,6 +95,20 @@ def locate_cameras(
         for name, table in located.details.items():
             write = tables.write_csv if name.endswith(".csv") else tables.write_parquet
             write(folder / name, table)
+
+
+@contextmanager
+def _openmp_threads(threads: int) -> Iterator[None]:
+    """Set the number of threads that OpenMP of Open3D reads when it is first loaded; subprocesses do not inherit it."""
+    before = os.environ.get("OMP_NUM_THREADS")
+    os.environ["OMP_NUM_THREADS"] = str(threads)
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["OMP_NUM_THREADS"]
+        else:
+            os.environ["OMP_NUM_THREADS"] = before
 
 
 def _locate_by_scans(source: Inventory, positions: list[str], rig: StereoRig) -> LocalisationResult:

@@ -2,6 +2,7 @@
 
 import shutil
 from dataclasses import fields
+from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -29,8 +30,10 @@ from polarsim.errors import DetectError
 from polarsim.formats import png, tables
 from polarsim.formats import table_parts as parts_module
 
-pytest.importorskip("ultralytics")
-pytestmark = pytest.mark.slow
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(find_spec("ultralytics") is None, reason="Ultralytics is not installed"),  # imported by polarsim
+]
 OPTIONS, PREDICTION, IMGSZ = TrainingOptions(epochs=2), PredictionOptions(device="cpu"), 96
 
 
