@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from tools.plain_words import RATES, excesses, listed_share, prose, tracked_files, word_counts
+from tools.plain_words import RATES, excesses, listed_share, prose, prose_files, word_counts
 
 ROOT = Path(__file__).parent.parent
-FILES = tracked_files(ROOT)
+FILES = prose_files(ROOT)
 PAGES = [path for path in FILES if path.suffix == ".md"]
 MAX_INDEX = 40
 MAX_SHARE = 0.015  # of the words of the whole tree

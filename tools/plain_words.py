@@ -16,7 +16,6 @@ import argparse
 import ast
 import json
 import re
-import subprocess
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -24,6 +23,8 @@ from pathlib import Path
 RATES: dict[str, float] = json.loads(Path(__file__).with_name("plain_words.json").read_text(encoding="utf-8"))
 MIN_RATE = 0.1  # per 10,000 words: a word that the other projects never use may still occur here
 TOLERANCE = 3  # multiple of the other projects' rate that has no excess
+
+OUTPUTS = {"results", "data", "build"}  # folders of a checkout without prose
 
 _WORD = re.compile(r"[a-z]+(?:'[a-z]+)?")
 _SKIPPED = re.compile(r"(^|/)(vendor|CHANGELOG|LICENSE)")
@@ -71,11 +72,11 @@ def excesses(counts: Counter[str]) -> dict[str, float]:
     return {word: value for word, value in excess.items() if value > 0}
 
 
-def tracked_files(root: Path) -> list[Path]:
-    """List the Markdown and Python files that git tracks below a folder, without changelog and licence."""
-    command = ["git", "-C", str(root), "ls-files", "*.md", "*.py"]
-    names = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
-    return [root / name for name in names if not _SKIPPED.search(name) and (root / name).is_file()]
+def prose_files(root: Path) -> list[Path]:
+    """List the Markdown and Python files of a checkout, without changelog, licence, outputs and hidden folders."""
+    names = (path.relative_to(root) for suffix in ("md", "py") for path in root.rglob(f"*.{suffix}"))
+    kept = (n for n in names if n.parts[0] not in OUTPUTS and not any(part.startswith(".") for part in n.parts))
+    return [root / name for name in sorted(kept) if not _SKIPPED.search(name.as_posix())]
 
 
 def main() -> None:
@@ -85,7 +86,7 @@ def main() -> None:
     parser.add_argument("--files", type=int, default=25, help="number of files to list, highest count first")
     parser.add_argument("--word", help="list the lines that contain this word instead")
     arguments = parser.parse_args()
-    texts = {path.relative_to(arguments.root): prose(path) for path in tracked_files(arguments.root)}
+    texts = {path.relative_to(arguments.root): prose(path) for path in prose_files(arguments.root)}
     if arguments.word:
         for path, text in texts.items():
             for line in text.splitlines():
