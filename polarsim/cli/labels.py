@@ -138,12 +138,11 @@ def export(
     results: Results = Path("results"),
 ) -> None:
     """Export tone-mapped photos and labels of a run for correction in a labelling tool."""
-    from polarsim.annotate.export import export_photos as write
-    from polarsim.annotate.export import opening
+    from polarsim.annotate.export import export_photos, opening
 
     found = run_folder(results, run)
-    count = write(folder=folder, run=found, terrains=terrain or (), pattern=keys, domain=domain, tool=tool)
-    typer.echo(f"{count} pictures in {folder}\n{opening(folder, tool)}")
+    count = export_photos(folder=folder, run=found, terrains=terrain or (), pattern=keys, domain=domain, tool=tool)
+    typer.echo(f"{count} images in {folder}\n{opening(folder, tool)}")
 
 
 @command(name="import")

@@ -44,15 +44,14 @@ def run(
 
     Exit code 0: complete; 1: a job failed, or the run cannot start; 2: usage error; 130: stopped by the user.
     """
-    from polarsim.running.run import Call
-    from polarsim.running.run import run_workflow as supervise
+    from polarsim.running.run import Call, run_workflow
     from polarsim.running.targets import CallError
 
     words = targets or []
     asked = next((number for number, word in enumerate(words) if word.startswith("-")), len(words))
     call = Call(tuple(words[:asked]), tuple(configfile or ()), tuple(config or ()), cores, tuple(words[asked:]))
     try:
-        code = supervise(call, None if min_free is None else round(1e9 * min_free))
+        code = run_workflow(call, None if min_free is None else round(1e9 * min_free))
     except CallError as error:
         raise typer.BadParameter(str(error)) from error
     if code:
@@ -229,7 +228,7 @@ def schema(
     ] = False,
 ) -> None:
     """Print the JSON schema of the configuration, with description and unit of every key."""
-    from polarsim.config import config_schema as of_configuration
-    from polarsim.render.views.options import views_schema as of_views
+    from polarsim.config import config_schema
+    from polarsim.render.views.options import views_schema
 
-    typer.echo(of_views() if views else of_configuration(), nl=False)
+    typer.echo(views_schema() if views else config_schema(), nl=False)

@@ -47,12 +47,11 @@ def publish(
     results: Results = Path("results"),
 ) -> None:
     """Publish a run as data sets in common formats, each with a data card. An interrupted call resumes."""
-    from polarsim.publish.run import form_summary
-    from polarsim.publish.run import publish_forms as write
+    from polarsim.publish.run import form_summary, publish_forms
 
     names = [name for text in form for name in split_commas(text)]
-    with reporting():  # typer keeps Ctrl-C to itself
-        parts = write(run_folder(results, run), out, names, subset, max_size, photos, replace, split)
+    with reporting():  # typer handles Ctrl-C
+        parts = publish_forms(run_folder(results, run), out, names, subset, max_size, photos, replace, split)
     for name, part in parts.items():
         typer.echo(form_summary(name, part, out / name))
 
