@@ -20,7 +20,7 @@ KEY = "01_A_off_30_L_0256"
 COMMANDS = sorted(typer.main.get_command(app).commands)
 SQUARE = Mesh(np.array([[-2.0, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
 VIEWS = """
-scenes: [{name: flat, terrains: [{meshes: meshes, terrain: 1}]}]
+scenes: [{name: flat, meshes: meshes, terrain: 1}]
 lens: {kind: pinhole, hfov_deg: 60, width_px: 64, height_px: 48}
 cameras: [{kind: point, position_m: [0, 0, HEIGHT], look_at_m: [1, 0, 0]}]
 lights: [{kind: sun, azimuth_deg: [30], elevation_deg: [20]}]

@@ -183,10 +183,10 @@ def _render_views(file: Path, out: Path, limit: int | None, scale: float, previe
         to_8bit, white=WHITE_LEVEL - BLACK_LEVEL
     )  # the same white level for all images keeps exposures comparable
     with reporting():  # typer keeps Ctrl-C to itself
-        count, new = render_views(
+        count = render_views(
             read_views(file), out, tone=tone, limit=limit, scale=scale, preview=preview, threads=threads
         )
-    typer.echo(f"{count} labelled pictures in {out}, {new} of them new; overview: {out / 'contact.jpg'}")
+    typer.echo(f"{count} labelled pictures in {out}; overview: {out / 'contact.jpg'}")
 
 
 def _refuse_others(context: typer.Context, known: set[str]) -> None:

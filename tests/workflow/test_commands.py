@@ -496,7 +496,7 @@ def test_a_run_that_is_complete_plans_no_job(call, here):
 
 
 VIEWS = """
-scenes: [{{name: one, terrains: [{{meshes: {meshes}, terrain: 1}}]}}]
+scenes: [{{name: one, meshes: {meshes}, terrain: 1}}]
 lens: {{kind: pinhole, hfov_deg: 60, width_px: 160, height_px: 120}}
 cameras: [{{kind: orbit, radius_m: 2.5, height_m: 1.2, number: 2}}]
 lights: [{{kind: lamp, azimuth_deg: [30], elevation_deg: [20], distance_m: 4}}]

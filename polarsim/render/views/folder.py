@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import ceil, sqrt
 from pathlib import Path
 from typing import Any
@@ -13,16 +11,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.digest import code_digest
-from polarsim.errors import PolarsimError
 from polarsim.formats import coco, png, tables, yolo
-from polarsim.formats.files import read_json, relative_to, write_json, write_text, writing
+from polarsim.formats.files import relative_to, write_json, write_text, writing
 from polarsim.geometry.poses import yaw_pitch_roll
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, COLOURS, ROCK, SHADOW
 from polarsim.randomness import generator
 from polarsim.render.views.options import Views
-from polarsim.render.views.plan import PlannedImage
-from polarsim.render.views.scenes import Ensemble
+from polarsim.render.views.plan import NamedScene, PlannedImage
+from polarsim.run_files.instances import ROCK_IDS
 from polarsim.run_files.picture_sets import AUTO
 
 Tone = Callable[[np.ndarray], np.ndarray]  # 12-bit image (h, w) uint16 to 8-bit image (h, w, 3) uint8
@@ -30,7 +26,7 @@ MAX_TILES = 1024  # maximum number of images on a sheet; a larger set is sampled
 _WIDTH, _MAX_TILE_WIDTH, _GAP = 4000, 480, 2  # px: width of the sheet, maximum tile width, gap between tiles
 _EVERY = 5  # every fifth viewpoint is for validation
 _MIN_NAMED_WIDTH = 300  # px: tiles narrower than this have no caption
-_OF_ONE_TERRAIN = ("terrain", "sources", "noise_seed")  # sidecar keys of one terrain; views may have several terrains
+_OF_ONE_TERRAIN = ("terrain", "sources", "noise_seed")  # sidecar keys of images of a terrain that views lack
 Entry = tuple[PlannedImage, float, list[coco.Annotation]]  # image, exposure time in ms, labels
 
 
@@ -89,88 +85,54 @@ class Sheet:
 
 
 @dataclass(frozen=True)
-class ViewsJob:
-    """Views with output folder and format."""
+class ViewsFolder:
+    """Output folder of views."""
 
     views: Views
     out: Path
     preview: bool  # 8-bit images instead of 12-bit
     tone: Tone
     sheet: Sheet
-    digests: dict[str, str] = field(default_factory=dict)  # SHA-256 of instance maps by name
-    code: str = field(default_factory=lambda: code_digest("polarsim.render.views.run"))  # digest of the renderer
-
-    def path(self, kind: str, name: str) -> Path:
-        """Return the path of a file of an image in one of the folders."""
-        suffix = {"labels": ".txt", "sidecars": ".json"}.get(kind, ".png")
-        return self.out / kind / f"{name}{suffix}"
-
-    def sidecar(self, picture: PlannedImage, exposure_ms: float) -> dict[str, Any]:
-        """Return the content of the sidecar of an image; OSError if the instance map is missing."""
-        shot, views = picture.shot(self.views, exposure_ms), self.views
-        content = picture.scene.parts[0].scene.sidecar(shot)
-        of_views = {
-            **{key: value for key, value in content.items() if key not in _OF_ONE_TERRAIN},
-            **picture.columns(),
-            "terrains": [
-                {
-                    "terrain": part.section.terrain,
-                    "offset_m": list(part.section.offset_m),
-                    "heading_deg": part.section.heading_deg,
-                    "meshes": part.scene.mesh_digests,
-                }
-                for part in picture.scene.parts
-            ],
-            "moment_utc": picture.light.moment_utc,
-            "exposure": "stated" if picture.exposure_ms else {AUTO: views.auto_exposure.model_dump()},
-            "stars": views.stars.model_dump() if views.stars else None,
-            "bits": 8 if self.preview else 12,
-            "code": self.code,
-            "instances": self._instances_digest(picture.ground_truth),
-        }
-        return dict(json.loads(json.dumps(of_views)))
-
-    def existing_exposure(self, picture: PlannedImage) -> float | None:
-        """Return the exposure of an image with complete, up-to-date files, ms; None if it must be rendered."""
-        try:
-            stored = read_json(self.path("sidecars", picture.name))
-            exposure = float(stored["exposure_ms"])
-            expected = self.sidecar(picture, picture.exposure_ms or exposure)
-        except (PolarsimError, OSError, KeyError, TypeError, ValueError):
-            return None
-        complete = all(self.path(kind, picture.name).is_file() for kind in ("images", "labels"))
-        return exposure if complete and stored == expected else None
 
     def write_instances(self, picture: PlannedImage, ids: np.ndarray) -> None:
         """Write the instance map (h, w) uint16, which several images share."""
-        self.digests.pop(picture.ground_truth, None)
-        png.write_png(self.path("instances", picture.ground_truth), ids)
+        png.write_png(self.out / f"instances/{picture.ground_truth}.png", ids)
 
     def write(
         self, picture: PlannedImage, grey: np.ndarray, exposure_ms: float, labels: Sequence[coco.Annotation]
     ) -> None:
-        """Write an image (h, w) uint16, the boxes, and last the sidecar, which marks the image as complete."""
-        self.path("sidecars", picture.name).unlink(missing_ok=True)
+        """Write an image (h, w) uint16, the boxes and the sidecar."""
         pixels = self.tone(grey)[..., 0] if self.preview else grey
-        png.write_png(self.path("images", picture.name), pixels)
+        png.write_png(self.out / f"images/{picture.name}.png", pixels)
         yolo.write_boxes(
-            self.path("labels", picture.name),
+            self.out / f"labels/{picture.name}.txt",
             np.array([BOX_CLASSES.index(label.kind) for label in labels], int),
             np.array([label.box for label in labels], float),
             picture.size,
         )
-        write_json(self.path("sidecars", picture.name), self.sidecar(picture, exposure_ms))
+        write_json(self.out / f"sidecars/{picture.name}.json", self._sidecar(picture, exposure_ms))
         if picture.name in self.sheet:
             self.sheet.add(picture.name, pixels, labels)
 
-    def _instances_digest(self, name: str) -> str:
-        if name not in self.digests:
-            self.digests[name] = hashlib.sha256(self.path("instances", name).read_bytes()).hexdigest()
-        return self.digests[name]
+    def _sidecar(self, picture: PlannedImage, exposure_ms: float) -> dict[str, Any]:
+        scene, views = picture.scene, self.views
+        content = scene.sidecar(picture.shot(views, exposure_ms))
+        return {
+            **{key: value for key, value in content.items() if key not in _OF_ONE_TERRAIN},
+            **picture.columns(),
+            "terrains": [{"terrain": scene.terrain, "meshes": scene.mesh_digests}],
+            "moment_utc": picture.light.moment_utc,
+            "exposure": "stated" if picture.exposure_ms else {AUTO: views.auto_exposure.model_dump()},
+            "stars": views.stars.model_dump() if views.stars else None,
+            "bits": 8 if self.preview else 12,
+        }
 
 
-def write_listing(out: Path, entries: Sequence[Entry]) -> None:
-    """Write index.csv, annotations.json, rocks.csv, and data.yaml with train.txt and val.txt."""
+def write_listing(out: Path, entries: Sequence[Entry], final: Path) -> None:
+    """Write index.csv, annotations.json, rocks.csv, and data.yaml with train.txt and val.txt.
+
+    `final`: path of the complete folder, which paths of meshes are relative to.
+    """
     tables.write_csv(out / "index.csv", pd.DataFrame([_index_row(*entry) for entry in entries]))
     pictures = [
         (
@@ -188,7 +150,7 @@ def write_listing(out: Path, entries: Sequence[Entry]) -> None:
     ]
     coco.write_coco_images(out / "annotations.json", pictures, "Rocks and shadows of novel views, labelled by polarsim")
     scenes = {picture.scene.name: picture.scene for picture, _, _ in entries}
-    tables.write_csv(out / "rocks.csv", _rocks(list(scenes.values()), out))
+    tables.write_csv(out / "rocks.csv", _rocks(list(scenes.values()), final))
     names = "".join(f"  {number}: {name}\n" for number, name in enumerate(BOX_CLASSES))
     parts = divided([picture for picture, _, _ in entries])
     for part, chosen in parts.items():
@@ -237,17 +199,12 @@ def _index_row(picture: PlannedImage, exposure_ms: float, labels: list[coco.Anno
     }
 
 
-def _rocks(scenes: Sequence[Ensemble], out: Path) -> pd.DataFrame:
+def _rocks(scenes: Sequence[NamedScene], out: Path) -> pd.DataFrame:
     """Return a table of the rocks of all scenes with terrain, id in the terrain, and mesh folder relative to `out`."""
     rows = [
-        {
-            "scene": scene.name,
-            "rock": rock,
-            "terrain": scene.parts[part].section.terrain,
-            "terrain_rock": terrain_rock,
-            "meshes": relative_to(scene.parts[part].section.meshes, out),
-        }
+        (scene.name, number - ROCK_IDS, scene.terrain, number - ROCK_IDS, relative_to(scene.meshes, out))
         for scene in scenes
-        for rock, (part, terrain_rock) in scene.rocks.items()
+        for number in scene.surfaces.ids.tolist()
+        if number >= ROCK_IDS
     ]
     return pd.DataFrame(rows, columns=["scene", "rock", "terrain", "terrain_rock", "meshes"])

@@ -37,20 +37,12 @@ class ViewsSection(BaseModel, extra="forbid", frozen=True):
 AnyPart = TypeVar("AnyPart", bound=ViewsSection)
 
 
-class TerrainPart(ViewsSection):
-    """A terrain and its pose in the scene."""
-
-    meshes: UserPath = Field(description="Folder of the meshes of the terrain, `results/<run>/meshes/TerrainNN`.")
-    terrain: int = Field(ge=1, le=99, description="Number of the terrain in the names of the mesh files.")
-    offset_m: Point = Field((0, 0, 0), description="Position of the origin of the terrain in the scene, metres.")
-    heading_deg: Finite = Field(0, description="Rotation of the terrain about the vertical, degrees from +X to +Y.")
-
-
 class SceneSection(ViewsSection):
-    """A scene of one or more terrains."""
+    """A terrain to render."""
 
     name: Name
-    terrains: tuple[TerrainPart, ...] = Field(min_length=1, description="Terrains of the scene.")
+    meshes: UserPath = Field(description="Folder of the meshes of the terrain, `results/<run>/meshes/TerrainNN`.")
+    terrain: int = Field(ge=1, le=99, description="Number of the terrain in the names of the mesh files.")
 
 
 class RigLens(ViewsSection):
@@ -216,9 +208,6 @@ class Views(ViewsSection):
         ("auto",), min_length=1, description="Exposure times, ms; auto: by `auto_exposure`."
     )
     auto_exposure: AutoExposure = Field(AutoExposure(), description="Settings of the exposure `auto`.")
-    combine: Literal["product", "zip"] = Field(
-        "product", description="product: every camera under every light; zip: n-th camera under n-th light."
-    )
     stars: StarField | None = Field(None, description="Stars in the background; none: black.")
     render: RenderOptions = Field(
         RenderOptions(), description="Options as in the configuration of a run; all `models` are rendered."
@@ -247,10 +236,7 @@ def read_views(path: str | Path) -> Views:
         Invalid YAML, unknown or missing keys, or invalid values: one line with the file and each key.
     """
     views = read_model(path, Views, "the file")
-    scenes = tuple(
-        scene.model_copy(update={"terrains": tuple(_resolved(part, "meshes", path) for part in scene.terrains)})
-        for scene in views.scenes
-    )
+    scenes = tuple(_resolved(scene, "meshes", path) for scene in views.scenes)
     lens = views.lens
     if isinstance(lens, RigLens) and lens.localised is not None:
         lens = _resolved(lens, "localised", path)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import timedelta
 from itertools import product
@@ -14,16 +14,30 @@ import numpy as np
 from polarsim.errors import ConfigError
 from polarsim.geometry.poses import Pose
 from polarsim.render.lamps import ROVER, SUN_RADIUS_DEG, Lamp
-from polarsim.render.options import Model
-from polarsim.render.scene import Shot
+from polarsim.render.options import Model, RenderOptions
+from polarsim.render.scene import Scene, Shot
 from polarsim.render.surfaces import check_position
 from polarsim.render.views.cameras import NamedCamera, cameras_of
 from polarsim.render.views.moon import local_from_celestial, sun_over
-from polarsim.render.views.options import LunarSuns, NearLamps, RoverLight, Suns, Views
-from polarsim.render.views.scenes import Ensemble
+from polarsim.render.views.options import LunarSuns, NearLamps, RoverLight, SceneSection, Suns, Views
 from polarsim.run_files.picture_sets import AUTO, exposure_name
 
 log = logging.getLogger("polarsim.render")
+
+
+class NamedScene(Scene):
+    """A named terrain."""
+
+    def __init__(self, section: SceneSection, options: RenderOptions) -> None:
+        super().__init__(section.meshes, section.terrain, options)
+        self.name = section.name
+
+    def heights(self, points: np.ndarray) -> np.ndarray:
+        """Return the height (n,) of the highest surface at points (n, 2), metres; -inf without surface."""
+        top = float(self.surfaces.vertices[:, 2].max()) + 1.0
+        origins = np.column_stack([points, np.full(len(points), top)])
+        distance, face = self.surfaces.all.nearest(origins, np.tile([0.0, 0.0, -1.0], (len(points), 1)))
+        return np.where(face >= 0, top - distance, -np.inf)
 
 
 @dataclass(frozen=True)
@@ -108,7 +122,7 @@ class PlannedImage:
     """An image of the grid. Images with equal scene, camera and light share labels, named by `ground_truth`."""
 
     number: int  # index in the grid, from 0
-    scene: Ensemble
+    scene: NamedScene
     camera: NamedCamera
     light: NamedLight
     rover: bool
@@ -157,7 +171,7 @@ def plan(views: Views, scale: float = 1.0) -> list[PlannedImage]:
     Raises
     ------
     ConfigError
-        With `zip`: the numbers of cameras and lights differ. Two exposures have the same file name.
+        Two images would have the same file name.
     FormatError
         Meshes are missing or invalid.
     """
@@ -166,33 +180,15 @@ def plan(views: Views, scale: float = 1.0) -> list[PlannedImage]:
     variants = list(product(views.rover_light.states, views.render.models, exposures))
     pictures: list[PlannedImage] = []
     for section in views.scenes:
-        scene = Ensemble(section, views.render)
+        scene = NamedScene(section, views.render)
         cameras = cameras_of(views, scene.heights, scale)
         for camera in cameras:
             check_position(scene.surfaces, camera.centre, f"camera {camera.name}")
-        for camera, light in _pairs(views, cameras, lights):
-            for rover, model, exposure in variants:
-                pictures.append(PlannedImage(len(pictures), scene, camera, light, rover, model, exposure))
+        for camera, light, (rover, model, exposure) in product(cameras, lights, variants):
+            pictures.append(PlannedImage(len(pictures), scene, camera, light, rover, model, exposure))
     names: set[str] = set()
     for picture in pictures:
         if picture.name in names:
             raise ConfigError(f"two images would have the same file name {picture.name}.png")
         names.add(picture.name)
     return pictures
-
-
-def _pairs(
-    views: Views, cameras: Sequence[NamedCamera], lights: Sequence[NamedLight]
-) -> Iterator[tuple[NamedCamera, NamedLight]]:
-    if views.combine == "product":
-        return product(cameras, lights)
-    sides = 2 if views.stereo else 1
-    viewpoints = len(cameras) // sides
-    if viewpoints != len(lights) and 1 not in (viewpoints, len(lights)):
-        raise ConfigError(f"combine: zip of {viewpoints} cameras and {len(lights)} lights, expected equal numbers or 1")
-    number = max(viewpoints, len(lights))
-    return (
-        (cameras[side + sides * (step % viewpoints)], lights[step % len(lights)])
-        for step in range(number)
-        for side in range(sides)
-    )

@@ -1,15 +1,16 @@
-"""Rendering of novel views to a folder of labelled images; existing up-to-date images are not rendered again."""
+"""Rendering of novel views to a folder of labelled images."""
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
+from itertools import chain, groupby
 from pathlib import Path
 
 import numpy as np
 
-from polarsim.formats import coco, png
+from polarsim.formats import coco
+from polarsim.formats.files import check_new_folder, writing_folder
 from polarsim.photo import BLACK_LEVEL
 from polarsim.progress import track
 from polarsim.render.gain import lit_pixels
@@ -19,12 +20,11 @@ from polarsim.render.olat import render_view
 from polarsim.render.optics import apply_lens, apply_lens_to_olat_images
 from polarsim.render.options import RenderOptions
 from polarsim.render.sensor import expose, noise_generator
-from polarsim.render.views.folder import Sheet, Tone, ViewsJob, write_listing
+from polarsim.render.views.folder import Sheet, Tone, ViewsFolder, write_listing
 from polarsim.render.views.options import AutoExposure, Views
 from polarsim.render.views.plan import PlannedImage, plan
 from polarsim.render.views.stars import Sky, build_sky, sky_images
 
-log = logging.getLogger("polarsim.render")
 _IMAGES = 24  # maximum OLAT images in memory
 LabelsByMap = dict[str, list[coco.Annotation]]  # by the name of the instance map
 
@@ -38,11 +38,10 @@ def render_views(
     scale: float = 1.0,
     preview: bool = False,
     threads: int = 1,
-) -> tuple[int, int]:
-    """Render the images of the grid, or the first `limit`, with labels; return the numbers of all and of new images.
+) -> int:
+    """Render the images of the grid, or the first `limit`, with labels to a new folder; return their number.
 
-    Existing images with an equal sidecar are kept. Rays are cast once per camera; shading is computed once per light
-    and model. The bytes do not depend on `threads`.
+    Rays are cast once per camera; shading is computed once per light and model. The bytes do not depend on `threads`.
 
     Parameters
     ----------
@@ -54,76 +53,57 @@ def render_views(
     Raises
     ------
     ConfigError, FormatError, RenderError
-        Impossible views, missing or invalid meshes, an engine that cannot be loaded.
+        Impossible views, missing or invalid meshes, an engine that cannot be loaded, or a folder that is not empty.
     """
-    grid = plan(views, scale)
-    _warn_of_other_images(out, grid)
-    chosen = grid[:limit]
-    job = ViewsJob(views, out, preview, tone, Sheet([picture.name for picture in chosen], chosen[0].size, tone))
-    exposures = {
-        picture.name: exposure for picture in chosen if (exposure := job.existing_exposure(picture)) is not None
-    }
-    existing = set(exposures)
-    units = render_units([picture for picture in chosen if picture.name not in existing], len(views.render.models))
+    check_new_folder(out)
+    chosen = plan(views, scale)[:limit]
     labels: LabelsByMap = {}
-    pending: dict[str, Future[float]] = {}
+    exposures: list[float] = []
     sky = build_sky(views.stars) if views.stars else None
-    pool = ThreadPoolExecutor(threads)
-    try:
-        for picture in track(chosen, f"views in {out}"):
-            name = picture.name
-            if name in units:
-                write = _render(job, units[name], sky, labels, threads)
-                pending |= {each.name: pool.submit(write, each) for each in units[name]}
-            if name in existing:
-                _read_existing(job, picture, labels)
-            else:
-                exposures[name] = pending.pop(name).result()
-    finally:
-        pool.shutdown(cancel_futures=True)
-    write_listing(out, [(picture, exposures[picture.name], labels[picture.ground_truth]) for picture in chosen])
-    job.sheet.write(out / "contact.jpg")
-    return len(chosen), len(chosen) - len(existing)
+    with writing_folder(out) as made, ThreadPoolExecutor(threads) as pool:
+        sheet = Sheet([picture.name for picture in chosen], chosen[0].size, tone)
+        folder = ViewsFolder(views, made, preview, tone, sheet)
+        for unit in track(render_units(chosen, len(views.render.models)), f"views in {out}"):
+            exposures += pool.map(_render(folder, unit, sky, labels, threads), unit)
+        entries = zip(chosen, exposures, (labels[picture.ground_truth] for picture in chosen), strict=True)
+        write_listing(made, list(entries), out)
+        sheet.write(made / "contact.jpg")
+    return len(chosen)
 
 
-def render_units(pictures: Sequence[PlannedImage], models: int) -> dict[str, list[PlannedImage]]:
-    """Group images to render together, by the name of the first: one camera, as many lights as memory allows."""
-    units: dict[str, list[PlannedImage]] = {}
+def render_units(pictures: Sequence[PlannedImage], models: int) -> list[list[PlannedImage]]:
+    """Group images to render together: one camera, as many lights as memory allows."""
+    units: list[list[PlannedImage]] = []
     max_lights = max(1, _IMAGES // models)
-    current: tuple[str, str] | None = None
-    lights: set[str] = set()
-    for picture in pictures:
-        camera = (picture.scene.name, picture.camera.name)
-        if camera != current or (picture.light.name not in lights and len(lights) == max_lights):
-            current, lights = camera, set()
-            unit = units[picture.name] = []
-        lights.add(picture.light.name)
-        unit.append(picture)
+    for _, of_camera in groupby(pictures, lambda picture: (picture.scene.name, picture.camera.name)):
+        by_light = [list(same) for _, same in groupby(of_camera, lambda picture: picture.light.name)]
+        for start in range(0, len(by_light), max_lights):
+            units.append(list(chain.from_iterable(by_light[start : start + max_lights])))
     return units
 
 
 def _render(
-    job: ViewsJob, unit: Sequence[PlannedImage], sky: Sky | None, labels: LabelsByMap, threads: int
+    folder: ViewsFolder, unit: Sequence[PlannedImage], sky: Sky | None, labels: LabelsByMap, threads: int
 ) -> Callable[[PlannedImage], float]:
     """Render the OLAT images of a unit, write the instance maps, and add the labels to `labels`.
 
     The returned function writes an image of the unit and returns the exposure time, ms.
     """
-    views, scene, camera = job.views, unit[0].scene, unit[0].camera
+    views, scene, camera = folder.views, unit[0].scene, unit[0].camera
     lights = {picture.light.name: picture for picture in unit}
     lamps = {name: lamp for picture in unit for name, lamp in picture.lamps(views).items()}
     models = [model for model in views.render.models if any(picture.model == model for picture in unit)]
     rendering = render_view(scene.surfaces, camera, lamps, models, list(lights), views.render, threads)
     for name, picture in lights.items():
         labels[picture.ground_truth] = _labels(picture, rendering.ids[name], views.render)
-        job.write_instances(picture, rendering.ids[name])
+        folder.write_instances(picture, rendering.ids[name])
     olat_images = apply_lens_to_olat_images(rendering.whole, lamps, scene.surfaces, camera, views.render, threads)
     skies = {name: picture.light.sandbox_from_celestial for name, picture in lights.items()}
     stars = sky_images(sky, skies, scene.surfaces, camera, threads) if sky else {}
     stars = {name: apply_lens(olat_image, camera.lens, views.render) for name, olat_image in stars.items()}
 
     def write(picture: PlannedImage) -> float:
-        name, gain = picture.light.name, scene.parts[0].scene.gain(picture.model)
+        name, gain = picture.light.name, scene.gain(picture.model)
         radiance = olat_images[picture.model, name]
         if picture.rover:
             radiance = radiance + olat_images[picture.model, ROVER]
@@ -132,7 +112,7 @@ def _render(
             radiance = radiance + stars[name]
         noise = noise_generator(views.render, "views", picture.name)
         photo = expose(radiance, exposure_ms * gain, views.render, noise)
-        job.write(picture, photo, exposure_ms, labels[picture.ground_truth])
+        folder.write(picture, photo, exposure_ms, labels[picture.ground_truth])
         return exposure_ms
 
     return write
@@ -142,22 +122,6 @@ def _labels(picture: PlannedImage, ids: np.ndarray, options: RenderOptions) -> l
     """Return the labels of an instance map (h, w), including amodal masks."""
     hidden = occluded_pixels(picture.scene.surfaces, picture.camera, ids)
     return annotate_ids(ids, options, amodal_masks(ids, hidden, options))
-
-
-def _read_existing(job: ViewsJob, picture: PlannedImage, labels: LabelsByMap) -> None:
-    """Add the labels of an existing image, from the instance map, and the image to the contact sheet."""
-    if picture.ground_truth not in labels:
-        ids = png.read_png(job.path("instances", picture.ground_truth))
-        labels[picture.ground_truth] = _labels(picture, ids, job.views.render)
-    if picture.name in job.sheet:
-        job.sheet.add(picture.name, png.read_png(job.path("images", picture.name)), labels[picture.ground_truth])
-
-
-def _warn_of_other_images(out: Path, grid: Sequence[PlannedImage]) -> None:
-    names = {f"{picture.name}.png" for picture in grid}
-    others = [path.name for path in sorted((out / "images").glob("*.png")) if path.name not in names]
-    if others:
-        log.warning("%s: %d images do not belong to these views, e.g. %s", out / "images", len(others), others[0])
 
 
 def auto_exposure(radiance: np.ndarray, gain: float, options: AutoExposure) -> float:

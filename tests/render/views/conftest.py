@@ -15,7 +15,7 @@ def views_of(folders):
     def make(**changes):
         return Views.model_validate(
             {
-                "scenes": [{"name": "one", "terrains": [{"meshes": folders / "meshes", "terrain": 1}]}],
+                "scenes": [{"name": "one", "meshes": folders / "meshes", "terrain": 1}],
                 "lens": {"kind": "pinhole", "hfov_deg": 60, **SIZE},
                 "cameras": [{"kind": "point", "position_m": [1.5, 1.2, 0.9], "look_at_m": [0, 0, 0.1]}],
                 "lights": [{"kind": "sun", "azimuth_deg": [120], "elevation_deg": [20]}],

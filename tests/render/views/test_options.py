@@ -10,7 +10,7 @@ from polarsim.errors import ConfigError
 from polarsim.render.views.options import read_views
 
 VIEWS = {
-    "scenes": [{"name": "one", "terrains": [{"meshes": "meshes", "terrain": 1}]}],
+    "scenes": [{"name": "one", "meshes": "meshes", "terrain": 1}],
     "cameras": [{"kind": "point", "position_m": [2, 0, 1], "look_at_m": [0, 0, 0]}],
     "lights": [{"kind": "sun", "azimuth_deg": [30], "elevation_deg": [10]}],
 }
@@ -35,11 +35,11 @@ def test_mesh_paths_are_relative_to_the_views_file_or_a_parent_folder(tmp_path, 
         ("config/one.yaml", "results/demo/meshes", "clone/results/demo/meshes"),
         ("config/two.yaml", "beside", "clone/config/beside"),
     ):
-        scene = {"name": "one", "terrains": [{"meshes": stated, "terrain": 1}]}
+        scene = {"name": "one", "meshes": stated, "terrain": 1}
         (tmp_path / "clone" / name).write_text(yaml.safe_dump(VIEWS | {"scenes": [scene]}))
         for folder in (tmp_path, tmp_path / "clone", tmp_path / "clone/config"):
             monkeypatch.chdir(folder)
-            meshes = read_views(tmp_path / "clone" / name).scenes[0].terrains[0].meshes
+            meshes = read_views(tmp_path / "clone" / name).scenes[0].meshes
             assert meshes.resolve() == (tmp_path / wanted).resolve()
 
 
