@@ -84,8 +84,6 @@ publish demo new --format :: csv | coco,csv | coco --subset colour=red | coco --
 import labels.json :: file | folder | new --format csv | new --as truth | new --name a=b
 import :: missing.json new | picture.png new
 explore demo :: --out file | --width 0 | --port 99999
-rerun demo :: A | 01_A --out x.png
-fiftyone demo :: file | new --domain marble
 undo KEY :: --run demo | --configfile no.yaml
 """
 
@@ -122,8 +120,6 @@ def test_a_shell_completes_commands_options_and_values():
         ("show", KEY, "--run", "realease"),
         ("publish", "realease", "new", "--format", "coco"),
         ("explore", "realease"),
-        ("rerun", "realease", "01_A"),
-        ("fiftyone", "realease", "new"),
         ("undo", KEY, "--run", "realease"),
     ],
     ids=lambda call: call[0],

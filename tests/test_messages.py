@@ -61,7 +61,6 @@ def test_missing_and_empty_folders_are_distinguished(polarsim, here, call):
     ("call", "named"),
     [
         (("show", KEY, "--domain", "hapki"), ["hapki", "photo, hapke"]),
-        (("fiftyone", "demo", "out", "--domain", "hapke", "--domain", "nope"), ["nope", "photo, hapke"]),
         (("export", "out", "--domain", "nope"), ["nope", "photo, hapke"]),
         (("export", "out", "--terrain", "4"), ["terrain 4", "1"]),
         (("export", "out", "--terrain", "1", "--terrain", "4"), ["terrain 4", "1"]),

@@ -7,9 +7,8 @@ from typing import Annotated
 
 import typer
 
-from polarsim.arguments import run_folder, writes_file, writes_folder
+from polarsim.arguments import run_folder, writes_folder
 from polarsim.cli.application import Results, commands_of, split_commas
-from polarsim.photo import WIDTH
 from polarsim.reporting import reporting
 
 command = commands_of("For other tools")
@@ -54,48 +53,3 @@ def publish(
         parts = publish_forms(run_folder(results, run), out, names, subset, max_size, photos, replace, split)
     for name, part in parts.items():
         typer.echo(form_summary(name, part, out / name))
-
-
-@command()
-def rerun(
-    run: Annotated[str, typer.Argument(help="Name of the run, below results/.")],
-    station: Annotated[str, typer.Argument(help="Terrain and position, for example 03_A.")],
-    out: Annotated[
-        Path | None,
-        typer.Option(callback=writes_file(".rrd"), help="Recording to write; default: <run>_<station>.rrd."),
-    ] = None,
-    results: Results = Path("results"),
-) -> None:
-    """Export a station as a Rerun recording: terrain, cameras, lamps, photos and twins with labels.
-
-    Requires the extra `rerun`.
-    """
-    from polarsim.errors import ConfigError
-    from polarsim.explore.recording import write_recording
-    from polarsim.run_files.run import Run
-
-    terrain, _, position = station.partition("_")
-    if not terrain.isdigit() or not position:
-        raise ConfigError(f"station {station!r}: expected terrain and position, for example 03_A")
-    target = out or Path(f"{run}_{station}.rrd")
-    count = write_recording(Run.at(run_folder(results, run)), int(terrain), position, target)
-    typer.echo(f"{count} pictures in {target}; open it with: rerun {target}")
-
-
-@command()
-def fiftyone(
-    run: Annotated[str, typer.Argument(help="Name of the run, below results/.")],
-    folder: Annotated[Path, typer.Argument(callback=writes_folder, help="New folder for the output.")],
-    keys: Annotated[str, typer.Option(help="Select photos by key, for example '01_A_off_*_L_0256'.")] = "*",
-    domain: Annotated[
-        list[str] | None, typer.Option(help="photo, or the reflectance model of twins; may be repeated. Default: all.")
-    ] = None,
-    width: Annotated[int, typer.Option(min=240, max=WIDTH, help="Image width, px.")] = WIDTH,
-    results: Results = Path("results"),
-) -> None:
-    """Export a run as a FiftyOne data set: photos and twins with labels and predictions."""
-    from polarsim.explore.fiftyone import FORM, write_fiftyone
-    from polarsim.run_files.run import Run
-
-    count = write_fiftyone(Run.at(run_folder(results, run)), folder, pattern=keys, domains=domain or (), width=width)
-    typer.echo(f"{count} samples in {folder}; fiftyone.Dataset.from_dir({str(folder)!r}, dataset_type={FORM})")

@@ -1,1 +1,1 @@
-"""Views of a run's files: browser page, Rerun recording, FiftyOne data set."""
+"""Browser page of a run."""

@@ -64,7 +64,6 @@ NOT_READ_AGAIN = {  # commands that print, or whose files polarsim does not read
     "explore": "a page for browsers",
     "ipd": "prints a report",
     "report": "a page for browsers",
-    "rerun": "a recording for the Rerun viewer",
     "rules": "prints a list",
     "run": "writes the run",
     "schema": "for editors",
@@ -72,7 +71,7 @@ NOT_READ_AGAIN = {  # commands that print, or whose files polarsim does not read
     "validate": "prints a report; tests/lint reads the repaired copy",
 }
 READ_AGAIN = {  # commands whose output is read by another command in this module
-    "detect", "drive", "export", "fiftyone", "import", "masks", "outline", "publish", "render", "show", "undo",
+    "detect", "drive", "export", "import", "masks", "outline", "publish", "render", "show", "undo",
 }  # fmt: skip
 
 
@@ -381,15 +380,6 @@ def test_published_sets_are_read(call, here, labels, tmp_path):
     assert (tmp_path / "seen/detections.csv").read_text().startswith("picture,kind,confidence")
 
 
-def test_a_fiftyone_set_is_imported(call, labels, tmp_path):
-    printed = call("fiftyone", "small", tmp_path / "set", "--keys", KEYS, "--domain", "photo")
-    assert printed.startswith("4 samples")
-    for path in (tmp_path / "set/data").rglob("*.jpg"):
-        has_content(path)
-    call("import", tmp_path / "set", tmp_path / "back")
-    same_boxes(tmp_path / "back", of_keys(labels))
-
-
 def test_an_import_is_corrections_of_the_run(call, exported, labels, place, here, tmp_path):
     """`labels.corrections` reads imported labels and the corrections of the explorer."""
     call("import", exported("labelimg"), tmp_path / "corrections")
@@ -544,13 +534,6 @@ def test_the_schema_and_the_rules_are_complete(call):
     rules = call("rules")
     for name in RULES:
         assert name in rules
-
-
-@pytest.mark.skipif(find_spec("rerun") is None, reason="rerun-sdk is not installed")
-def test_a_recording_has_the_pictures_of_the_station(call, tmp_path):
-    printed = call("rerun", "small", "01_A", "--out", tmp_path / "one.rrd")
-    assert printed.startswith("16 pictures")
-    assert (tmp_path / "one.rrd").stat().st_size > 500_000
 
 
 @pytest.mark.skipif(find_spec("mujoco") is None, reason="mujoco is not installed")
