@@ -16,12 +16,12 @@ from polarsim.formats.files import read_json, suffix_counts
 from polarsim.formats.readers import MB, reading
 from polarsim.photo import PhotoKey
 
-COCO, YOLO, CVAT, LABEL_STUDIO, FIFTYONE = EXPORT_FORMS = ("coco", "yolo", "cvat", "label-studio", "fiftyone")
+COCO, YOLO, CVAT, LABEL_STUDIO = EXPORT_FORMS = ("coco", "yolo", "cvat", "label-studio")
 _MAX_TEXT_MB = 500  # of all text files of an archive
 _TEXTS = (".xml", ".json", ".txt", ".yaml", ".yml", ".names", ".data")
 _EXPECTED = (
     "expected CVAT for images 1.1 (annotations.xml), COCO (images, categories, annotations), Label Studio (a list of "
-    "tasks), FiftyOne (samples or labels) or YOLO (a folder of KEY.txt)"
+    "tasks) or YOLO (a folder of KEY.txt)"
 )
 
 
@@ -160,8 +160,6 @@ def _form_of_json(content: Any) -> str:
             return "a list of labels"  # of a CVAT task
         return LABEL_STUDIO
     if isinstance(content, dict):
-        if "samples" in content or isinstance(content.get("labels"), dict):
-            return FIFTYONE
         if "images" in content or "annotations" in content:
             return COCO
         return f"JSON with the keys {', '.join(sorted(content)[:5]) or '(none)'}"

@@ -1,7 +1,7 @@
 """Import of labels from annotation tools into a folder of label files for a run.
 
-`export_files` finds the files and the format, a reader (`cvat`, `label_studio`, `fiftyone`, or COCO and YOLO in this
-module) returns the shapes of each image, and `import_labels` writes the bounding boxes and counts skipped shapes.
+`export_files` finds the files and the format, a reader (`cvat`, `label_studio`, or COCO and YOLO in this module) returns
+the shapes of each image, and `import_labels` writes the bounding boxes and counts skipped shapes.
 """
 
 from __future__ import annotations
@@ -18,14 +18,12 @@ from polarsim.annotate.export_files import (
     COCO,
     CVAT,
     EXPORT_FORMS,
-    FIFTYONE,
     LABEL_STUDIO,
     YOLO,
     find_files,
     keyed_label_files,
     unpacked,
 )
-from polarsim.annotate.fiftyone import read_fiftyone
 from polarsim.annotate.label_studio import is_predicted, read_label_studio
 from polarsim.annotate.shapes import SIZE, ExportedImage, ExportedShape, scale_of
 from polarsim.errors import ConfigError, FormatError
@@ -233,6 +231,5 @@ IMPORTERS: dict[str, Callable[[Path, Imported], Iterator[ExportedImage]]] = {
     YOLO: _yolo,
     CVAT: lambda source, _: read_cvat(source),
     LABEL_STUDIO: _label_studio,
-    FIFTYONE: lambda source, _: read_fiftyone(source),
 }
 assert tuple(IMPORTERS) == EXPORT_FORMS

@@ -155,7 +155,7 @@ def import_(
         typer.Argument(callback=writes_folder, help="New folder for label files KEY.txt; must be empty or missing."),
     ],
     form: Annotated[
-        Literal["auto", "coco", "yolo", "cvat", "label-studio", "fiftyone"],
+        Literal["auto", "coco", "yolo", "cvat", "label-studio"],
         typer.Option("--format", help="Format of the source; auto: detected from the content."),
     ] = "auto",
     use: Annotated[
@@ -171,7 +171,7 @@ def import_(
         bool, typer.Option("--keep-empty", help="Import photos without boxes as annotated photos without objects.")
     ] = False,
 ) -> None:
-    """Import annotations from COCO, YOLO, CVAT, Label Studio or FiftyOne as seeds or corrections."""
+    """Import annotations from COCO, YOLO, CVAT or Label Studio as seeds or corrections."""
     from polarsim.annotate.import_labels import import_labels
     from polarsim.photo import BOX_CLASSES
 

@@ -277,38 +277,6 @@ def test_invalid_json_is_an_error_without_internal_names(tmp_path, content):
     assert not any(word in str(caught.value) for word in ("KeyError", "AttributeError", "_Runs", "TypeError"))
 
 
-def samples(**fields):
-    return {"samples": [{"filepath": f"data/{KEY}.png", **fields}]}
-
-
-def shares(box):
-    x0, y0, x1, y1 = np.array(box) / np.tile([WIDTH, HEIGHT], 2)
-    return [x0, y0, x1 - x0, y1 - y0]
-
-
-def test_labels_of_fiftyone_are_read_or_counted_by_form_and_field(tmp_path):
-    detection = {"_cls": "Detection", "label": "rock", "bounding_box": shares(BOX), "mask": "eJw="}
-    turned = detection | {"attributes": {"rotation": {"_cls": "NumericAttribute", "value": 90}}}
-    ring = [[[0.1, 0.1], [0.2, 0.1], [0.2, 0.2]]]
-    lines = [
-        {"_cls": "Polyline", "label": "shadow", "points": ring, "closed": True, "filled": True},
-        {"_cls": "Polyline", "label": "shadow", "points": ring, "closed": False, "filled": False},
-    ]
-    boxes = samples(
-        ground_truth={"_cls": "Detections", "detections": [detection, turned]},
-        model={"_cls": "Detections", "detections": [detection]},
-        weather={"_cls": "Classification", "label": "dark"},
-    )
-    done = import_labels(write(tmp_path / "a/samples.json", boxes), tmp_path / "boxes")
-    assert read_back(tmp_path / "boxes") == [("rock", [500, 300, 600, 340]), ("rock", [530, 270, 570, 370])]
-    assert done.read == {"box": 1, "rotated box": 1}
-    assert done.skipped == {"box in the field model": 1, "classification in the field weather": 1}
-    polylines = samples(outlines={"_cls": "Polylines", "polylines": lines})
-    done = import_labels(write(tmp_path / "b/samples.json", polylines), tmp_path / "polylines")
-    assert read_back(tmp_path / "polylines") == [("shadow", [193.6, 121.6, 387.2, 243.2])]
-    assert (done.read, done.skipped) == ({"polygon": 1}, {"polyline": 1})
-
-
 def coco_file(*annotations, name=f"{KEY}.png", width=WIDTH, height=HEIGHT):
     rows = [{"id": number, "image_id": 5, "category_id": 0, **one} for number, one in enumerate(annotations, 1)]
     image = {"id": 5, "file_name": name, "width": width, "height": height}
@@ -473,7 +441,7 @@ def zipped(folder, archive, separator="/"):
     return archive
 
 
-@pytest.mark.parametrize("form", [None, "cvat", "coco", "yolo", "label-studio", "fiftyone"])
+@pytest.mark.parametrize("form", [None, "cvat", "coco", "yolo", "label-studio"])
 @pytest.mark.parametrize("how", ["folder", "zip", "zip of Windows"])
 def test_exports_are_read_as_they_were_downloaded(tmp_path, form, how):
     content = {
@@ -482,17 +450,6 @@ def test_exports_are_read_as_they_were_downloaded(tmp_path, form, how):
         "yolo": {f"obj_train_data/{KEY}.txt": "1 0.490702 0.493421 0.051653 0.016447\n", "obj.names": "shadow\nrock\n"},
         "label-studio": {
             "project-1.json": [studio(result("labels", {**percent([900, 590, 1000, 610]), "labels": ["rock"]}))]
-        },
-        "fiftyone": {
-            "samples.json": samples(
-                ground_truth={
-                    "_cls": "Detections",
-                    "detections": [
-                        {"_cls": "Detection", "label": "rock", "bounding_box": shares([900, 590, 1000, 610])}
-                    ],
-                }
-            ),
-            "metadata.json": {"name": "a"},
         },
     }
     for name, text in content[form or "cvat"].items():

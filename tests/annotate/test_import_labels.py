@@ -55,25 +55,6 @@ def studio(minimal):
     return [{"data": {"image": image}, "annotations": [{"result": result}, dropped], "predictions": [{"result": []}]}]
 
 
-def relative(box):
-    x0, y0, x1, y1 = box / np.tile([WIDTH, HEIGHT], 2)
-    return [x0, y0, x1 - x0, y1 - y0]
-
-
-def fiftyone_samples():
-    detections = [
-        {"_cls": "Detection", "label": k, "bounding_box": relative(b)} for k, b in (("rock", ROCK), ("shadow", SHADOW))
-    ]
-    return {
-        "samples": [{"filepath": f"data/{KEY}.png", "ground_truth": {"_cls": "Detections", "detections": detections}}]
-    }
-
-
-def fiftyone_labels():
-    detections = [{"label": n, "bounding_box": relative(b)} for n, b in ((1, ROCK), (0, SHADOW))]
-    return {"classes": ["shadow", "rock"], "labels": {str(KEY): detections, str(OTHER): None}}
-
-
 def write_source(folder, tool):
     folder.mkdir(parents=True, exist_ok=True)
     if tool == "cvat":
@@ -93,16 +74,12 @@ def write_source(folder, tool):
     name, content = {
         "label-studio": ("tasks.json", studio(minimal=False)),
         "label-studio minimal": ("tasks.json", studio(minimal=True)),
-        "fiftyone samples": ("samples.json", fiftyone_samples()),
-        "fiftyone labels": ("labels.json", fiftyone_labels()),
     }[tool]
     (folder / name).write_text(json.dumps(content))
     return folder / name
 
 
-TOOLS = [
-    "coco", "yolo", "cvat", "label-studio", "label-studio minimal", "fiftyone samples", "fiftyone labels",
-]  # fmt: skip
+TOOLS = ["coco", "yolo", "cvat", "label-studio", "label-studio minimal"]
 
 
 @pytest.mark.parametrize("tool", TOOLS)

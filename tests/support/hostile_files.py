@@ -291,9 +291,6 @@ BRUSH = {"format": "rle", "brushlabels": ["rock"], "original_width": 8, "origina
          "rle": [0, 0, 0, 160, 57, 27, 254, 39, 0, 191, 255, 124, 2, 255, 254, 71, 0, 0]}  # fmt: skip
 ELLIPSE = {"x": 10, "y": 20, "radiusX": 3, "radiusY": 2, "rotation": 9, "ellipselabels": ["shadow"]}
 STUDIO_MIN = [{"photo": f"{KEY}.png", "control": [RECTANGLE, ELLIPSE], "other": [BRUSH], "id": 3}]
-DETECTIONS = {"_cls": "Detections", "detections": [{"label": "rock", "bounding_box": [0.1, 0.2, 0.03, 0.02]}]}
-FIFTYONE = {"samples": [{"filepath": f"data/{KEY}.png", "ground_truth": DETECTIONS}]}
-FIFTYONE_2 = {"classes": ["rock"], "labels": {str(KEY): [{"label": 0, "bounding_box": [0.1, 0.2, 0.03, 0.02]}]}}
 
 
 def positive_size(found: tuple[int, int]) -> None:
@@ -712,8 +709,6 @@ CASES: dict[str, list[Case]] = {
         Case(text("tasks.json", json.dumps(STUDIO)), imported, sound_import),
         Case(text("tasks.json", json.dumps(STUDIO_MIN)), imported, sound_import),
         Case(zipped_export, imported, sound_import, "export.zip"),
-        Case(text("samples.json", json.dumps(FIFTYONE)), imported, sound_import),
-        Case(text("labels.json", json.dumps(FIFTYONE_2)), imported, sound_import),
         Case(
             the_folder(text(f"export/{KEY}.txt", YOLO_BOXES), text("export/data.yaml", "names: [rock, shadow]\n")),
             lambda folder: imported(folder / "export"),

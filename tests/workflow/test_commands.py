@@ -212,7 +212,7 @@ def test_every_command_and_form_is_tested_here():
     assert {*READ_FORMS, *FORMS_FOR_OTHERS} == set(FORMS)
     assert set(TOOLS) == {"labelimg", "cvat", "label-studio"}
     form, _ = get_args(get_type_hints(import_, include_extras=True)["form"])
-    assert set(get_args(form)) == {"auto", "coco", "yolo", "cvat", "label-studio", "fiftyone"}
+    assert set(get_args(form)) == {"auto", "coco", "yolo", "cvat", "label-studio"}
 
 
 @pytest.mark.parametrize("tool", TOOLS)
