@@ -146,7 +146,7 @@ def _tiff_size(content: bytes) -> tuple[int, int, int]:
         if page.samplesperpixel > _MAX_BANDS:
             raise FormatError(f"{page.samplesperpixel} bands, expected 1 to {_MAX_BANDS}")
         orientation = page.tags.get(_ORIENTATION)
-        return page.imagewidth, page.imagelength, 1 if orientation is None else int(orientation.value)
+        return int(page.imagewidth), int(page.imagelength), 1 if orientation is None else int(orientation.value)
 
 
 def _pillow_size(content: bytes) -> tuple[int, int, int]:

@@ -1,7 +1,6 @@
 """Error handling of parsers: every exception becomes a single line with the file name, and file sizes are limited.
 
-Parsers raise exceptions of almost any type for damaged files. The decorator `reader` converts all exceptions, and
-`tests/formats/test_hostile_files.py` runs every decorated function on thousands of damaged files.
+Parsers raise exceptions of almost any type for damaged files. The decorator `reader` converts all exceptions.
 """
 
 from __future__ import annotations
@@ -16,7 +15,6 @@ from typing import Any, ParamSpec, TypeVar
 
 from polarsim.errors import FormatError, PolarsimError
 
-READERS: dict[str, Callable[..., Any]] = {}  # all decorated functions by module and name
 MB = 1_000_000  # bytes
 _MAX_REASON = 400  # characters; a quotation from a file could be a megabyte
 Arguments = ParamSpec("Arguments")
@@ -48,7 +46,6 @@ def reader(
                 _check_size(Path(path), largest_mb, error)
                 return function(*args, **kwargs)
 
-        READERS[f"{function.__module__}.{function.__name__}"] = read
         return read
 
     return mark
