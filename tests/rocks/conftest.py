@@ -55,7 +55,7 @@ class Scene:
         origin = sandbox_from_camera.translation
         scale = np.full(len(rays), 3.0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            for _ in range(25):
+            for _ in range(15):
                 x, y = origin[0] + scale * rays[:, 0], origin[1] + scale * rays[:, 1]
                 scale = (self.ground(x, y) - origin[2]) / rays[:, 2]
             scale[(rays[:, 2] > -0.1) | (np.abs(x) > 2.0) | (np.abs(y) > 2.0)] = np.inf
