@@ -66,14 +66,9 @@ def adjust(
 
     The derivatives are computed once, at the start: the corrections are a few pixels, over which they hardly change.
 
-    Parameters
-    ----------
-    localised : position -> LocalisedRig
-        The start, and the mean of the priors; all with the same calibration.
-    independent : int
-        Maximum weight of a view, in windows: the errors of neighbouring windows are correlated.
-    lenses : bool
-        Whether the calibration, which all positions share, is adjusted too.
+    `localised`, position -> LocalisedRig: the start, and the mean of the priors; all with the same calibration.
+    `independent`: maximum weight of a view, in windows: the errors of neighbouring windows are correlated.
+    `lenses`: whether the calibration, which all positions share, is adjusted too.
     """
     scale = priors.scale(len(localised), lenses=lenses)
     unknowns = np.zeros(len(scale))

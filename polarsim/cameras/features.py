@@ -40,14 +40,9 @@ def localise_by_features(
 ) -> dict[str, LocalisedRig]:
     """Localise the positions with enough matches to a localised position; log a warning for each of the rest.
 
-    Parameters
-    ----------
-    name
-        Name of the terrain, for messages.
-    localised : position -> LocalisedRig
-        Localised rigs; all have the same calibration.
-    pictures
-        Photos by view and azimuth of the Sun lamp.
+    `name`: name of the terrain, for messages.
+    `localised`, position -> LocalisedRig: localised rigs; all have the same calibration.
+    `pictures`: photos by view and azimuth of the Sun lamp.
     """
     rig = next(iter(localised.values())).rig
     lens = rig.left.scaled(FEATURE_SCALE)

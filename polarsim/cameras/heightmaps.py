@@ -53,14 +53,9 @@ def correlate_rotations(
 ) -> list[Pose]:
     """Return the best `fixed_from_moving` of two levelled clouds (n, 3), by correlation of their relief, best first.
 
-    Parameters
-    ----------
-    yaws : (y,) float
-        Rotations about +z to try, radians.
-    translation : float
-        Maximum translation along x and y, metres: the walls of the box are similar to each other.
-    count : int
-        Maximum number of poses; they differ by more than a few steps or a rotation.
+    `yaws` (y,): rotations about +z to try, radians.
+    `translation`: maximum translation along x and y, metres: the walls of the box are similar to each other.
+    `count`: maximum number of poses; they differ by more than a few steps or a rotation.
     """
     target = _MaskedSpectra.of(height_map(fixed, reach, step))
     peaks: list[tuple[float, float, np.ndarray]] = []

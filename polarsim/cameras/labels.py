@@ -53,18 +53,9 @@ def localise_by_labels(
     Every hypothesis of the search is refined to the end before poses are compared, because rough fits of the same
     pose differ by decimetres.
 
-    Parameters
-    ----------
-    boxes : (b, 4) float
-        Rock boxes of the left photo, pixels.
-    surveyed : Pose or None
-        Surveyed pose of the left camera. It restricts the azimuth of the search, and decides between poses that
-        explain the boxes equally well.
-
-    Raises
-    ------
-    RegistrationError
-        Too few boxes or meshes, or no pose explains any box.
+    `boxes` (b, 4): rock boxes of the left photo, pixels.
+    `surveyed`: surveyed pose of the left camera. It restricts the azimuth of the search, and decides between poses that
+    explain the boxes equally well.
     """
     if min(len(boxes), len(outlines)) < MIN_BOXES:
         raise RegistrationError(f"{len(boxes)} boxes and {len(outlines)} meshes, a pose needs {MIN_BOXES} of each")
@@ -85,13 +76,7 @@ def explained_share(fit: BoxFit, boxes: np.ndarray) -> float:
 
 
 def check_localisation(localisation: LabelLocalisation) -> LabelLocalisation:
-    """Refuse a pose that explains too few boxes, is ambiguous, or is too far from the survey.
-
-    Raises
-    ------
-    RegistrationError
-        With the shares, or the distance from the survey.
-    """
+    """Refuse a pose that explains too few boxes, is ambiguous, or is too far from the survey."""
     leads = localisation.share >= MIN_LED_FIT and localisation.share - localisation.runner_up >= MIN_LEAD
     if localisation.share < MIN_FIT and not leads:
         raise RegistrationError(

@@ -57,12 +57,8 @@ def refine_lamp(
 
     A single linear step suffices, because shadows move in proportion to the lamp.
 
-    Parameters
-    ----------
-    start, surveyed : (3,) float
-        Start of the fit, and surveyed position, metres.
-    independent : int
-        Maximum weight of a view, in windows: the errors of neighbouring windows are correlated.
+    `start`, `surveyed` (3,): start of the fit, and surveyed position, metres.
+    `independent`: maximum weight of a view, in windows: the errors of neighbouring windows are correlated.
     """
     across = _across(surveyed)
     moved = across @ (start - surveyed)

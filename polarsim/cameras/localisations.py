@@ -44,18 +44,7 @@ class Localisations:
 def localise_all(
     seen: Mapping[str, np.ndarray], outlines: Outlines, lens: Lens, options: LocalisationOptions
 ) -> Localisations:
-    """Localise every position whose boxes and meshes suffice.
-
-    Parameters
-    ----------
-    seen : position -> (b, 4) float
-        Rock boxes of the left photos, pixels.
-
-    Returns
-    -------
-    Localisations
-        Positions with too few boxes or meshes are neither localised nor refused.
-    """
+    """Localise positions by rock boxes (b, 4) of left photos; too few boxes or meshes are neither localised nor refused."""
     usable = [position for position, boxes in seen.items() if min(len(boxes), len(outlines)) >= MIN_BOXES]
     result = Localisations({}, no_translations(outlines, options.rock_translation_sd_mm / 1000), {})
     separately = {

@@ -64,21 +64,9 @@ def locate_cameras(
 ) -> None:
     """Localise the rigs of a terrain and write the folder `cameras`: `PosX.json`, `colmap/` and tables of quality.
 
-    Parameters
-    ----------
-    inventory, calibration : Path
-        Inventory of the source, and calibration of the rig.
-    seeds : Path
-        Folder of seed labels; the labels of the left camera are used if there are no scans.
-    threads : int
-        Number of threads of Open3D.
-
-    Raises
-    ------
-    RegistrationError
-        Scans disagree, labels and meshes contradict each other, or no position has a pose.
-    FormatError
-        A file is invalid.
+    `inventory`, `calibration`: inventory of the source, and calibration of the rig.
+    `seeds`: folder of seed labels; the labels of the left camera are used if there are no scans.
+    `threads`: number of threads of Open3D.
     """
     source, rig = read_inventory(inventory), read_rig(calibration)
     scanned = [position for position in positions if position in source.scanned]
@@ -263,11 +251,6 @@ def _complete_positions(
 
     It is the pose suggested by labels or, without labels, the surveyed pose with the mean offset of the terrain's
     localised positions. The survey does not include some positions of terrain 13: photos may localise them later.
-
-    Raises
-    ------
-    RegistrationError
-        No position has a pose.
     """
     complete = dict(located.localised)
     poses = {position: other.sandbox_from_left for position, other in located.localised.items()}

@@ -77,17 +77,9 @@ class _Levelled:
 def register_scans(scans: Mapping[str, np.ndarray], stations: Mapping[str, Pose]) -> Network:
     """Register the scans of a terrain, without scans that show no sand or another terrain than the majority.
 
-    Parameters
-    ----------
-    scans : position -> (n, 3) float
-        Points in the left camera frame of each position, metres.
-    stations : position -> Pose
-        Surveyed `sandbox_from_left`; positions without a survey start from the same pose in front of the terrain.
-
-    Raises
-    ------
-    RegistrationError
-        No scan shows enough sand, two scans are copies, or at most half of the scans agree.
+    `scans`, position -> (n, 3): points in the left camera frame of each position, metres.
+    `stations`, position -> Pose: surveyed `sandbox_from_left`; positions without a survey start from the same pose in
+    front of the terrain.
     """
     for first, second in combinations(sorted(scans), 2):
         if np.array_equal(scans[first], scans[second]):

@@ -46,12 +46,8 @@ class Hypothesis:
 def candidate_centres(azimuth: float | None, level: float) -> np.ndarray:
     """Return positions (n, 3) to try.
 
-    Parameters
-    ----------
-    azimuth : float or None
-        Azimuth of the tripod from the origin, radians; None tries the full circle.
-    level : float
-        Height of the scene, metres.
+    `azimuth`: azimuth of the tripod from the origin, radians; None tries the full circle.
+    `level`: height of the scene, metres.
     """
     distances = _steps(*DISTANCE_RANGE, DISTANCE_STEP)
     heights = level + _steps(*HEIGHT_RANGE, HEIGHT_STEP)
@@ -66,14 +62,9 @@ def candidate_centres(azimuth: float | None, level: float) -> np.ndarray:
 def search_pose(outlines: Outlines, boxes: np.ndarray, lens: Lens, centres: np.ndarray) -> list[Hypothesis]:
     """Return the best distinct hypotheses, best first.
 
-    Parameters
-    ----------
-    outlines : Outlines
-        Outlines of all rocks with a mesh.
-    boxes : (b, 4) float
-        Rock boxes of the view, pixels.
-    centres : (n, 3) float
-        Positions to try, metres.
+    `outlines`: outlines of all rocks with a mesh.
+    `boxes` (b, 4): rock boxes of the view, pixels.
+    `centres` (n, 3): positions to try, metres.
     """
     normalised = _NormalisedBoxes.of(boxes, lens, SEARCH_SD_PX)
     thin = outlines.thinned(26)

@@ -27,12 +27,8 @@ PLANE_SCALES = [0.10, 0.08, 0.06, 0.05, 0.04, 0.03, 0.03, 0.03]  # metres: scale
 def small_box_frame(points: np.ndarray, half_width: float, cameras: Iterable[Pose]) -> Pose | None:
     """Return `sandbox_from_level` from scans (n, 3) in a level frame, metres; None if there is no such square.
 
-    Parameters
-    ----------
-    half_width : float
-        Half the width of the box, metres.
-    cameras
-        `level_from_left` of the scanned positions.
+    `half_width`: half the width of the box, metres.
+    `cameras`: `level_from_left` of the scanned positions.
     """
     upright = _level_floor(points)
     points = upright.apply(points)

@@ -52,16 +52,7 @@ def fit_translations(
     cameras by the same translation changes no box. The prior has the tails of a Cauchy distribution: a few rocks were
     moved by centimetres, and must not shift the rest.
 
-    Parameters
-    ----------
-    start : (m, 3) float
-        Previous translations, metres.
-
-    Returns
-    -------
-    unknowns : position -> (6,) float
-        Centre (metres), yaw, pitch and roll (radians) of the left cameras.
-    translations : Translations
+    `start` (m, 3): previous translations, metres. Return `unknowns_of` (6,) the left cameras, and the translations.
     """
     unknowns = {
         position: unknowns_of(localisation.fit.sandbox_from_left) for position, localisation in positions.items()
@@ -132,10 +123,7 @@ def translation_table(
 ) -> pd.DataFrame:
     """Return a row for each rock, rounded to 0.01 mm; IoU are means over the views that show the rock, NaN without.
 
-    Parameters
-    ----------
-    before, after : sequence of BoxFit
-        Fits of all views to the original and to the translated meshes.
+    `before`, `after`: fits of all views to the original and to the translated meshes.
     """
     millimetres = np.round(1000 * translations.metres, 2) + 0.0
     columns = {

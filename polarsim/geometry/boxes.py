@@ -68,19 +68,11 @@ def _intersection(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 def match_pairs(
     score: np.ndarray, allowed: np.ndarray, objective: Literal["most", "sum", "greedy"] = "most"
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Match rows with columns of a score (n, m), one to one, among the `allowed` (n, m) pairs.
+    """Return rows and columns (p,) of one-to-one pairs of a score (n, m), among the `allowed` (n, m) pairs.
 
-    Parameters
-    ----------
-    score
-        Higher is better; NaN for pairs that are not allowed.
-    objective
-        `most`: maximum number of pairs, then maximum summed score. `sum`: maximum summed score, for scores above 0.
-        `greedy`: the best pair first, then the best of the remaining pairs.
-
-    Returns
-    -------
-    rows, columns : (p,) int
+    `score`: higher is better; NaN for pairs that are not allowed.
+    `objective`: `most`: maximum number of pairs, then maximum summed score. `sum`: maximum summed score, for scores
+    above 0. `greedy`: the best pair first, then the best of the remaining pairs.
     """
     if not allowed.any():
         return np.zeros(0, int), np.zeros(0, int)

@@ -58,13 +58,7 @@ class _Level:
 
 
 def build_tree(vertices: np.ndarray, faces: np.ndarray) -> Tree:
-    """Build the tree of triangles `faces` (f, 3) of `vertices` (v, 3), with boxes that bound them in float32; f > 0.
-
-    Raises
-    ------
-    ValueError
-        There are no triangles, or more than 2^28.
-    """
+    """Build the tree of triangles `faces` (f, 3) of `vertices` (v, 3), with boxes that bound them in float32; f > 0."""
     if not 0 < len(faces) < _MAX_TRIANGLES:
         raise ValueError(f"{len(faces)} triangles, a tree holds 1 to {_MAX_TRIANGLES - 1}")
     level = _root(np.asarray(vertices, np.float32), np.asarray(faces))

@@ -21,11 +21,6 @@ def make_caster(
     Embree casts float32 rays on `threads` threads (default: 1). Taichi uses the same number on the CPU; its default is
     the number of the current start. Results do not depend on the number. NumPy is the reference; its time is
     proportional to rays times triangles.
-
-    Raises
-    ------
-    PolarsimError
-        The engine cannot be loaded, or the device is not available.
     """
     if engine == "numpy":
         return NumpyCaster(vertices, faces)

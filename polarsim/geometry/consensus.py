@@ -27,21 +27,11 @@ log = logging.getLogger("polarsim")
 
 
 def consensus_boxes(annotated: Sequence[np.ndarray], share: float = 0.3, same_iou: float = 0.5) -> np.ndarray:
-    """Return the boxes that enough photos agree on.
+    """Return the boxes (m, 4) that enough photos agree on: the median box of each rock, in the order of annotation.
 
-    Parameters
-    ----------
-    annotated : sequence of (n, 4) float
-        Rock boxes of a view in pixels, one array per photo (one photo per azimuth).
-    share : float
-        Minimum share of the photos in which a rock is annotated.
-    same_iou : float
-        Minimum IoU of boxes of the same rock in two photos.
-
-    Returns
-    -------
-    (m, 4) float
-        Median box of each rock, in the order of first annotation; empty without photos.
+    `annotated`, sequence of (n, 4): rock boxes of a view in pixels, one array per photo (one photo per azimuth).
+    `share`: minimum share of the photos in which a rock is annotated.
+    `same_iou`: minimum IoU of boxes of the same rock in two photos.
     """
     clusters: list[list[np.ndarray]] = []
     for boxes in annotated:
@@ -84,18 +74,10 @@ def _median(cluster: list[np.ndarray]) -> np.ndarray:
 
 
 def find_rocks_labelled_shadow(shadows: np.ndarray, rocks: np.ndarray, elsewhere: Sequence[np.ndarray]) -> np.ndarray:
-    """Return which shadows of a photo are rocks.
+    """Return (n,) which shadows of a photo are rocks.
 
-    Parameters
-    ----------
-    shadows, rocks : (n, 4), (m, 4) float
-        Boxes of one photo, pixels.
-    elsewhere : sequence of (k, 4) float
-        Rock boxes of the same view under other lamps, one array per azimuth.
-
-    Returns
-    -------
-    (n,) bool
+    `shadows` (n, 4), `rocks` (m, 4): boxes of one photo, pixels.
+    `elsewhere`, sequence of (k, 4): rock boxes of the same view under other lamps, one array per azimuth.
     """
     shown = np.sum([largest_iou(shadows, boxes) >= SHADOW_ON_ROCK for boxes in elsewhere], axis=0)
     return np.asarray((shown >= MIN_AZIMUTHS) & (largest_iou(shadows, rocks) < MIN_SAME_ROCK_IOU))
@@ -122,12 +104,9 @@ def find_mislabelled_positions(
 ) -> list[MislabelledPosition]:
     """Return positions with boxes of another position.
 
-    Parameters
-    ----------
-    annotated : position -> (b, 4) float
-        Rock boxes of the left photos, one per rock, pixels.
-    projected : position -> (m, 4) float
-        Boxes of the terrain's rocks in left photos from the pose of each position; NaN for rocks out of view.
+    `annotated`, position -> (b, 4): rock boxes of the left photos, one per rock, pixels.
+    `projected`, position -> (m, 4): boxes of the terrain's rocks in left photos from the pose of each position; NaN for
+    rocks out of view.
     """
     mislabelled = []
     for position, boxes in sorted(annotated.items()):

@@ -48,13 +48,7 @@ _INTERFACE: dict[str, tuple[object, list[object]]] = {
 
 @cache
 def embree() -> ctypes.CDLL:
-    """Load the library and declare its functions.
-
-    Raises
-    ------
-    PolarsimError
-        embreex is not installed, or does not include Embree 4.
-    """
+    """Load the library and declare its functions."""
     try:
         import embreex.rtcore_scene  # noqa: F401  (loads the thread library of Embree)
 

@@ -145,11 +145,8 @@ def pixel_directions(lens: Lens, rows: slice, offset: tuple[float, float] = (0.0
 def separated(lens: Lens, offset: tuple[float, float] = (0.0, 0.0)) -> tuple[np.ndarray, np.ndarray] | None:
     """Return directions of an entire photo as sums of products, for devices with slow transfers.
 
-    Returns
-    -------
-    of_row, of_column : (h, n, 2), (w, n)
-        x and y of the direction through pixel (v, u), moved by `offset` pixels: of_row[v].T @ of_column[u]. None if no
-        polynomial is accurate enough.
+    x and y of the direction through pixel (v, u), moved by `offset` pixels, are of_row[v].T @ of_column[u], for the
+    results (h, n, 2) and (w, n). None if no polynomial is accurate enough.
     """
     fit = _inverse(lens)
     if fit is None:

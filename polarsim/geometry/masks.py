@@ -14,15 +14,7 @@ SMALL_PART = 0.15  # minimum area of a connected part, share of the largest part
 def confusion_matrix(truth: np.ndarray, found: np.ndarray, classes: int) -> np.ndarray:
     """Return numbers of pixels (classes, classes) by true class (row) and predicted class (column).
 
-    Parameters
-    ----------
-    truth, found
-        Class numbers of the same shape; pixels with an unknown true class are ignored.
-
-    Raises
-    ------
-    ValueError
-        Shapes differ.
+    `truth`, `found`: class numbers of the same shape; pixels with an unknown true class are ignored.
     """
     if truth.shape != found.shape:
         raise ValueError(f"masks have different shapes, {truth.shape} and {found.shape}")

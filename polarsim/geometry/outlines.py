@@ -71,12 +71,8 @@ class Outlines:
 def rock_outline(mesh: Mesh, trim: float, trim_share: float) -> tuple[np.ndarray, np.ndarray]:
     """Return points (n, 3) and (k, 3) that determine a rock's box: of the entire rock, and of the part above its skirt.
 
-    Parameters
-    ----------
-    trim : float
-        Height of the upper part above the plane through the rock's rim, metres.
-    trim_share : float
-        Maximum height of the lower end of the upper part, share of the rock's height.
+    `trim`: height of the upper part above the plane through the rock's rim, metres.
+    `trim_share`: maximum height of the lower end of the upper part, share of the rock's height.
     """
     vertices = largest_island(mesh).vertices
     bottom, top = vertices[:, 2].min(), vertices[:, 2].max()

@@ -51,14 +51,9 @@ class MatchedWindows:
 def match_windows(shaded: np.ndarray, photo: np.ndarray, usable: np.ndarray, window: MatchingOptions) -> MatchedWindows:
     """Match windows of the shaded view with a photo.
 
-    Parameters
-    ----------
-    shaded : (h, w) float32
-        Radiance in any unit.
-    photo : (h, w) float32
-        Grey values of the same view, shrunk to the size of the shaded view, black level included.
-    usable : (h, w) bool
-        Pixels that may be centres of windows.
+    `shaded` (h, w): radiance in any unit.
+    `photo` (h, w): grey values of the same view, shrunk to the size of the shaded view, black level included.
+    `usable` (h, w): pixels that may be centres of windows.
     """
     import cv2
 
@@ -155,10 +150,7 @@ def match_stereo_windows(
 ) -> StereoMatches:
     """Match windows of the left photo with the right photo, warped by the shape of the scene.
 
-    Parameters
-    ----------
-    left, right : (h, w) float32
-        Grey values, black level included, of the sizes of `seen`.
+    `left`, `right` (h, w): grey values, black level included, of the sizes of `seen`.
     """
     import cv2
 

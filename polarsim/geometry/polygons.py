@@ -31,11 +31,8 @@ def signed_area(ring: np.ndarray) -> float:
 def outlines(mask: np.ndarray, simplify_px: float = 0.0) -> list[np.ndarray]:
     """Return rings around the true pixels of a mask (h, w), largest first.
 
-    Parameters
-    ----------
-    simplify_px : float
-        Maximum distance of a removed point from its ring (Douglas and Peucker, topology kept); less for a ring that
-        would gain or lose more than 1 % of its pixels.
+    `simplify_px`: maximum distance of a removed point from its ring (Douglas and Peucker, topology kept); less for a
+    ring that would gain or lose more than 1 % of its pixels.
     """
     import contourpy
 

@@ -43,13 +43,7 @@ class Pose:
 
     @classmethod
     def from_matrix(cls, matrix: np.ndarray) -> Pose:
-        """Create a pose from a (4, 4) or (3, 4) matrix.
-
-        Raises
-        ------
-        FormatError
-            The matrix is not finite, or its rotation is invalid (checked to 1e-4).
-        """
+        """Create a pose from a (4, 4) or (3, 4) matrix."""
         matrix = np.asarray(matrix, float)
         if matrix.shape not in ((4, 4), (3, 4)):
             raise FormatError(f"a pose has shape {matrix.shape}, expected 4 x 4")
@@ -68,13 +62,7 @@ class Pose:
 
 
 def orthogonal_rotation(matrix: np.ndarray, tolerance: float = 1e-4) -> np.ndarray:
-    """Return the matrix (3, 3) made exactly orthogonal.
-
-    Raises
-    ------
-    FormatError
-        The matrix differs from a rotation by more than the tolerance.
-    """
+    """Return the matrix (3, 3) made exactly orthogonal."""
     if not np.isfinite(matrix).all() or np.abs(matrix @ matrix.T - np.eye(3)).max() > tolerance:
         raise FormatError("the rotation matrix is not orthogonal to 1e-4")
     if np.linalg.det(matrix) < 0:
@@ -86,14 +74,9 @@ def orthogonal_rotation(matrix: np.ndarray, tolerance: float = 1e-4) -> np.ndarr
 def camera_pose(centre: np.ndarray, yaw: float, pitch: float, roll: float = 0.0) -> Pose:
     """Return `sandbox_from_camera` of a camera at `centre` (3,).
 
-    Parameters
-    ----------
-    yaw : float
-        Heading of the optical axis, radians from +X towards +Y.
-    pitch : float
-        Downwards, radians.
-    roll : float
-        Rotates the right axis towards down, radians.
+    `yaw`: heading of the optical axis, radians from +X towards +Y.
+    `pitch`: downwards, radians.
+    `roll`: rotates the right axis towards down, radians.
     """
     forward = np.array([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), -np.sin(pitch)])
     level_right = np.array([np.sin(yaw), -np.cos(yaw), 0.0])

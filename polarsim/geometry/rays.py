@@ -34,19 +34,10 @@ class Caster(Protocol):
     """Triangles that can be hit by rays."""
 
     def nearest(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the nearest triangle along each ray.
+        """Return distance (n,) and number (n,) int64 of the nearest triangle along rays (n, 3); directions are not zero.
 
-        Parameters
-        ----------
-        origins, directions : (n, 3) float
-            Directions of any length but zero.
-
-        Returns
-        -------
-        distance : (n,) float
-            In units of the direction's length: origins + distance * directions is the point; inf without a hit.
-        face : (n,) int64
-            Number of the triangle; `NO_FACE` without a hit.
+        The distance is in units of the direction's length: origins + distance * directions is the point. Rays without a
+        hit have distance inf and `NO_FACE`.
         """
         ...
 

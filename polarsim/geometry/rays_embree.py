@@ -138,12 +138,6 @@ class MovableScene:
     """
 
     def __init__(self, parts: Sequence[MovableMesh]) -> None:
-        """
-        Raises
-        ------
-        PolarsimError
-            Embree cannot be loaded, or refuses the triangles.
-        """
         self.address = _new_scene()
         self._vertices = [padded(part.vertices) for part in parts]
         self._faces = [np.require(part.faces, np.uint32, ["C", "A"]) for part in parts]

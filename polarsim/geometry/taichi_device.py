@@ -65,11 +65,6 @@ def start(threads: int | None, device: Device = "cpu") -> None:
     """Start Taichi on a device, on the CPU with a number of threads; None: the current number, or one.
 
     A repeated start has no effect; a start with other arguments discards the data on the device.
-
-    Raises
-    ------
-    PolarsimError
-        The device is not available, or Taichi does not start.
     """
     global _running, _starts
     if threads is None or device != "cpu":

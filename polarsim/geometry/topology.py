@@ -12,15 +12,7 @@ from polarsim.geometry.meshes import Mesh
 
 
 def hull_faces(points: np.ndarray) -> np.ndarray:
-    """Return the faces (f, 3) of the convex hull of points (n, 3), oriented outwards.
-
-    Raises
-    ------
-    QhullError
-        The points enclose no volume.
-    ValueError
-        There are too few points, or a coordinate is not finite.
-    """
+    """Return the faces (f, 3) of the convex hull of points (n, 3), oriented outwards; QhullError without volume."""
     hull = ConvexHull(points)
     faces = hull.simplices.copy()
     a, b, c = (points[faces[:, k]] for k in range(3))

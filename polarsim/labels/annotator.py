@@ -46,12 +46,8 @@ class Annotator:
     ) -> np.ndarray:
         """Return the box (4,) that an annotator draws around a shadow with visible extent `box` (4,), px.
 
-        Parameters
-        ----------
-        rock_label, rock_mesh : (4,) float
-            Label and projected mesh box of the rock that casts the shadow, px.
-        px_per_m
-            Scale of the photo at the rock.
+        `rock_label`, `rock_mesh` (4,): label and projected mesh box of the rock that casts the shadow, px.
+        `px_per_m`: scale of the photo at the rock.
         """
         moves = edge_terms(box, rock_label, rock_mesh, px_per_m) @ np.asarray(self.edges)
         return np.asarray(box + OUTWARD.sum(axis=1) * moves)
@@ -66,13 +62,7 @@ NO_HABITS = Annotator((0.0,) * len(EDGE_TERMS), (0.0,) * len(ROVER_LIGHT_TERMS))
 
 @cache
 def read_annotator(path: Path = PACKAGED) -> Annotator:
-    """Read the coefficients of a file such as `annotator.json`.
-
-    Raises
-    ------
-    FormatError
-        Missing or unknown coefficient.
-    """
+    """Read the coefficients of a file such as `annotator.json`."""
     content = json.loads(path.read_text(encoding="utf-8"))
     values = []
     for rule, terms in (("shadow_edges", EDGE_TERMS), ("rover_light", ROVER_LIGHT_TERMS)):
@@ -102,15 +92,10 @@ def edge_terms(box: np.ndarray, rock_label: np.ndarray, rock_mesh: np.ndarray, p
 def rover_light_terms(share: float, elsewhere: float, size_px: float, distance_m: float) -> np.ndarray:
     """Return the terms (len(ROVER_LIGHT_TERMS),) of the log odds that a rock is annotated under the rover light.
 
-    Parameters
-    ----------
-    share, elsewhere
-        Share of the annotations under Sun lamps that contain the rock: at the position of the photo, and at all
-        different positions.
-    size_px
-        sqrt(width * height) of the label.
-    distance_m
-        Distance from the camera to the rock.
+    `share`, `elsewhere`: share of the annotations under Sun lamps that contain the rock: at the position of the photo,
+    and at all different positions.
+    `size_px`: sqrt(width * height) of the label.
+    `distance_m`: distance from the camera to the rock.
     """
     small = min(np.log(max(size_px, 1.0) / LARGE_PX), 0.0)
     return np.array([1.0, share - 1, elsewhere - 1, small, distance_m - CENTRE_DISTANCE_M])

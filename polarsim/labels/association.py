@@ -98,12 +98,8 @@ def number_domes(
 ) -> tuple[list[list[int]], dict[int, Dome]]:
     """Number rocks without a mesh: domes of different views at the same position are the same rock.
 
-    Returns
-    -------
-    numbers
-        Number of each dome of each view, from `first` upwards in the order of the input. None gets a unique number.
-    domes
-        Mean dome of each number.
+    Return the number of each dome of each view, from `first` upwards in the order of the input (None gets a unique
+    number), and the mean dome of each number.
     """
     members: dict[int, list[Dome]] = {}
     numbers: list[list[int]] = []

@@ -166,14 +166,9 @@ def build_world(
 ) -> TerrainCasters:
     """Build the casters of the meshes of a terrain.
 
-    Parameters
-    ----------
-    trim : float
-        Rock surface below this height above the ground counts as ground, metres.
-    suns : azimuth -> (3,)
-        Positions of the Sun lamps.
-    wall_height
-        Height of the walls around the ground, metres; 0: no walls.
+    `trim`: rock surface below this height above the ground counts as ground, metres.
+    `suns`, azimuth -> (3,): positions of the Sun lamps.
+    `wall_height`: height of the walls around the ground, metres; 0: no walls.
     """
     ground_count = int((terrain.rock_of_face == NO_ROCK).sum())
     ground_faces, standing_faces = np.split(terrain.faces, [ground_count])

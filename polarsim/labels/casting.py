@@ -101,16 +101,10 @@ def shadow_box(
 ) -> np.ndarray | None:
     """Return the bounding box (4,) of the visible shadow of a rock, px; None if too little is visible.
 
-    Parameters
-    ----------
-    shadow : (rows, columns) int
-        Rock that casts the shadow at every `step`-th pixel.
-    rock_box : (4,) float or None
-        Label of the rock in the same photo. Shadow inside the ellipse of the rock is ignored.
-    windows
-        `windows_of` the shadow image.
-    slivers
-        Whether to return boxes of shadows that are thinner than `THIN_PX` everywhere.
+    `shadow` (rows, columns): rock that casts the shadow at every `step`-th pixel.
+    `rock_box` (4,) or None: label of the rock in the same photo. Shadow inside the ellipse of the rock is ignored.
+    `windows`: `windows_of` the shadow image.
+    `slivers`: whether to return boxes of shadows that are thinner than `THIN_PX` everywhere.
     """
     if rock not in windows:
         return None
@@ -134,15 +128,10 @@ def fit_to_dark_region(
     The result is None if the surrounding ground is equally dark, as in the shadow of a wall or slope, or if the areas
     of the dark region and the cast shadow differ too much.
 
-    Parameters
-    ----------
-    box : (4,) float
-        Box of the cast shadow, px.
-    shadow, rocks : (rows, columns) int
-        Rock that casts the shadow, and visible rock, at every `step`-th pixel. Shadows of walls are neither a rock nor
-        `NO_ROCK`.
-    rock
-        Rock that casts the shadow.
+    `box` (4,): box of the cast shadow, px.
+    `shadow`, `rocks` (rows, columns): rock that casts the shadow, and visible rock, at every `step`-th pixel. Shadows
+    of walls are neither a rock nor `NO_ROCK`.
+    `rock`: rock that casts the shadow.
     """
     import cv2
 
@@ -191,12 +180,9 @@ def wall_crossing_heights(points: np.ndarray, lamp: np.ndarray, bounds: np.ndarr
 def fit_wall_height(passing: np.ndarray, rate: np.ndarray, stated: float) -> float:
     """Return the wall height that reproduces the shadow edge in a photo; the nominal height without a visible edge.
 
-    Parameters
-    ----------
-    passing, rate : (n,) float
-        Height above the ground at which light to bare ground crosses the walls, metres, and brightness of that ground.
-    stated
-        Nominal height of the walls, metres.
+    `passing`, `rate` (n,): height above the ground at which light to bare ground crosses the walls, metres, and
+    brightness of that ground.
+    `stated`: nominal height of the walls, metres.
     """
     order = np.argsort(passing, kind="stable")
     passing, rate = passing[order], rate[order]

@@ -281,10 +281,8 @@ def mesh_weights(annotated: np.ndarray, count: np.ndarray, mesh: np.ndarray, wei
     Commun. Stat. A 6 (1977) 813) if it deviates from the annotations: scans miss parts of rocks and include sand.
     Edges without annotations have weight 1.
 
-    Parameters
-    ----------
-    annotated, count : (n, 4) float
-        Mean of the annotated edges, and number of annotations. `annotated` is ignored where `count` is 0.
+    `annotated`, `count` (n, 4): mean of the annotated edges, and number of annotations. `annotated` is ignored where
+    `count` is 0.
     """
     unannotated = count == 0
     reference = np.where(unannotated, mesh, annotated)

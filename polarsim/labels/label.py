@@ -34,17 +34,11 @@ def confidence(
 ) -> float:
     """Return the probability that a label is correct, logistic in `share` and in the logarithm of the size.
 
-    Parameters
-    ----------
-    share
-        Share of the annotated azimuths of the position in which the rock is annotated, among azimuths whose lamp
-        lights the rock; 1 if not applicable.
-    size_px
-        sqrt(width * height) of the label.
-    by_rover_light
-        Whether the rover light, not a Sun lamp, casts the shadow.
-    pitch_known
-        Whether the pitch of the camera is known. It determines the shift of translated labels.
+    `share`: share of the annotated azimuths of the position in which the rock is annotated, among azimuths whose lamp
+    lights the rock; 1 if not applicable.
+    `size_px`: sqrt(width * height) of the label.
+    `by_rover_light`: whether the rover light, not a Sun lamp, casts the shadow.
+    `pitch_known`: whether the pitch of the camera is known. It determines the shift of translated labels.
     """
     start, missed, size = COEFFICIENTS[kind, source]
     if source == "cast" and by_rover_light:

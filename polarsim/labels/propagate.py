@@ -76,13 +76,6 @@ def propagate_labels(
     """Write `boxes`/KEY.txt for every key and the label table; a photo without labels gets an empty file.
 
     Seeds stored under the name of a wrong position are skipped with a warning.
-
-    Raises
-    ------
-    LabelError
-        The inventory belongs to a different terrain; or an excluded photo is neither a seed nor a correction.
-    FormatError
-        Invalid seed, camera or mesh file.
     """
     inputs = PropagationInputs(terrain, keys, photos, inventory, seeds, cameras, meshes, annotator)
     labels = labels_of_terrain(inputs, options)

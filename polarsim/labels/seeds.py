@@ -77,15 +77,7 @@ Seeds = dict[str, dict[AnnotationKey, AnnotatedBoxes]]  # by position
 
 
 def read_seeds(folder: Path, terrain: int) -> PhotoAnnotations:
-    """Read every `KEY.txt` of a terrain.
-
-    Raises
-    ------
-    FormatError
-        Invalid line of a label file.
-    LabelError
-        A file name is not a photo key.
-    """
+    """Read every `KEY.txt` of a terrain."""
     drawings = {}
     for path in sorted(folder.glob("*.txt")):
         key = PhotoKey.parse(path.stem)
@@ -108,13 +100,9 @@ def shadow_min_exposures(drawings: PhotoAnnotations, usual_ms: int) -> ShadowMin
 def choose_seeds(drawings: PhotoAnnotations, corrections: PhotoAnnotations, min_exposures: ShadowMinExposures) -> Seeds:
     """Choose an annotation per position, camera and azimuth.
 
-    Parameters
-    ----------
-    corrections
-        Corrected annotations; preferred to seeds.
-    starts
-        Minimum exposures of shadow annotations. If an annotation of a shorter exposure has no shadows, the shadows are
-        taken from another annotation of the same camera and lamp.
+    `corrections`: corrected annotations; preferred to seeds.
+    `min_exposures`: minimum exposures of shadow annotations. If an annotation of a shorter exposure has no shadows, the
+    shadows are taken from another annotation of the same camera and lamp.
     """
     candidates: dict[tuple[str, AnnotationKey], list[Ranked]] = {}
     entries = [
@@ -197,13 +185,7 @@ def read_corrections(folder: Path | None, terrain: int) -> dict[PhotoKey, Annota
 
 
 def read_all_corrections(folder: Path) -> dict[PhotoKey, AnnotatedBoxes]:
-    """Read the corrected boxes of each photo from `KEY.txt` and COCO files (`*.json`).
-
-    Raises
-    ------
-    FormatError
-        Missing folder, invalid file, or two corrections of the same photo.
-    """
+    """Read the corrected boxes of each photo from `KEY.txt` and COCO files (`*.json`)."""
     corrections = read_annotated_boxes(folder)
     for path in sorted(Path(folder).rglob("*.json")):
         for key, annotated in read_coco(path).items():

@@ -41,10 +41,7 @@ def mean_shadow(annotated: np.ndarray, cut: np.ndarray, cast: CastShadow | None,
     Edges `cut` (4,) by the border of the annotated photo are taken from the cast box. Edges of a dark region far from
     the annotated edges are ignored, because dark ground can continue beyond the shadow.
 
-    Parameters
-    ----------
-    cast_weight
-        Weight of a cast shadow. An annotated shadow and a shadow fitted to a photo have weight 1.
+    `cast_weight`: weight of a cast shadow. An annotated shadow and a shadow fitted to a photo have weight 1.
     """
     if cast is None or iou(annotated[None], cast.box[None])[0, 0] < SAME_SHADOW_IOU:
         return annotated

@@ -31,17 +31,8 @@ def derived_labels(
 ) -> pd.DataFrame:
     """Propagate the labels of a terrain with and without an annotation, and write the rows of `label_changes`.
 
-    Parameters
-    ----------
-    drawing
-        Photo of the seed or correction.
-    options
-        Options of the labels stage, which must not exclude the annotation.
-
-    Raises
-    ------
-    LabelError
-        The photo has no annotation, or the annotation is already excluded.
+    `drawing`: photo of the seed or correction.
+    `options`: options of the labels stage, which must not exclude the annotation.
     """
     if str(drawing) in options.excluded_annotations:
         raise LabelError(f"the annotation of {drawing} is already excluded (labels.excluded_annotations)")

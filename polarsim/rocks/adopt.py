@@ -37,15 +37,7 @@ MAX_FOOT_GAP = 0.05  # maximum distance between rocks' feet and the ground, metr
 def read_ground(path: str | Path, feet: Mapping[int, np.ndarray]) -> Mesh:
     """Read the mesh of the ground, oriented upwards, and check that it belongs to the rocks.
 
-    Parameters
-    ----------
-    feet : rock id -> (n, 3)
-        Points of the rims of the published rocks, metres, sandbox frame.
-
-    Raises
-    ------
-    FormatError
-        The mesh is invalid, is not a sandbox in metres, has no ground at a rock or is too far from the rocks' feet.
+    `feet`, rock id -> (n, 3): points of the rims of the published rocks, metres, sandbox frame.
     """
     ground = obj.read_obj(path)
     with with_path(path):
@@ -99,11 +91,6 @@ def adopt_rocks(*, terrain: int, inventory: Path, cameras: Path, rocks: Path, cu
 
     Rocks are translated as in `cameras/rock_translations.csv`, if that file exists. `meshes.csv` states the source of
     the ground. A terrain without meshes has an empty table and level ground at z = 0.
-
-    Raises
-    ------
-    FormatError
-        A mesh is invalid, or the published ground does not belong to the rocks.
     """
     published = read_inventory(inventory)
     with with_path(inventory):

@@ -117,10 +117,7 @@ def alignment_translations(scans: Sequence[ScanPoints]) -> np.ndarray | None:
     three sides that two scans share; None if the points leave a direction undetermined. The weighted mean translation
     is zero, so that the rock keeps its position.
 
-    Parameters
-    ----------
-    scans : sequence of ScanPoints
-        The points of each scan on the rock; scans with few points are not translated.
+    `scans`: the points of each scan on the rock; scans with few points are not translated.
     """
     thinned = [voxel_means(scan, ALIGNMENT_VOXEL) for scan in scans]
     usable = [number for number, scan in enumerate(thinned) if len(scan) >= MIN_SCAN_POINTS]

@@ -39,10 +39,8 @@ def fit_ground(rims: Sequence[np.ndarray], grid: FloorGrid) -> np.ndarray:
     Feet on a plane return this plane. Neither the order of rocks and points nor copies of a rock change the result. No
     triangle between neighbouring cells is steeper than `MAX_SLOPE_DEG`.
 
-    Parameters
-    ----------
-    rims : sequence of (n, 3) float
-        Points of each rock's foot, metres. All rocks have the same weight, independent of their number of points.
+    `rims`, sequence of (n, 3): points of each rock's foot, metres. All rocks have the same weight, independent of their
+    number of points.
     """
     feet = _distinct(rims)
     if not feet:
@@ -120,12 +118,8 @@ def _plate(
 ) -> np.ndarray:
     """Return the deviation (rows, columns) from the base surface; its slope may exceed the bound slightly.
 
-    Parameters
-    ----------
-    above_base : (n,) float
-        Heights of the feet above the base surface, metres.
-    shares : (n,) float
-        Weights of the feet, 1 in sum for each rock.
+    `above_base` (n,): heights of the feet above the base surface, metres.
+    `shares` (n,): weights of the feet, 1 in sum for each rock.
     """
     coarse = FloorGrid(grid.extent, max(grid.cell, _PLATE_CELL))
     inside = coarse.cell_of(points) >= 0

@@ -33,17 +33,10 @@ def group_pieces(
     Rocks that touch are joined, cut in two, or exchange a piece, the best change first, while their boxes fit the
     annotated boxes clearly better.
 
-    Parameters
-    ----------
-    rock : (n,) int
-        Rock numbers by shape.
-    touching : pairs of pieces
-    boxes : position -> (n, 4) float
-        Boxes around the pieces, pixels; NaN for pieces that the photo does not show.
-    annotated : position -> (m, 4) float
-        One box per rock.
-    min_iou : float
-        Minimum IoU of matching boxes.
+    `rock` (n,): rock numbers by shape.
+    `boxes`, position -> (n, 4): boxes around the pieces, pixels; NaN for pieces that the photo does not show.
+    `annotated`, position -> (m, 4): one box per rock.
+    `min_iou`: minimum IoU of matching boxes.
     """
     result, free = rock.copy(), int(rock.max(initial=0)) + 1
     for pieces, pairs in _clusters(rock, touching) if annotated else ():

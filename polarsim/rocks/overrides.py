@@ -34,13 +34,7 @@ class Overrides:
 
 
 def read_overrides(path: str | Path) -> Overrides:
-    """Read the entries `{rock: id, min: [x, y, z], max: [x, y, z]}`, `{rock: id, at: [x, y]}`, `{drop: [ids]}`; metres.
-
-    Raises
-    ------
-    FormatError
-        The file is not a YAML list, or an entry has another form, a repeated id, or a cuboid without volume.
-    """
+    """Read entries `{rock: id, min: [x, y, z], max: [x, y, z]}`, `{rock: id, at: [x, y]}`, `{drop: [ids]}`; m."""
     with reading("YAML", path):
         entries = parse_yaml(text_of(path))
     with with_path(path):

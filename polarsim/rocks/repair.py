@@ -73,19 +73,9 @@ def defects(mesh: Mesh) -> dict[str, object]:
 def repaired(mesh: Mesh, grid: FloorGrid, ground: np.ndarray, scanners: np.ndarray, cell: float) -> Mesh:
     """Return a closed copy: the surface above the skirt, the hidden back, and an underside below the ground.
 
-    Parameters
-    ----------
-    ground : (rows, columns) float
-        Heights of the ground on `grid`, also under the rock.
-    scanners : (s, 3) float
-        Positions of the scanners, which distinguish scanned and hidden sides.
-    cell : float
-        Cell of the reconstruction, metres.
-
-    Raises
-    ------
-    ReconstructionError
-        The surface encloses no volume.
+    `ground` (rows, columns): heights of the ground on `grid`, also under the rock.
+    `scanners` (s, 3): positions of the scanners, which distinguish scanned and hidden sides.
+    `cell`: cell of the reconstruction, metres.
     """
     normals = mesh.normals()
     directed = np.linalg.norm(normals, axis=1) > 0.5  # vertices of faces without area have no normal
@@ -118,10 +108,7 @@ def repair_rocks(
 
     A rock with a surface that encloses no volume is skipped with a warning.
 
-    Parameters
-    ----------
-    meshes : Path
-        Folder of the terrain's adopted rocks and their ground.
+    `meshes`: folder of the terrain's adopted rocks and their ground.
     """
     with with_path(inventory):
         published = {rock: obj.read_obj(path) for rock, path in read_inventory(inventory).rock_meshes().items()}

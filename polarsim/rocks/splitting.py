@@ -29,16 +29,10 @@ class Pieces:
 def cut_into_pieces(above: np.ndarray, labels: np.ndarray, seen: np.ndarray, cell: float) -> Pieces:
     """Cut regions into pieces, and group pieces into rocks.
 
-    Parameters
-    ----------
-    above : (rows, columns) float
-        Heights above the ground, metres; arbitrary in hidden cells.
-    labels : (rows, columns) int
-        Connected regions above the ground, 0 outside.
-    seen : (rows, columns) bool
-        Cells with a measured surface.
-    cell : float
-        Side of a cell, metres.
+    `above` (rows, columns): heights above the ground, metres; arbitrary in hidden cells.
+    `labels` (rows, columns): connected regions above the ground, 0 outside.
+    `seen` (rows, columns): cells with a measured surface.
+    `cell`: side of a cell, metres.
     """
     relief, labels = relief_and_regions(above, labels, seen, cell)
     joining = Joining(relief, cut_along_creases(relief, labels))
@@ -87,16 +81,10 @@ def join_slivers(
 ) -> np.ndarray:
     """Join unannotated upright parts with a larger part nearby: the connection is hidden.
 
-    Parameters
-    ----------
-    above : (rows, columns) float
-        Heights above the ground, metres.
-    parts : (rows, columns) int
-        Numbered parts, 0 outside.
-    cell : float
-        Side of a cell, metres.
-    annotated : mask (rows, columns) -> bool
-        Whether a part is annotated as a rock.
+    `above` (rows, columns): heights above the ground, metres.
+    `parts` (rows, columns): numbered parts, 0 outside.
+    `cell`: side of a cell, metres.
+    `annotated`, mask (rows, columns) -> bool: whether a part is annotated as a rock.
     """
     parts = parts.copy()
     reach = round(SLIVER_REACH / cell)

@@ -45,15 +45,7 @@ def closing_points(
     facets that face away from every scanner or have no scanned points. Points on these facets close the rock, with an
     outward bulge on the hidden facets. There are no points above visible bare ground.
 
-    Parameters
-    ----------
-    bare : (rows, columns) bool
-        Cells of `grid` with visible ground.
-
-    Raises
-    ------
-    ReconstructionError
-        The points enclose no volume.
+    `bare` (rows, columns): cells of `grid` with visible ground.
     """
     floor = _sink(_outline(cloud.points), grid, ground)
     hull = sample_hull(hull_mesh(np.concatenate([cloud.points, floor])), spacing)
@@ -73,13 +65,7 @@ def closing_points(
 
 
 def hull_mesh(points: np.ndarray) -> Mesh:
-    """Return the convex hull of points (n, 3), faces outward.
-
-    Raises
-    ------
-    ReconstructionError
-        The points enclose no volume.
-    """
+    """Return the convex hull of points (n, 3), faces outward."""
     try:
         return remove_unused_vertices(points, hull_faces(points))
     except (QhullError, ValueError) as error:
@@ -162,12 +148,8 @@ def _one_core() -> Iterator[None]:
 def ground_surface(grid: FloorGrid, heights: np.ndarray, cell: float) -> Mesh:
     """Return the Poisson surface through a ground without holes, cut at the grid's border.
 
-    Parameters
-    ----------
-    heights : (rows, columns) float
-        Heights in all cells of the grid.
-    cell : float
-        Cell of the reconstruction, metres.
+    `heights` (rows, columns): heights in all cells of the grid.
+    `cell`: cell of the reconstruction, metres.
     """
     points = np.concatenate([grid.centres(), heights[..., None]], axis=-1).reshape(-1, 3)
     surface = poisson(Cloud(points, upward_normals(grid, heights).reshape(-1, 3)), cell, GROUND_ROOM)
@@ -195,23 +177,11 @@ def closed_rock(
 ) -> Mesh:
     """Return a watertight rock: scanned surface, hidden back, and underside below the ground, closed smoothly.
 
-    Parameters
-    ----------
-    cloud : Cloud
-        Scanned surface of the rock, normals outward, metres.
-    ground : (rows, columns) float
-        Heights of the ground on `grid`, also under the rock.
-    bare : (rows, columns) bool
-        Cells with visible ground.
-    scanners : (s, 3) float
-        Positions of the scanners.
-    cell : float
-        Cell of the reconstruction, metres.
-
-    Raises
-    ------
-    ReconstructionError
-        The points enclose no volume.
+    `cloud`: scanned surface of the rock, normals outward, metres.
+    `ground` (rows, columns): heights of the ground on `grid`, also under the rock.
+    `bare` (rows, columns): cells with visible ground.
+    `scanners` (s, 3): positions of the scanners.
+    `cell`: cell of the reconstruction, metres.
     """
     closing = closing_points(cloud, grid, ground, bare, scanners, cell)
     scanned = densified(cloud)

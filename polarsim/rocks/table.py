@@ -26,18 +26,11 @@ def row(
 ) -> dict[str, object]:
     """Return the row of a rock.
 
-    Parameters
-    ----------
-    cuboid : Cuboid
-        Its centre is the centre of the rock.
-    points : position -> int
-        Points of each scan; empty for published meshes.
-    visible_share : float
-        Share of its plan that was scanned.
-    scan_translation : float
-        Maximum translation of a scan in the alignment on this rock, metres; NaN without alignment.
-    confirmed : sequence of str
-        Positions with a seed box that matches the rock.
+    `cuboid`: its centre is the centre of the rock.
+    `points`, position -> int: points of each scan; empty for published meshes.
+    `visible_share`: share of its plan that was scanned.
+    `scan_translation`: maximum translation of a scan in the alignment on this rock, metres; NaN without alignment.
+    `confirmed`: positions with a seed box that matches the rock.
     """
     x, y, z = (cuboid.low + cuboid.high) / 2
     points = points or {}
