@@ -1,7 +1,6 @@
 """Identity notes: a hidden file next to an output with the digest of all inputs of the output.
 
-A repeated call writes an output again only if its identity has changed: input files, options or code. Files that are
-written in a single step, such as the saved state of a drive, contain their identity.
+A repeated call writes an output again only if its identity has changed: input files, options or code.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ def drive(
     """Simulate one drive over the terrains of a run: physics, images, detections, an MCAP bag and a URDF.
 
     The default configuration is stored in the run; --configfile replaces it, for example config/overlays/rover.yaml.
-    An interrupted drive resumes with the same command.
+    The output folder must be empty or missing.
     """
     from polarsim.errors import ConfigError, PolarsimError
     from polarsim.progress import progress_bar
@@ -59,6 +59,8 @@ def drive(
         if not (there := meshes / f"Terrain{terrain:02d}").is_dir():
             raise PolarsimError("no such folder of meshes; create the meshes with polarsim run", path=there)
     folder = out or run_folder / f"rover/seed{number}"
+    if folder.exists() and any(folder.iterdir()):
+        raise PolarsimError("the folder is not empty: remove it, or choose another with --out", path=folder)
     with reporting(), progress_bar(f"drive {number}") as progress:  # typer keeps Ctrl-C to itself
         metrics = run_drive_pipeline(
             meshes=meshes,

@@ -1,4 +1,4 @@
-"""Run all steps of a drive from meshes to its bag; finished steps are kept and interrupted steps are resumed."""
+"""Run all steps of a drive, from meshes to its bag."""
 
 from __future__ import annotations
 
@@ -7,13 +7,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from polarsim.provenance import is_current
 from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.frames import render_frames
-from polarsim.rover.drive.job import job_of
-from polarsim.rover.drive.ride import drive_to_end, identity_of
+from polarsim.rover.drive.ride import run_drive
 from polarsim.rover.drive.table import rover_metrics
-from polarsim.rover.drive.trace import DRIVE, Trace, read_trace
 from polarsim.rover.export.bag import write_bag_if_stale
 from polarsim.rover.export.urdf import write_urdf
 from polarsim.rover.export.video import write_missing_videos
@@ -38,16 +35,11 @@ def run_drive_pipeline(
     pictures: bool = True,
     threads: int = 1,
 ) -> pd.DataFrame:
-    """Drive, render the pictures, run the onboard detector, write the bag and the URDF.
-
-    Returns the metrics of the drive, see `rover_metrics`.
-
-    Raises
-    ------
-    PolarsimError
-        A step fails; one line.
-    """
-    trace = drive_or_read(meshes, folder, options, seed, progress)
+    """Drive, render the pictures, run the onboard detector, write the bag and the URDF; return `rover_metrics`."""
+    trace = run_drive(
+        meshes=meshes, folder=folder, world=options.world, soil=options.soil, drive=options.drive, seed=seed,
+        progress=progress,
+    )  # fmt: skip
     vehicle, suite = read_vehicle(options.drive.vehicle), options.cameras
     write_urdf(folder / URDF, vehicle)
     if pictures:
@@ -61,13 +53,3 @@ def run_drive_pipeline(
     if options.bags:
         write_bag_if_stale(folder, folder / BAG, vehicle, options.bag, seed)
     return rover_metrics(trace)
-
-
-def drive_or_read(
-    meshes: Path, folder: Path, options: RoverOptions, seed: int, progress: Callable[[float], None] | None
-) -> Trace:
-    """Return the trace of the drive in the folder if job and code are the same, otherwise of a new drive."""
-    job = job_of(meshes=meshes, world=options.world, soil=options.soil, drive=options.drive, seed=seed)
-    if is_current(folder / DRIVE, identity_of(job)):  # the file of a drive with an open energy balance has no identity
-        return read_trace(folder)
-    return drive_to_end(job, folder, progress)

@@ -11,7 +11,6 @@ import numpy as np
 
 STRAIGHT = 1e-6  # rad; smaller steering angles count as zero
 Mode = Literal["drive", "crab", "turn"]
-MODES: tuple[Mode, ...] = ("drive", "crab", "turn")
 Steering = Literal["ackermann", "crab", "combined"]
 
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from polarsim.randomness import generator, without_negative_zeros
+from polarsim.randomness import generator
 from polarsim.rover.drive.control import ReferencePath, Steering, SteeringLaw
 from polarsim.rover.drive.options import DriveOptions, Point
 from polarsim.rover.drive.state import EDGE_MARGIN_M, OffGridError, Start
@@ -46,26 +44,6 @@ class DriveJob:
     rocks: WorldOptions
     seed: int
     log_hz: float = LOG_HZ
-
-    def digest(self) -> str:
-        """Return the digest of all inputs; a saved state with another digest is not resumed."""
-        content = json.dumps(
-            without_negative_zeros(
-                [
-                    *(part.model_dump(mode="json") for part in (self.vehicle, self.drive, self.physics, self.rocks)),
-                    vars(self.soil),
-                    self.seed,
-                    self.log_hz,
-                ]
-            ),
-            sort_keys=True,
-        )
-        digest = hashlib.sha256(content.encode())
-        around = self.world.around
-        beyond = () if around is None else (around.x, around.y, around.level, around.vertices, around.triangles)
-        for array in (self.world.level, self.world.vertices, self.world.triangles, *beyond):
-            digest.update(without_negative_zeros(np.ascontiguousarray(array)).tobytes())
-        return digest.hexdigest()
 
 
 def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, seed: int) -> DriveJob:

@@ -1,4 +1,4 @@
-"""A drive along a path: commands, log, ground changes, saved states and termination."""
+"""A drive along a path: commands, log, ground changes and termination."""
 
 from __future__ import annotations
 
@@ -9,79 +9,59 @@ from typing import Any
 import numpy as np
 
 from polarsim.errors import RoverError
-from polarsim.formats.npz import read_arrays
-from polarsim.provenance import identity, store_identity
 from polarsim.rover.drive.control import Driver
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.job import DriveJob, job_of, law_of, require_on_grid, route_of, start_of
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.drive.state import OffGridError
-from polarsim.rover.drive.trace import COLUMNS, DRIVE, LevelChanges, Trace, trace_table, write_trace
+from polarsim.rover.drive.trace import LevelChanges, Trace, trace_table, write_trace
 from polarsim.rover.soil.nodes import LEVEL
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import WHEELS
 from polarsim.rover.world.options import WorldOptions
 
-STATE = "state.npz"
 CONTROL_HZ = 100.0  # commands per second
 STUCK_S, STUCK_SHARE = 10.0, 0.05  # stuck: less than this share of the commanded progress in this time, s
 SETTLE_S = 2.0  # time at rest before time 0, in which the rover sinks into the soil
-SAVE_EVERY_S = 10.0  # simulated time between saved states
+REPORT_EVERY_S = 10.0  # simulated time between reports of progress
 MIN_LEVEL_CHANGE = 1e-5  # m: smaller changes of the ground are not stored
 Progress = Callable[[float], None]  # completed share of the path, 0 to 1
 
 
 def run_drive(
-    *, meshes: Path, folder: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, seed: int
+    *,
+    meshes: Path,
+    folder: Path,
+    world: WorldOptions,
+    soil: SoilOptions,
+    drive: DriveOptions,
+    seed: int,
+    progress: Progress | None = None,
 ) -> Trace:
-    """Drive over the meshes of a run (`meshes/TerrainNN/`) and write the drive's files; resume an interrupted drive.
-
-    Raises
-    ------
-    FormatError
-        Meshes are missing or broken.
-    RoverError
-        Before the drive: the path leaves the grid, the soil is unknown, a rock has no volume, the step is too large. Or
-        `EnergyError`: the balance did not close; the drive up to this time is written.
-    """
-    return drive_to_end(job_of(meshes=meshes, world=world, soil=soil, drive=drive, seed=seed), folder)
+    """Drive over the meshes of a run (`meshes/TerrainNN/`) and write the drive's files, see `drive_to_end`."""
+    return drive_to_end(job_of(meshes=meshes, world=world, soil=soil, drive=drive, seed=seed), folder, progress)
 
 
 def drive_to_end(job: DriveJob, folder: Path, progress: Progress | None = None) -> Trace:
-    """Drive to the end, write the files and remove the saved state.
+    """Drive to the end and write the files.
 
-    Raises
-    ------
-    RoverError
-        As `run_drive`.
+    A path that leaves the grid and a time step that is too large are errors before the drive. With an open energy
+    balance (`EnergyError`) the drive up to this time is written.
     """
-    ride = RunningDrive(job)
-    saved = folder / STATE
-    if saved.exists():
-        ride.resume(saved)
-    failure = None
+    ride, failure = RunningDrive(job), None
     while ride.ended is None:
         try:
-            ride.run_for(SAVE_EVERY_S)
+            ride.run_for(REPORT_EVERY_S)
         except EnergyError as error:
             failure, ride.ended, ride.reason = error, "energy", str(error)
         if progress:
             progress(min(max(ride.driver.done / ride.driver.path.length, 0.0), 1.0))
-        if ride.ended is None:
-            ride.save(saved)
     trace = ride.trace()
-    with store_identity(folder / DRIVE, identity_of(job)):
-        write_trace(folder, trace)
-        saved.unlink(missing_ok=True)
-        if failure:
-            raise failure
+    write_trace(folder, trace)
+    if failure:
+        raise failure
     return trace
-
-
-def identity_of(job: DriveJob) -> str:
-    """Return the digest of the job and the code of the drive."""
-    return identity(__name__, (), job.digest())
 
 
 class RunningDrive:
@@ -104,7 +84,6 @@ class RunningDrive:
         self.settled = False
         self.ended: str | None = None
         self.reason = ""
-        self._identity = identity_of(job)
 
     def run_for(self, seconds: float) -> None:
         """Drive for a given time, or to the end.
@@ -126,45 +105,6 @@ class RunningDrive:
                     self.step = ahead
         except OffGridError as error:
             self.ended, self.reason = "off the grid", str(error)
-
-    def save(self, path: Path) -> None:
-        """Write the state for `resume`; the file is replaced atomically."""
-        frames = _tracks(self.frames)
-        self.simulation.save(
-            path,
-            digest=np.array(self._identity),
-            rows=np.array(self.rows).reshape(-1, len(COLUMNS)),
-            headway=np.array(self.headway),
-            ride=np.array([self.step, self.moving_since, self.driver.line, self.driver.turning]),
-            driver=np.array([self.driver.offset, self.driver.heading_error, self.driver.done, self.driver.drift]),
-            frame_time=frames.time,
-            frame_start=frames.start,
-            frame_cell=frames.cell,
-            frame_level=frames.level,
-        )
-
-    def resume(self, path: Path) -> None:
-        """Continue from a saved state; a state of another drive or code is ignored.
-
-        Raises
-        ------
-        FormatError
-            The state is unreadable.
-        """
-        if str(read_arrays(path, ("digest",))["digest"]) != self._identity:
-            return
-        saved = self.simulation.restore(path)
-        self.rows, self.headway = list(saved["rows"]), [float(value) for value in saved["headway"]]
-        self.step, self.moving_since, self.driver.line = (int(value) for value in saved["ride"][:3])
-        self.driver.turning = bool(saved["ride"][3])
-        driver = self.driver
-        driver.offset, driver.heading_error, driver.done, driver.drift = (float(value) for value in saved["driver"])
-        tracks = LevelChanges(saved["frame_time"], saved["frame_start"], saved["frame_cell"], saved["frame_level"])
-        for frame, time in enumerate(tracks.time):
-            part = slice(tracks.start[frame], tracks.start[frame + 1])
-            self.frames.append((float(time), tracks.cell[part], tracks.level[part]))
-            tracks.apply(frame, self._shown)
-        self.settled = True
 
     def trace(self) -> Trace:
         """Return the trace up to the current step."""

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from polarsim.errors import FormatError
-from polarsim.formats.npz import read_arrays, write_arrays
 from polarsim.rover.drive import energy
-from polarsim.rover.drive.control import MODES, Command, steer
+from polarsim.rover.drive.control import Command, steer
 from polarsim.rover.drive.mjcf import compile_model, import_mujoco
 from polarsim.rover.drive.state import EDGE_MARGIN_M, OffGridError, RoverState, Start, heading_of
 from polarsim.rover.drive.trace import CONTACTS, WHEEL_COLUMNS
@@ -159,69 +156,6 @@ class Simulation:
             energy_open=self.account.open,
             wheels=self._wheel_table(),
         )
-
-    def save(self, path: str | Path, **more: np.ndarray) -> None:
-        """Write the state for `restore`, and additional arrays of the caller."""
-        whole = int(self._mujoco.mjtState.mjSTATE_INTEGRATION)
-        physics = np.empty(self._mujoco.mj_stateSize(self.model, whole))
-        self._mujoco.mj_getState(self.model, self.data, physics, whole)
-        command = self.command
-        write_arrays(
-            Path(path),
-            packed=False,
-            physics=physics,
-            ground=self.ground.state,
-            owner=self.ground.owner,
-            forces=self._loads.forces,
-            readings=self._loads.readings,
-            slips=self._slips,
-            constraint=self.data.qfrc_constraint,
-            actuator=self.data.actuator_force,
-            sensor=self.data.sensordata,
-            account=self._records.account,
-            counts=np.array([self.steps, self.time_zero, self.guarded]),
-            energy_zero=np.float64(self._energy_zero),
-            first=self._records.first,
-            last=self._records.last,
-            friction=self.model.dof_frictionloss,
-            command=np.array([command.speed_m_s, command.steer_rad, MODES.index(command.mode), command.crab_rad]),
-            **more,
-        )
-
-    def restore(self, path: str | Path) -> dict[str, np.ndarray]:
-        """Restore the state written by `save` and return all arrays of the file.
-
-        Raises
-        ------
-        FormatError
-            The file is no saved state, or a state of another world or rover.
-        """
-        path = Path(path)
-        names = (
-            "physics", "ground", "owner", "forces", "readings", "slips", "constraint", "actuator", "sensor", "account",
-            "counts", "energy_zero", "command", "first", "last", "friction",
-        )  # fmt: skip
-        saved = read_arrays(path, names)
-        whole = int(self._mujoco.mjtState.mjSTATE_INTEGRATION)
-        size = self._mujoco.mj_stateSize(self.model, whole)
-        if saved["ground"].shape != self.ground.state.shape or len(saved["physics"]) != size:
-            raise FormatError("state of another world or rover", path=path)
-        self.model.dof_frictionloss[:] = saved["friction"]  # brake friction; it acts in the first half of the next step
-        self._mujoco.mj_setState(self.model, self.data, saved["physics"], whole)
-        self._mujoco.mj_step1(self.model, self.data)
-        self.ground.state[:], self.ground.owner[:] = saved["ground"], saved["owner"]
-        self._slips[:] = saved["slips"]
-        loads, records = self._loads, self._records
-        records.first[:], records.last[:], records.account[:] = saved["first"], saved["last"], saved["account"]
-        loads.forces[:], loads.readings[:] = saved["forces"], saved["readings"]
-        self.data.qfrc_constraint[:], self.data.actuator_force[:] = saved["constraint"], saved["actuator"]
-        self.data.sensordata[:] = saved["sensor"]
-        self.steps, self.time_zero = (int(count) for count in saved["counts"][:2])
-        self.guarded = bool(saved["counts"][2])
-        self._energy_zero = float(saved["energy_zero"])
-        speed, steer, mode, crab = (float(value) for value in saved["command"])
-        self.command = Command(speed, steer, MODES[int(mode)], crab)
-        return saved
 
     def _require_inside(self, centres: np.ndarray) -> None:
         """Check that no wheel is outside the grid, where no soil supports it."""

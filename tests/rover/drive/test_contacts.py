@@ -1,6 +1,5 @@
 """Contacts of rocks are those of all physics steps."""
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -81,22 +80,3 @@ def test_all_contacts_are_counted_for_any_number_of_steps_per_call():
     assert seldom.rocks_touched_since(0) == frozenset(expected)
     assert seldom.rocks_touched_since(seldom.steps) == frozenset()
     assert set(contacts["part"]) <= {"tread", "flank"}
-
-
-def test_a_state_saved_with_brakes_on_continues_with_the_same_bytes(tmp_path):
-    """Brakes act in the half of a step before the state is saved."""
-    original, restored = made(), made()
-    original.apply(Command(0.2, 0.1))
-    original.advance(0.3)
-    original.apply(Command())
-    for _ in range(40):
-        original.advance(0.02)
-    assert original.model.dof_frictionloss[8] > 0
-    original.save(tmp_path / "state.npz")
-    restored.restore(tmp_path / "state.npz")
-    for simulation in (original, restored):
-        simulation.advance(0.02)
-    assert original.data.qvel.tobytes() == restored.data.qvel.tobytes()
-    assert original.data.qfrc_constraint.tobytes() == restored.data.qfrc_constraint.tobytes()
-    assert original.wheel_contacts().equals(restored.wheel_contacts())
-    assert math.isclose(original.time, restored.time)

@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter
 
 pytest.importorskip("mujoco", reason="the rover drives with MuJoCo")
 
-from polarsim.errors import FormatError, RoverError
+from polarsim.errors import RoverError
 from polarsim.rover.drive.control import Command
 from polarsim.rover.drive.energy import EnergyError, largest_step
 from polarsim.rover.drive.simulation import Simulation
@@ -112,24 +112,6 @@ def test_equal_commands_give_equal_bytes(soil):
             (simulation.data.qpos.tobytes(), simulation.ground.state.tobytes(), simulation.state().wheels.tobytes())
         )
     assert ends[0] == ends[1]
-
-
-def test_a_restored_state_continues_with_the_same_bytes(soil, tmp_path):
-    whole = Simulation(flat(), VIPER, soil)
-    run(whole, 0.5, Command(0.2, 0.2))
-    whole.save(tmp_path / "state.npz")
-    other = Simulation(flat(), VIPER, soil)
-    other.restore(tmp_path / "state.npz")
-    assert other.state().row(0, 0).tobytes() == whole.state().row(0, 0).tobytes()
-    first, second = (run(simulation, 0.5)[-1].row(0, 0) for simulation in (whole, other))
-    assert first.tobytes() == second.tobytes()
-    assert whole.ground.state.tobytes() == other.ground.state.tobytes()
-
-
-def test_a_state_of_another_world_is_an_error(soil, tmp_path):
-    Simulation(flat(), VIPER, soil).save(tmp_path / "state.npz")
-    with pytest.raises(FormatError, match=r"state\.npz"):
-        Simulation(flat(5.0), VIPER, soil).restore(tmp_path / "state.npz")
 
 
 def test_a_bend_has_the_commanded_radius(soil):
