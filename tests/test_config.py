@@ -40,7 +40,6 @@ def test_assignments_reach_any_depth_and_the_last_one_wins():
         ("blur_px=wide", "blur_px:"),
         ("gain={", "gain:"),
         ("materials.default.principled.shine=1", "materials.default.principled.shine:"),
-        ("pixel_filter=gaussian", "pixel_filter:"),
     ],
 )
 def test_a_wrong_assignment_is_an_error(assignment, named):

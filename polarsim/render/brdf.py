@@ -96,8 +96,8 @@ def principled_chrono(parameters, normal, to_lamp, to_viewer, cos_i, cos_e):  # 
     cos2_h, cos_d = (cos_i + cos_e) ** 2 / length2, 0.5 * np.sqrt(length2)
     density = p.roughness**2 / (cos2_h * (p.roughness**2 - 1) + 1) ** 2
     masking = 0.5 / ((1 - p.roughness) * 2 * cos_i * cos_e + p.roughness * (cos_i + cos_e))
-    mirrored = p.mirrored + p.grazing * (1 - p.mirrored) * _fifth(1 - cos_d)
-    return ((1 - mirrored) * p.albedo + mirrored * density * masking) / np.pi
+    mirrored = p.mirrored + (1 - p.mirrored) * _fifth(1 - cos_d)
+    return ((1 - mirrored) * p.k_d + mirrored * density * masking) / np.pi
 
 
 def _fifth(x: np.ndarray) -> np.ndarray:

@@ -44,7 +44,7 @@ def evaluate_brdf(parameters: Parameters, normal, to_lamp, to_viewer, value) -> 
         _hapke(*vectors, value, *_hapke_numbers(parameters.hapke), 1, parameters.k_d)
     elif isinstance(parameters, PrincipledChronoParameters):
         p = parameters
-        _principled_chrono(*vectors, value, p.roughness, p.albedo, p.mirrored, p.grazing)
+        _principled_chrono(*vectors, value, p.roughness, p.k_d, p.mirrored)
     elif isinstance(parameters, PrincipledParameters):
         p = parameters
         _principled(*vectors, value, p.base_color, p.roughness, p.metallic, p.alpha2, p.eta)
@@ -116,7 +116,7 @@ def _principled(
 @ti.kernel
 def _principled_chrono(
     normal: VECTORS, lamp: VECTORS, viewer: VECTORS, out: VALUES,
-    rough: ti.f32, albedo: ti.f32, mirrored: ti.f32, grazing: ti.f32,
+    rough: ti.f32, albedo: ti.f32, mirrored: ti.f32,
 ):  # fmt: skip
     for n in out:
         cos_i, cos_e = normal[n].dot(lamp[n]), normal[n].dot(viewer[n])
@@ -125,7 +125,7 @@ def _principled_chrono(
             length2 = half.dot(half)
             spread = (cos_i + cos_e) ** 2 / length2 * (rough * rough - 1) + 1
             masking = 0.5 / ((1 - rough) * 2 * cos_i * cos_e + rough * (cos_i + cos_e))
-            share = mirrored + grazing * (1 - mirrored) * (1 - 0.5 * ti.sqrt(length2)) ** 5
+            share = mirrored + (1 - mirrored) * (1 - 0.5 * ti.sqrt(length2)) ** 5
             out[n] = ((1 - share) * albedo + share * rough * rough / (spread * spread) * masking) / _PI
 
 

@@ -67,7 +67,6 @@ def annotate_ids(
     """Return the labels of `boxes_of_ids` with masks: the visible pixels of the object inside the box.
 
     `occluded`: amodal masks of partly occluded rocks (`amodal_masks`); if given, all other rocks are fully visible.
-    Rocks with a visible share below `min_visible_share` are omitted, but not their shadows.
     """
     annotations = []
     for kind, rock, box in boxes_of_ids(ids, options):
@@ -77,9 +76,7 @@ def annotate_ids(
         amodal = None
         if occluded is not None and kind == ROCK:
             amodal = occluded.get(rock, coco.Amodal(mask, box))
-        label = coco.Annotation(kind, rock, box, mask, SOURCE_RENDERED, amodal=amodal)
-        if label.visible_share >= options.min_visible_share:
-            annotations.append(label)
+        annotations.append(coco.Annotation(kind, rock, box, mask, SOURCE_RENDERED, amodal=amodal))
     return annotations
 
 

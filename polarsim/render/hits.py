@@ -13,17 +13,15 @@ from functools import cache
 from math import isqrt
 
 import numpy as np
-from scipy.special import ndtri
 from threadpoolctl import ThreadpoolController
 
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import pixel_directions
 from polarsim.geometry.vectors import dot
 from polarsim.render import hit_kernels
-from polarsim.render.sensor_options import SensorOptions
+from polarsim.render.options import SensorOptions
 from polarsim.render.surfaces import Surfaces
 
-_FILTER_SD_PX = 0.5  # standard deviation of the Gaussian pixel filter, half the width of a pixel
 STRIP_ROWS = 64  # rows cast together: limits the memory, and is the unit of work of a thread
 NO_NORMAL = 1e-12  # squared length below which interpolated normals cancel out
 MIN_FACING = 1e-3  # minimum cosine between smooth normal and viewer; below it the flat normal is used
@@ -120,30 +118,18 @@ Offset = tuple[float, float]
 def sample_offsets(options: SensorOptions) -> tuple[Offset, ...]:
     """Return the offsets (x, y) of the samples of a pixel from the pixel centre, px; the pixel value is the mean.
 
-    Box filter: one sample in each of several cells of equal size. With 9 or more samples, and for the Gaussian filter,
-    the grid is rotated so that no two samples share a row or column (Cook, ACM TOG 5 (1986) 51, and Chiu et al.,
-    Graphics Gems IV); a vertical edge then has as many grey levels as there are samples. Gaussian filter: samples are
-    at quantiles of the Gaussian, so that no weights are needed. The centres of the quantiles omit the tails of the
-    Gaussian; therefore the samples are moved outwards until their variance equals that of the Gaussian.
+    One sample in each of several cells of equal size. With 9 or more samples the grid is rotated so that no two samples
+    share a row or column (Cook, ACM TOG 5 (1986) 51, and Chiu et al., Graphics Gems IV); a vertical edge then has as
+    many grey levels as there are samples. The pattern is invariant under rotation by 90 degrees: the blur is the same
+    along both axes.
     """
     side = isqrt(options.samples)
-    if options.pixel_filter == "gaussian":
-        levels = ndtri((np.arange(options.samples) + 0.5) / options.samples)
-        levels *= _FILTER_SD_PX / np.sqrt((levels**2).mean())
-        return _rotated(levels, side)
     if side <= 2:
         cells = [(cell + 0.5) / side - 0.5 for cell in range(side)]
         return tuple((x, y) for y in cells for x in cells)
-    return _rotated((np.arange(options.samples) + 0.5) / options.samples - 0.5, side)
-
-
-def _rotated(levels: np.ndarray, side: int) -> tuple[Offset, ...]:
-    """Return one sample in each of side x side cells, with coordinates from `levels` (side^2,).
-
-    The pattern is invariant under rotation by 90 degrees: the blur is the same along both axes.
-    """
+    levels = ((np.arange(options.samples) + 0.5) / options.samples - 0.5).tolist()
     return tuple(
-        (float(levels[column * side + row]), float(levels[row * side + side - 1 - column]))
+        (levels[column * side + row], levels[row * side + side - 1 - column])
         for row in range(side)
         for column in range(side)
     )

@@ -18,8 +18,7 @@ from polarsim.geometry.lens import Lens, pixel_directions
 from polarsim.render.indirect import OlatImages
 from polarsim.render.lamps import Lamp
 from polarsim.render.lighting import visible_share
-from polarsim.render.options import Model, RenderOptions
-from polarsim.render.sensor_options import SensorOptions
+from polarsim.render.options import Model, RenderOptions, SensorOptions
 from polarsim.render.surfaces import Surfaces
 
 CORE = float(np.radians(1))  # angle below which the veiling glare is constant: the law was measured down to this angle

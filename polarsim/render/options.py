@@ -8,10 +8,10 @@ from typing import Any, Literal, Self
 from pydantic import BaseModel, Field, PositiveFloat, field_validator, model_validator
 
 from polarsim.geometry.rays import Device, RayEngine
+from polarsim.photo import ELECTRONS_PER_DN, READ_NOISE_ELECTRONS
 from polarsim.render.models import CHRONO as CHRONO
 from polarsim.render.models import MODELS as MODELS
 from polarsim.render.models import Model as Model
-from polarsim.render.sensor_options import SensorOptions
 from polarsim.survey import SURELY_WALL, wall_height
 
 MapName = Literal["depth", "depth_float", "normal", "angles", "shading", "lit"]
@@ -117,30 +117,16 @@ class HapkeChronoParameters(BaseModel, extra="forbid", frozen=True):
 
 
 class PrincipledChronoParameters(BaseModel, extra="forbid", frozen=True):
-    """Principled shader of Chrono::Sensor (2025). f_r is the value of the shader divided by pi."""
+    """Principled shader of Chrono::Sensor (2025), specular workflow. f_r is the value of the shader divided by pi."""
 
     k_d: float = Field(0.7, ge=0, le=1, description="Albedo of the diffuse lobe: higher is brighter.")
-    k_s: float = Field(1.0, ge=0, le=1, description="Specular colour. Used by the specular workflow.")
+    k_s: float = Field(1.0, ge=0, le=1, description="Specular colour.")
     roughness: float = Field(0.8, ge=0.001, le=1, description="Alpha of GGX: higher is wider and fainter.")
-    metallic: float = Field(0, ge=0, le=1, description="Share of metal. Used by the metallic workflow.")
-    workflow: Literal["specular", "metallic"] = Field(
-        "specular", description="Parameter that sets the specular share: k_s (specular) or metallic."
-    )
-
-    @property
-    def albedo(self) -> float:
-        """Albedo of the diffuse part."""
-        return self.k_d if self.workflow == "specular" else self.k_d * (1 - self.metallic)
 
     @property
     def mirrored(self) -> float:
         """Specular share at normal incidence."""
-        return 0.08 * self.k_s if self.workflow == "specular" else self.metallic * self.k_d + (1 - self.metallic) * 0.04
-
-    @property
-    def grazing(self) -> float:
-        """Specular share of the remaining light at grazing incidence."""
-        return 1.0 if self.workflow == "specular" else 0.0
+        return 0.08 * self.k_s
 
 
 Parameters = (
@@ -194,6 +180,37 @@ class FittingOptions(BaseModel, extra="forbid", frozen=True):
     held_out: Literal["no", "30", "180", "270", "350"] = Field(
         "30", description="Sun azimuth of the photos that validate the fit; no: fit all photos."
     )
+
+
+class SensorOptions(BaseModel, extra="forbid", frozen=True):
+    """Conversion of radiance to DN. Black level (16) and clipping (12 bits) are fixed by the data set."""
+
+    samples: Literal[1, 4, 9, 16] = Field(1, description="Rays per pixel. More rays smooth edges and take longer.")
+    blur_px: float = Field(0, ge=0, le=50, description="Standard deviation of the lens's Gaussian point spread, px.")
+    bloom: float = Field(0, ge=0, le=1, description="Share of light that the lens scatters into a halo.")
+    bloom_px: float = Field(60, gt=0, description="Standard deviation of the Gaussian halo of `bloom`, px.")
+    veiling_glare: float = Field(0, ge=0, le=1, description="Share of light that the lens spreads over the image.")
+    lens_flare: float = Field(
+        0,
+        ge=0,
+        le=1,
+        description="Share of a visible lamp's light that the lens scatters, by the inverse square of the angle.",
+    )
+    vignetting: bool = Field(False, description="Darken by the fourth power of the cosine to the optical axis.")
+
+    noise: bool = Field(False, description="Add shot and read noise. Files are 1.5 times as large.")
+    electrons_per_dn: float = Field(
+        ELECTRONS_PER_DN, gt=0, description="Electrons per DN. Higher values reduce shot noise."
+    )
+    read_noise_electrons: float = Field(
+        READ_NOISE_ELECTRONS, ge=0, description="Standard deviation of the read noise, electrons."
+    )
+
+    @model_validator(mode="after")
+    def _check_shares(self) -> Self:
+        if self.bloom + self.veiling_glare > 1:
+            raise ValueError(f"bloom + veiling_glare is {self.bloom + self.veiling_glare:g}, expected at most 1")
+        return self
 
 
 class RenderOptions(SensorOptions):
@@ -267,7 +284,6 @@ class RenderOptions(SensorOptions):
     min_part_area_px: int = Field(
         20, ge=1, description="Minimum pixels of a connected part that extends a shadow's box."
     )
-    min_visible_share: float = Field(0, ge=0, le=1, description="Minimum visible share of a labelled rock.")
 
     @field_validator("materials")
     @classmethod

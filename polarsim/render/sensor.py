@@ -8,8 +8,7 @@ import numpy as np
 
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 from polarsim.randomness import generator
-from polarsim.render.options import RenderOptions
-from polarsim.render.sensor_options import SensorOptions
+from polarsim.render.options import RenderOptions, SensorOptions
 
 
 def noise_seed(options: RenderOptions, *picture: object) -> tuple[Any, ...]:

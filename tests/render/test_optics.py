@@ -10,7 +10,7 @@ from polarsim.geometry.lens import Lens
 from polarsim.render.lamps import Lamp
 from polarsim.render.olat import render_view
 from polarsim.render.optics import apply_lens_to_olat_images, lens_flare_of, spread, vignette
-from polarsim.render.sensor_options import SensorOptions
+from polarsim.render.options import SensorOptions
 
 POINT = np.zeros((81, 101), np.float32)
 POINT[40, 50] = 1

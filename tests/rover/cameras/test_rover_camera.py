@@ -21,7 +21,6 @@ LINE = ReferencePath(np.array([[5.5, 0.0], [1.0, 0.0]]))
 CHANGES = {
     "blur_px": (1.5, {}), "bloom": (0.1, {}), "bloom_px": (9.0, {"bloom": 0.1}), "veiling_glare": (0.05, {}),
     "lens_flare": (0.02, {}), "vignetting": (True, {}), "samples": (4, {}),
-    "pixel_filter": ("gaussian", {"samples": 4}),
     "noise": (True, {}), "electrons_per_dn": (2.0, {"noise": True}),
     "read_noise_electrons": (200.0, {"noise": True}), "seed": (5, {"noise": True}),
     "materials": ({"ground": {"albedo": 0.5}}, {}), "gain": ({"hapke": 1.0}, {}),
@@ -34,7 +33,7 @@ OTHERS = {
     "rim", "rim_half_width_m", "rim_height_m", "rim_albedo",  # drives have no sandbox
     "lamp_radius_m",  # does not apply to the Sun
     "skirt_m",  # acts on rocks with open lower edges; here all reach below the ground
-    "min_rock_area_px", "min_shadow_area_px", "min_shadow_width_px", "min_part_area_px", "min_visible_share",  # labels
+    "min_rock_area_px", "min_shadow_area_px", "min_shadow_width_px", "min_part_area_px",  # labels
 }  # fmt: skip
 
 
