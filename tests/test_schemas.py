@@ -12,7 +12,7 @@ from polarsim.schemas.__main__ import REPORT_TABLES, STAGE_TABLES, filled_page
 from polarsim.schemas.detect import PREDICTIONS
 from polarsim.schemas.photos import LABELS, PHOTOS
 from polarsim.schemas.stages import ROCKS
-from polarsim.schemas.table import TEXT, Columns, Table
+from polarsim.schemas.table import Shared
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -37,7 +37,7 @@ def test_each_table_is_declared_once_and_has_each_column_once():
     paths = [table.path for table in (*REPORT_TABLES, *STAGE_TABLES)]
     assert len(set(paths)) == len(paths)
     with pytest.raises(ValueError, match=r"a\.csv"):
-        Table("a.csv", "A row", Columns("key kind", TEXT, "", "Names"), Columns("kind", TEXT, "", "Once more"))
+        Shared("kind | str | | Kind").table("a.csv: A row\nkey kind | str | | Names\n= kind")
 
 
 @pytest.mark.parametrize(

@@ -10,12 +10,19 @@ import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from types import ModuleType
 
 from polarsim.schemas import covers, detect, evaluation, photos, report, rover, stages
 from polarsim.schemas.table import Table
 
-REPORT_TABLES = (Table("tables", "Origin", report.ORIGIN), *report.TABLES)
-STAGE_TABLES = tuple(table for module in (photos, stages, detect, covers, evaluation, rover) for table in module.TABLES)
+
+def _tables(*modules: ModuleType) -> tuple[Table, ...]:
+    """Return the tables of modules in the order of declaration."""
+    return tuple(value for module in modules for value in vars(module).values() if isinstance(value, Table))
+
+
+REPORT_TABLES = (Table("tables", "Origin", report.ORIGIN), *_tables(report))
+STAGE_TABLES = _tables(photos, stages, detect, covers, evaluation, rover)
 _BLOCK = re.compile(r"(<!-- columns of (.+?) -->\n)(.*?)(<!-- end of columns -->)", re.DOTALL)
 
 

@@ -1,117 +1,82 @@
 """Tables of the evaluation of every stage."""
 
-from polarsim.schemas.photos import BOX, CONFIDENCE, KEY, KIND
-from polarsim.schemas.stages import SOUNDNESS
-from polarsim.schemas.table import BOOL, INTEGER, NUMBER, TEXT, Columns, Table
+from polarsim.schemas import photos, stages
+from polarsim.schemas.table import Shared
 
-TERRAIN = Columns("terrain", INTEGER, "", "Terrain")
-LIKENESS = (
-    Columns("log2_twin_over_photo", NUMBER, "stops", "Brightness of the twin over that of the photo, median of pixels"),
-    Columns("log2_difference", NUMBER, "stops", "Median absolute difference of brightness"),
-    Columns("ssim", NUMBER, "1", "Structural similarity of the tone-mapped images"),
+SHARED = Shared(
+    """
+    terrain | int64 | | Terrain
+    likeness: log2_twin_over_photo | float64 | stops | Brightness of the twin over that of the photo, median of pixels
+    likeness: log2_difference | float64 | stops | Median absolute difference of brightness
+    likeness: ssim | float64 | 1 | Structural similarity of the tone-mapped images
+    """,
+    stages.SHARED,
+    photos.SHARED,
 )
-
-EVALUATION = Table(
-    "evaluation/*_TerrainTT.csv",
-    "A metric of a terrain",
-    Columns("stage", TEXT, "", "`cameras`, `rocks`, `consistency`, `labels`, `render` or `materials`"),
-    TERRAIN,
-    Columns("subject", TEXT, "", "Evaluated part: a position, a kind of label with the task, a class of rocks"),
-    Columns("metric", TEXT, "", "Name of the metric, see below"),
-    Columns("value", NUMBER, "`unit`", "Value; empty where it is undefined"),
-    Columns(
-        "unit",
-        TEXT,
-        "",
-        "`mm`, `px`, `deg`, `m`, `stops` (factors of 2), `1` (a share or ratio), or the name of counted items",
-    ),
-    Columns("n", INTEGER, "count", "Sample size"),
-    Columns(
-        "against",
-        TEXT,
-        "",
-        "Reference: `truth` (of the analog), `labels` (annotated), `photos` (pixels), `own` (reported by the stage)",
-    ),
-)
-MESH_SCORES = Table(
-    "evaluation/meshes_TerrainTT.csv",
-    "A mesh",
-    Columns("mesh", TEXT, "", "Name of the file"),
-    Columns("rock", INTEGER, "", "Rock id; -1 is the ground"),
-    Columns(
-        "made_from",
-        TEXT,
-        "",
-        "Origin: `scan`, `published`, or `fitted`. A fitted ground is a thin plate through the feet of "
-        "published rocks with a slope of at most 35 degrees, without craters and mounds between rocks; rock heights "
-        "are above the fitted ground",
-    ),
-    Columns("vertices faces", INTEGER, "count", "Vertices and faces"),
-    SOUNDNESS,
-    Columns("islands", INTEGER, "count", "Connected components"),
-    Columns("edge_mm", NUMBER, "mm", "Median length of edges"),
-    Columns(
-        "contact_share",
-        NUMBER,
-        "1",
-        "Share of 72 directions around a rock in which the mesh is below the ground or at most 2 mm above the ground",
-    ),
-    Columns("copy_vertex_share", NUMBER, "1", "Vertices of the decimated mesh over vertices of the mesh"),
-    Columns("copy_watertight", NUMBER, "", "Whether the decimated mesh is watertight, 0 or 1"),
-    Columns("copy_hausdorff_mm", NUMBER, "mm", "Hausdorff distance between mesh and decimated mesh"),
-    Columns("true_rock", NUMBER, "", "Id of the matched true rock (analog)"),
-    Columns("true_size_m", NUMBER, "m", "Size of the true rock"),
-    Columns(
-        "surface_median_mm surface_p90_mm",
-        NUMBER,
-        "mm",
-        "Distance from the visible true surface to the mesh, median and 90th percentile",
-    ),
-    Columns(
-        "f_score_5mm",
-        NUMBER,
-        "1",
-        "Harmonic mean of the shares of the visible true and reconstructed surfaces within 5 mm of the other surface",
-    ),
-    Columns(
-        "surface_iou",
-        NUMBER,
-        "1",
-        "Visible area common to the true and the reconstructed rock over the area of the union; lower if ground is "
-        "reconstructed as rock or rock as ground",
-    ),
-)
-OFFSETS = Table(
-    "evaluation/offsets_TerrainTT.parquet",
-    "A point on the visible reconstructed surface (analog)",
-    Columns("rock", INTEGER, "", "Rock id; -1 is the ground"),
-    Columns("x y z", NUMBER, "m", "Position, frame of the ground truth"),
-    Columns("offset_mm", NUMBER, "mm", "Signed distance from the true surface, negative inside"),
-)
-LABEL_PAIRS = Table(
-    "evaluation/label_pairs_TerrainTT.parquet",
-    "A true box, or an unmatched label; photos of seeds are excluded",
-    KEY,
-    Columns("task", TEXT, "", "Relation of the photo to the seeds, see `tables/evaluation`"),
-    KIND,
-    Columns("annotated", BOOL, "", "Whether the object is a shadow in a photo with annotated shadows"),
-    Columns("hit", BOOL, "", "Whether true box and label are matched with an IoU of at least 0.5"),
-    Columns("iou", NUMBER, "1", "IoU of the match"),
-    Columns("iou_best", NUMBER, "1", "IoU of the true box in the matching with the largest summed IoU"),
-    Columns("truth_px label_px", NUMBER, "px", "Square root of the area of true box and label; empty if missing"),
-    Columns("rock", INTEGER, "", "Rock id of the label"),
-    Columns("source", TEXT, "", "Origin of the label, see `labels/labels.parquet`"),
-    CONFIDENCE,
-    BOX,
-    Columns("true_x0 true_y0 true_x1 true_y1", NUMBER, "px", "Edges of the true box"),
-    Columns("against", TEXT, "", "`truth` or `labels`"),
-)
-TWIN_PAIRS = Table(
-    "evaluation/twin_pairs_TerrainTT.parquet",
-    "A photo and the twin",
-    KEY,
-    Columns("model", TEXT, "", "Reflectance model of the twin"),
-    Columns("lit_px", INTEGER, "px", "Pixels that are lit and not clipped in both images"),
-    LIKENESS,
-)
-TABLES = (EVALUATION, MESH_SCORES, OFFSETS, LABEL_PAIRS, TWIN_PAIRS)
+EVALUATION = SHARED.table("""
+    evaluation/*_TerrainTT.csv: A metric of a terrain
+    stage | str | | `cameras`, `rocks`, `consistency`, `labels`, `render` or `materials`
+    = terrain
+    subject | str | | Evaluated part: a position, a kind of label with the task, a class of rocks
+    metric | str | | Name of the metric, see below
+    value | float64 | `unit` | Value; empty where it is undefined
+    unit | str | | `mm`, `px`, `deg`, `m`, `stops` (factors of 2), `1` (a share or ratio), or the name of counted
+        items
+    n | int64 | count | Sample size
+    against | str | | Reference: `truth` (of the analog), `labels` (annotated), `photos` (pixels), `own` (reported by
+        the stage)
+""")
+MESH_SCORES = SHARED.table("""
+    evaluation/meshes_TerrainTT.csv: A mesh
+    mesh | str | | Name of the file
+    rock | int64 | | Rock id; -1 is the ground
+    made_from | str | | Origin: `scan`, `published`, or `fitted`. A fitted ground is a thin plate through the feet of
+        published rocks with a slope of at most 35 degrees, without craters and mounds between rocks; rock heights are
+        above the fitted ground
+    vertices faces | int64 | count | Vertices and faces
+    = soundness
+    islands | int64 | count | Connected components
+    edge_mm | float64 | mm | Median length of edges
+    contact_share | float64 | 1 | Share of 72 directions around a rock in which the mesh is below the ground or at
+        most 2 mm above the ground
+    copy_vertex_share | float64 | 1 | Vertices of the decimated mesh over vertices of the mesh
+    copy_watertight | float64 | | Whether the decimated mesh is watertight, 0 or 1
+    copy_hausdorff_mm | float64 | mm | Hausdorff distance between mesh and decimated mesh
+    true_rock | float64 | | Id of the matched true rock (analog)
+    true_size_m | float64 | m | Size of the true rock
+    surface_median_mm surface_p90_mm | float64 | mm | Distance from the visible true surface to the mesh, median and
+        90th percentile
+    f_score_5mm | float64 | 1 | Harmonic mean of the shares of the visible true and reconstructed surfaces within 5 mm
+        of the other surface
+    surface_iou | float64 | 1 | Visible area common to the true and the reconstructed rock over the area of the union;
+        lower if ground is reconstructed as rock or rock as ground
+""")
+OFFSETS = SHARED.table("""
+    evaluation/offsets_TerrainTT.parquet: A point on the visible reconstructed surface (analog)
+    rock | int64 | | Rock id; -1 is the ground
+    x y z | float64 | m | Position, frame of the ground truth
+    offset_mm | float64 | mm | Signed distance from the true surface, negative inside
+""")
+LABEL_PAIRS = SHARED.table("""
+    evaluation/label_pairs_TerrainTT.parquet: A true box, or an unmatched label; photos of seeds are excluded
+    = key
+    task | str | | Relation of the photo to the seeds, see `tables/evaluation`
+    = kind
+    annotated | bool | | Whether the object is a shadow in a photo with annotated shadows
+    hit | bool | | Whether true box and label are matched with an IoU of at least 0.5
+    iou | float64 | 1 | IoU of the match
+    iou_best | float64 | 1 | IoU of the true box in the matching with the largest summed IoU
+    truth_px label_px | float64 | px | Square root of the area of true box and label; empty if missing
+    rock | int64 | | Rock id of the label
+    source | str | | Origin of the label, see `labels/labels.parquet`
+    = confidence box
+    true_x0 true_y0 true_x1 true_y1 | float64 | px | Edges of the true box
+    against | str | | `truth` or `labels`
+""")
+TWIN_PAIRS = SHARED.table("""
+    evaluation/twin_pairs_TerrainTT.parquet: A photo and the twin
+    = key
+    model | str | | Reflectance model of the twin
+    lit_px | int64 | px | Pixels that are lit and not clipped in both images
+    = likeness
+""")

@@ -1,37 +1,29 @@
-"""Declaration of the columns of a table."""
+"""Declaration of the columns of tables by text.
+
+A line `names | type | unit | description` declares columns of the same type, unit and description; further lines of a
+description are indented. The type `interval` declares a metric and the bounds of the 95 % interval: `name`, `name_low`,
+`name_high`. A line `= name name` refers to shared columns.
+"""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from textwrap import dedent
+from typing import Literal, cast
 
 Dtype = Literal["str", "int64", "float64", "bool"]
-TEXT: Dtype = "str"
-INTEGER: Dtype = "int64"
-NUMBER: Dtype = "float64"
-BOOL: Dtype = "bool"
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Columns with the same type, unit and description.
+    """Columns with the same type, unit (`1` for shares and ratios, empty for text and identifiers) and description."""
 
-    Attributes
-    ----------
-    names
-        Names of the columns, separated by blanks.
-    dtype
-        Name of the type in pandas.
-    unit
-        Unit of the values, such as `px` or `mm`; `1` for shares and ratios; empty for text, identifiers and booleans.
-    description
-        Content of the columns: Markdown without a full stop at the end.
-    """
-
-    names: str
-    dtype: Dtype
+    names: str  # separated by blanks
+    dtype: Dtype  # name of the type in pandas
     unit: str
-    description: str
+    description: str  # Markdown without a full stop at the end
 
     @property
     def each(self) -> tuple[str, ...]:
@@ -41,23 +33,18 @@ class Columns:
 class Table:
     """Table of a run: path below the folder of the run, meaning of a row, and columns in order."""
 
-    def __init__(self, path: str, row: str, *columns: Columns | tuple[Columns, ...]) -> None:
+    def __init__(self, path: str, row: str, declared: tuple[Columns, ...]) -> None:
         self.path = path  # `TT` is the number of a terrain; no suffix: four files, .csv, .md, .tex and .parquet
         self.row = row  # meaning of a row as a noun phrase: "A photo"
-        self.declared = tuple(group for part in columns for group in (part if isinstance(part, tuple) else (part,)))
-        self.dtypes: dict[str, Dtype] = {name: group.dtype for group in self.declared for name in group.each}
-        if len(self.dtypes) != sum(len(group.each) for group in self.declared):
+        self.declared = declared
+        self.dtypes: dict[str, Dtype] = {name: group.dtype for group in declared for name in group.each}
+        if len(self.dtypes) != sum(len(group.each) for group in declared):
             raise ValueError(f"{path}: a column is declared twice")
 
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of the columns, in order."""
         return tuple(self.dtypes)
-
-    @property
-    def units(self) -> dict[str, str]:
-        """Units of the columns with a unit."""
-        return {name: group.unit for group in self.declared for name in group.each if group.unit}
 
     def without(self, *names: str) -> tuple[str, ...]:
         """Return the names of the columns in order, except the given names."""
@@ -72,6 +59,41 @@ class Table:
         return "\n".join(["| column | type | unit | description |", "|---|---|---|---|", *rows])
 
 
-def interval_columns(name: str, unit: str, description: str) -> Columns:
-    """Return a metric and the bounds of the 95 % interval: `name`, `name_low`, `name_high`."""
-    return Columns(f"{name} {name}_low {name}_high", NUMBER, unit, f"{description} (with 95 % interval)")
+class Shared:
+    """Columns of several tables by name; a line `name: ...` adds to a name, by default that of the first column."""
+
+    def __init__(self, text: str, *others: Shared) -> None:
+        self._columns: dict[str, tuple[Columns, ...]] = {}
+        for other in others:
+            self._columns |= other._columns
+        own: dict[str, tuple[Columns, ...]] = {}
+        for line in _lines(text):
+            name, row = line.split(": ", 1) if re.match(r"\w+: ", line) else ("", line)
+            columns = self._declared(row)
+            name = name or columns[0].each[0]
+            own[name] = (*own.get(name, ()), *columns)
+            self._columns[name] = own[name]
+
+    def __getitem__(self, name: str) -> tuple[Columns, ...]:
+        return self._columns[name]
+
+    def table(self, text: str) -> Table:
+        """Return a table from a line `path: meaning of a row` and lines of columns."""
+        head, *lines = _lines(text)
+        path, _, row = head.partition(": ")
+        return Table(path, row, tuple(columns for line in lines for columns in self._declared(line)))
+
+    def _declared(self, line: str) -> tuple[Columns, ...]:
+        if line.startswith("= "):
+            return tuple(columns for name in line.split()[1:] for columns in self._columns[name])
+        names, dtype, unit, description = (cell.strip() for cell in line.split("|"))
+        if dtype == "interval":
+            names, dtype = f"{names} {names}_low {names}_high", "float64"
+            description = f"{description} (with 95 % interval)"
+        return (Columns(names, cast(Dtype, dtype), unit, description),)
+
+
+def _lines(text: str) -> Iterator[str]:
+    """Yield the lines of a text, each joined with the following indented lines."""
+    for line in re.split(r"\n(?! )", dedent(text).strip()):
+        yield re.sub(r"\s*\n\s*", " ", line)

@@ -19,7 +19,7 @@ ONE, OTHER = "01_A_off_180_L_0256", "01_A_off_180_R_0256"  # two views
 OPTIONS = ComparisonOptions(resamples=1000)
 SIDE = 100.0  # side of every rock, px
 COLUMNS = ["x0", "y0", "x1", "y1"]
-CHANGE_METRICS = [columns.each[1] for columns in CHANGE_COLUMNS]
+CHANGE_METRICS = list(CHANGE_COLUMNS)
 CHANGES = [f"{metric}{end}" for metric in CHANGE_METRICS for end in CHANGE_ENDS if "change" in end]
 
 

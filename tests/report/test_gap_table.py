@@ -10,7 +10,7 @@ from polarsim.schemas.detect import CHANGE_ENDS
 from polarsim.schemas.detect import CHANGES as CHANGE_COLUMNS
 from polarsim.schemas.report import GAP
 
-CHANGE_METRICS = [columns.each[1] for columns in CHANGE_COLUMNS]
+CHANGE_METRICS = list(CHANGE_COLUMNS)
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 CHANGES = {"pose": -0.01, "noise": 0.02, "mesh": -0.1}  # of ipd, in the order of the configuration
