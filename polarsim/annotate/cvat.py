@@ -18,13 +18,7 @@ _MAX_MASK_PX = 1e8
 
 
 def read_cvat(source: Path) -> Iterator[ExportedImage]:
-    """Read the images and shapes of an XML file.
-
-    Raises
-    ------
-    FormatError
-        The file is of another kind, such as CVAT for video or Pascal VOC, or an element is invalid.
-    """
+    """Read the images and shapes of an XML file."""
     with reading("XML", source):
         root = ElementTree.parse(source).getroot()  # noqa: S314  # expat stops entities that blow up
     if root.tag != "annotations":

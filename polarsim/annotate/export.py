@@ -47,15 +47,6 @@ def export_photos(
         "photo", or the model of the twins.
     tool
         Name in `TOOLS`.
-
-    Raises
-    ------
-    ConfigError
-        The folder is not empty (it may contain edited labels), or the tool is unknown.
-    LabelError
-        No labelled image matches.
-    FormatError
-        A table or image of the run is invalid.
     """
     if tool not in TOOLS:
         raise ConfigError(f"tool {tool!r}, expected {', '.join(TOOLS)}")

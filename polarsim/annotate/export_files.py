@@ -27,13 +27,7 @@ _EXPECTED = (
 
 @contextmanager
 def unpacked(source: Path) -> Iterator[Path]:
-    """Yield the path of an export; the text files of a zip archive are extracted to a temporary folder.
-
-    Raises
-    ------
-    FormatError
-        The archive is damaged, or has too much text.
-    """
+    """Yield the path of an export; the text files of a zip archive are extracted to a temporary folder."""
     if not source.is_file() or not zipfile.is_zipfile(source):
         yield source
         return
@@ -67,11 +61,6 @@ def find_files(source: Path, form: str | None = None) -> tuple[str, list[Path]]:
     ----------
     form
         Name in `EXPORT_FORMS`; None: determined from the files.
-
-    Raises
-    ------
-    FormatError
-        There are no files of a known format, or files of several formats.
     """
     if not source.exists():
         raise FormatError("no such file or folder", path=source)

@@ -102,13 +102,6 @@ def import_labels(
     keep_empty
         Write an empty file for photos without a shape. By default they are skipped, because annotation tools also
         export images that were never opened. Photos in which all shapes were skipped are always skipped.
-
-    Raises
-    ------
-    ConfigError
-        The folder has files, or the format is unknown.
-    FormatError
-        The source has an unknown format or no photo, or contains other classes or implausible boxes.
     """
     check_new_folder(folder)
     if form not in (AUTO, *IMPORTERS):

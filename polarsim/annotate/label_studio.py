@@ -27,11 +27,6 @@ def read_label_studio(source: Path) -> Iterator[ExportedImage]:
 
     The last annotation of a task that was not cancelled is used. Predictions are used only in a file without
     annotations, such as the tasks written by `polarsim export`.
-
-    Raises
-    ------
-    FormatError
-        The file is no list of tasks, a task has no name of a photo, or a region is invalid.
     """
     tasks = read_json(source)
     if not isinstance(tasks, list) or not all(isinstance(task, dict) for task in tasks):
@@ -224,11 +219,6 @@ def decode_brush(packed: Sequence[int], count: int) -> np.ndarray:
     value minus 1 (5 bits), and four times the number of bits of a length minus 1 (4 bits each). Each run has a flag for
     a repeated value (1 bit), the index of the number of bits of the length (2 bits), the length minus 1, and the
     repeated value or all values of the run.
-
-    Raises
-    ------
-    FormatError
-        The runs are truncated, or have another number of values.
     """
     bits = np.unpackbits(np.array(packed, np.uint8))
     offset = 0

@@ -33,13 +33,7 @@ class ExportedImage:
 
 
 def scale_of(source: Path, name: str, width: float, height: float) -> float:
-    """Return the scale from pixels of a resized image to pixels of the photo.
-
-    Raises
-    ------
-    FormatError
-        The aspect ratio differs from that of a photo.
-    """
+    """Return the scale from pixels of a resized image to pixels of the photo."""
     if not (width > 0 and height > 0) or abs(width / height * HEIGHT / WIDTH - 1) > _MAX_ASPECT_ERROR:
         raise FormatError(f"{name}: {width:g} x {height:g} px, expected the aspect of {WIDTH} x {HEIGHT}", path=source)
     return WIDTH / width

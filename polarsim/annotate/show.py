@@ -44,13 +44,6 @@ def show_of_run(
         As in `write_preview`.
     masks
         Also fill the masks: polygons of the labels for a photo, the instance map for a twin.
-
-    Raises
-    ------
-    LabelError
-        The run has no such image.
-    FormatError
-        The run has no polygons or instance map of the image.
     """
     tables = run.folder / ("labels" if domain == PHOTO else "renders") / "tables"
     picture = run.pictures_of(domain, key.terrain).get(key)
@@ -107,13 +100,6 @@ def write_preview(
         Masks of the photo to fill; None: no masks.
     title
         Text of the legend; default: the photo key, and the file name of the image if it differs from the key.
-
-    Raises
-    ------
-    FormatError
-        The image or the label table is invalid.
-    ConfigError
-        A kind is unknown, or the scale makes the image too small or too large.
     """
     unknown = [kind for kind in kinds if kind not in BOX_CLASSES]
     if unknown:
@@ -133,13 +119,7 @@ def write_preview(
 
 
 def rows_of(table: pd.DataFrame, key: PhotoKey) -> pd.DataFrame:
-    """Return the labels of a photo.
-
-    Raises
-    ------
-    FormatError
-        The kind of a label is unknown.
-    """
+    """Return the labels of a photo."""
     rows = table[table["key"] == str(key)]
     unknown = [kind for kind in rows["kind"] if kind not in BOX_CLASSES]
     if unknown:

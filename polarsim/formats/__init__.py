@@ -1,7 +1,8 @@
 """File formats that other programs define: a module per format, with reader and writer.
 
-All readers and writers share `files` (atomic writing, paths, encodings) and `readers` (errors as a single line). Files
-that only polarsim defines are in `polarsim.run_files`.
+All readers and writers share `files` (atomic writing, paths, encodings) and `readers`: a file that is missing or invalid
+raises `FormatError` (`ConfigError` for YAML), a single line with the file. Files that only polarsim defines are in
+`polarsim.run_files`.
 """
 
 from polarsim.public import lazy_exports

@@ -28,13 +28,7 @@ _LATCHED = (
 
 
 def write_mcap_bag(path: Path, streams: Iterable[Iterator[Stamped]], compression: str = "zstd") -> dict[str, int]:
-    """Write the messages of several streams, each sorted by time stamp, and return the number of messages per topic.
-
-    Raises
-    ------
-    PolarsimError
-        A library is missing.
-    """
+    """Write the messages of several streams, each sorted by time stamp, and return the number of messages per topic."""
     try:
         from mcap.writer import CompressionType, Writer
         from mcap_ros2._dynamic import serialize_dynamic  # noqa: F401  # `_encoder` needs it
@@ -77,11 +71,6 @@ def bag_metadata(bag: Path, name: str) -> str:
     ----------
     name
         File name of the bag in the folder of `metadata.yaml`.
-
-    Raises
-    ------
-    FormatError
-        The bag is unreadable or has no summary.
     """
     from mcap.reader import make_reader
 

@@ -272,12 +272,6 @@ def read_coco(
         Width and height that all images must have, px.
     kinds
         Accepted names of categories; None: any name.
-
-    Raises
-    ------
-    FormatError
-        The file is no COCO file, an image is not a photo, is repeated or has another size, or an annotation has an
-        unknown image or category, neither box nor mask, or an invalid box or mask.
     """
     photos: dict[PhotoKey, list[Annotation]] = {}
     for name, image_size, rows in read_coco_images(path, kinds, size):
@@ -293,13 +287,7 @@ def read_coco(
 
 
 def key_of_picture(path: str | Path, name: str) -> PhotoKey:
-    """Return the photo key in the name of an image that a label file states.
-
-    Raises
-    ------
-    FormatError
-        The name has no photo key.
-    """
+    """Return the photo key in the name of an image that a label file states."""
     try:
         return PhotoKey.of_picture(name)
     except LabelError as error:
@@ -330,12 +318,6 @@ def read_coco_images(
         Accepted names of categories; None: any name.
     default_size
         Size of images without width and height, px.
-
-    Raises
-    ------
-    FormatError
-        The file is no COCO file, or an annotation has an unknown image or category, neither box nor mask, or an
-        implausible box or mask.
     """
     try:
         content = _FILE.validate_json(Path(path).read_bytes())

@@ -54,11 +54,6 @@ def write_model(
         or a photo key. A file with a blank in the name is linked into the model as `images/PosX_CamL.png`.
     points : (n, 3) float
         Points of the scene, sandbox frame, metres.
-
-    Raises
-    ------
-    FormatError
-        Two positions have different rigs, or no position is given.
     """
     import pycolmap
 
@@ -86,13 +81,7 @@ def write_model(
 
 
 def common_rig(localised: Mapping[str, LocalisedPair]) -> StereoRig:
-    """Return the rig that all positions share.
-
-    Raises
-    ------
-    FormatError
-        Two positions have different rigs, or no position is given.
-    """
+    """Return the rig that all positions share."""
     if not localised:
         raise FormatError("no position given, a COLMAP model needs at least 1")
     rigs = [pair.rig for pair in localised.values()]

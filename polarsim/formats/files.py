@@ -26,13 +26,7 @@ _CONFIGS = Path(__file__).parents[1] / "configs"  # config/ of the repository; i
 
 @contextmanager
 def writing(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary path in the folder of `path`; rename the file to `path` at the end, or delete it on an error.
-
-    Raises
-    ------
-    PolarsimError
-        The disk is full or not writable: one line with the name of the file.
-    """
+    """Yield a temporary path in the folder of `path`; rename the file to `path` at the end, or delete it on an error."""
     path = Path(path)
     temporary = path.with_name(
         f".{path.stem}.{os.getpid()}{path.suffix}"
@@ -69,13 +63,7 @@ def writing_folder(path: str | Path) -> Iterator[Path]:
 
 
 def existing_folder(path: str | Path) -> Path:
-    """Return a folder that exists.
-
-    Raises
-    ------
-    FormatError
-        The folder is missing, or a file has its name.
-    """
+    """Return a folder that exists."""
     path = Path(path)
     if not path.is_dir():
         raise FormatError("a file, expected a folder" if path.exists() else "no such folder", path=path)
@@ -83,13 +71,7 @@ def existing_folder(path: str | Path) -> Path:
 
 
 def check_new_folder(path: Path) -> None:
-    """Raise an error if a folder to be written exists and is not empty, or if the path is a file.
-
-    Raises
-    ------
-    ConfigError
-        The folder is not empty.
-    """
+    """Raise an error if a folder to be written exists and is not empty, or if the path is a file."""
     if path.exists() and (not path.is_dir() or any(path.iterdir())):
         raise ConfigError("exists and is not empty, files are not overwritten: give a new folder", path=path)
 
@@ -150,11 +132,6 @@ def decode_text(content: bytes) -> str:
 
     Every reader of text uses this function. PowerShell writes UTF-16, Windows editors write byte order marks, and old
     programs write names and comments in Latin-1.
-
-    Raises
-    ------
-    UnicodeError
-        Binary data, or bytes that are invalid in the encoding of the mark.
     """
     for mark, encoding in ENCODINGS:
         if content.startswith(mark):
@@ -194,11 +171,5 @@ def write_json(path: str | Path, content: Any) -> None:
 
 @reader("JSON", largest_mb=500)
 def read_json(path: str | Path) -> Any:
-    """Parse a JSON file.
-
-    Raises
-    ------
-    FormatError
-        The file is missing or is not JSON.
-    """
+    """Parse a JSON file."""
     return json.loads(decode_text(Path(path).read_bytes()))

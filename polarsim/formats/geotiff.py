@@ -53,12 +53,6 @@ def read_elevation(
         Distance from the point to each side up to which heights are read, if the file has them.
     centre_m : (float, float), optional
         The point in the frame of the file, east and north; by default the centre of the file.
-
-    Raises
-    ------
-    FormatError
-        The file is no GeoTIFF, has no projected or local frame in metres, is rotated or too small, has missing heights
-        (with or without a no-data tag), or has radii or other values that are not heights of the Moon.
     """
     try:
         import rasterio

@@ -64,15 +64,7 @@ _MIN_MEDIAN_M, _MAX_MEDIAN_M = 0.1, 1000.0  # median distance of a range map; ot
 
 @reader("calibration", largest_mb=1)
 def read_calibration(path: str | Path) -> StereoRig:
-    """Read `stereo.calibration`: lines `KEY: numbers` in any order. Unknown keys and other lines are ignored.
-
-    Raises
-    ------
-    FormatError
-        The file is no text, a key is missing, repeated or has a wrong number of values, a matrix is no camera matrix
-        or rotation, distortion has terms after k3, a principal point is not near the image centre, the baseline is
-        not about 0.30 m, or left and right camera are exchanged.
-    """
+    """Read `stereo.calibration`: lines `KEY: numbers` in any order. Unknown keys and other lines are ignored."""
     entries = _entries(text_of(path))
     rotation = orthogonal_rotation(entries["ROTATION_MATRIX"].reshape(3, 3))
     translation = entries["TRANSLATION_VECTOR"]
@@ -160,12 +152,6 @@ def read_range_map(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) ->
     ----------
     size : (width, height)
         Expected size of the map, px. The size is checked before pixels are read.
-
-    Raises
-    ------
-    FormatError
-        The file is no TIFF, needs a package for decompression, has another size, fewer than three bands or no valid
-        point, or values are not in millimetres.
     """
     import tifffile
 
@@ -239,11 +225,6 @@ def read_cloud(path: str | Path, unit_m: float = MM) -> np.ndarray:
         separated by blanks, commas or semicolons. Decimal commas are accepted between blanks or semicolons.
     unit_m : float
         Unit of length of the file, metres.
-
-    Raises
-    ------
-    FormatError
-        The suffix is unknown, a field is no number, a line has fewer than three fields, or there is no point.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in CLOUD_SUFFIXES:
@@ -267,13 +248,7 @@ class _Dialect:
         return line.split() if self.separator == r"\s+" else [field.strip() for field in line.split(self.separator)]
 
     def numbers(self, line: str) -> list[float]:
-        """Return the first three numbers of a line, or fewer if the line is shorter. An empty field is NaN.
-
-        Raises
-        ------
-        ValueError
-            A field is not a number.
-        """
+        """Return the first three numbers of a line, or fewer if the line is shorter. An empty field is NaN."""
         return [float(field.replace(self.decimal, ".") or "nan") for field in self.fields(line)[:3]]
 
 
@@ -374,13 +349,7 @@ def write_cloud(path: str | Path, points_m: np.ndarray, intensity: np.ndarray) -
 
 
 def find_terrain_folder(root: str | Path, terrain: int) -> Path | None:
-    """Return the folder `TerrainNN_Name` in a root or in a subfolder of the root; None if it does not exist.
-
-    Raises
-    ------
-    FormatError
-        Two folders have such a name.
-    """
+    """Return the folder `TerrainNN_Name` in a root or in a subfolder of the root; None if it does not exist."""
     name = re.compile(rf"Terrain{terrain:02d}_.*")
     for pattern in ("*", "*/*"):
         folders = sorted(path for path in Path(root).glob(pattern) if name.fullmatch(path.name) and path.is_dir())
@@ -405,11 +374,6 @@ def find_photos(terrain_folder: str | Path, terrain: int) -> list[tuple[PhotoKey
     """Return all photos below the folder of a terrain, with up to one additional folder level, sorted by key.
 
     The middle token of a photo's name is ignored. PNG files with other names are skipped and reported in the log.
-
-    Raises
-    ------
-    FormatError
-        Two files have the same photo key.
     """
     photos: dict[PhotoKey, Path] = {}
     strays = []
@@ -458,13 +422,7 @@ def range_map_path(folder: str | Path, position: str) -> Path:
 
 
 def find_scans(root: str | Path, terrain: int) -> tuple[dict[str, Path], dict[str, Path]]:
-    """Return the range maps and clouds of a terrain by position, with up to one additional folder level below a root.
-
-    Raises
-    ------
-    FormatError
-        A position has two clouds.
-    """
+    """Return the range maps and clouds of a terrain by position, with up to one additional folder level below a root."""
     maps: dict[str, Path] = {}
     for pattern in (RANGE_FOLDER, f"*/{RANGE_FOLDER}"):
         for path in sorted(Path(root).glob(f"{pattern}/Terrain{terrain:02d}/Pos?_org-XYZ.[tT][iI][fF]")):

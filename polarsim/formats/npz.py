@@ -20,13 +20,7 @@ def write_arrays(path: Path, packed: bool = True, **arrays: np.ndarray | np.gene
 
 @reader("NPZ file", largest_mb=4000)
 def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """Read an NPZ file that must contain the arrays `names`.
-
-    Raises
-    ------
-    FormatError
-        The file is unreadable, or an array is missing.
-    """
+    """Read an NPZ file that must contain the arrays `names`."""
     with np.load(path, allow_pickle=False) as content:
         arrays = {name: content[name] for name in content.files}
     for name in names:

@@ -49,13 +49,7 @@ def rock_files(folder: str | Path) -> dict[int, Path]:
 
 @reader("OBJ file", largest_mb=2000)
 def read_obj(path: str | Path) -> Mesh:
-    """Return vertices and triangles of an OBJ file; polygons are cut into fans, other lines are ignored.
-
-    Raises
-    ------
-    FormatError
-        The file is missing or has no triangle, a vertex is not finite, or a face refers to a missing vertex.
-    """
+    """Return vertices and triangles of an OBJ file; polygons are cut into fans, other lines are ignored."""
     content = Path(path).read_bytes().removeprefix(codecs.BOM_UTF8)
     mesh = _plain_triangles(content) or _any_faces(path, content)
     if not len(mesh.faces):

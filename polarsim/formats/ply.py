@@ -38,13 +38,7 @@ def write_ply(path: str | Path, cloud: Cloud) -> None:
 
 @reader("PLY file", largest_mb=4000)
 def read_ply(path: str | Path) -> Cloud:
-    """Read a binary file of `write_ply`: vertices with six float properties.
-
-    Raises
-    ------
-    FormatError
-        The file is missing, truncated or has other properties, or a value is not finite.
-    """
+    """Read a binary file of `write_ply`: vertices with six float properties."""
     content = Path(path).read_bytes()
     end = content.find(b"end_header\n", 0, _LONGEST_HEADER)
     if not content.startswith(b"ply\n") or end < 0:

@@ -50,13 +50,7 @@ class Header:
 
 
 def parse_header(content: bytes) -> Header:
-    """Return the header of a PNG file after a check that all chunks are complete; pixels are not decoded.
-
-    Raises
-    ------
-    FormatError
-        The content is no PNG file, or is truncated or damaged.
-    """
+    """Return the header of a PNG file after a check that all chunks are complete; pixels are not decoded."""
     if not content.startswith(_SIGNATURE):
         raise FormatError("no PNG file")
     offset, kind, header, exif = len(_SIGNATURE), b"", b"", b""
@@ -94,11 +88,6 @@ def read_png(path: str | Path) -> np.ndarray:
     """Return pixels (h, w) or (h, w, 3; RGB order) with the depth of the file, upright by the EXIF orientation.
 
     Transparency is dropped.
-
-    Raises
-    ------
-    FormatError
-        The file is missing, truncated, no image, or has more than `MAX_PIXELS` pixels.
     """
     import cv2
 
@@ -117,13 +106,7 @@ def read_png(path: str | Path) -> np.ndarray:
 
 @reader("picture")
 def size(path: str | Path) -> tuple[int, int]:
-    """Return width and height in pixels, upright by the EXIF orientation, from the header of the file.
-
-    Raises
-    ------
-    FormatError
-        The file is missing or no image, or a PNG file is truncated or damaged.
-    """
+    """Return width and height in pixels, upright by the EXIF orientation, from the header of the file."""
     return _size(Path(path).read_bytes())
 
 
@@ -163,13 +146,7 @@ def _pillow_size(content: bytes) -> tuple[int, int, int]:
 
 @reader("photo")
 def read_photo(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> np.ndarray:
-    """Read a raw photo (h, w), uint16 with 12-bit values.
-
-    Raises
-    ------
-    FormatError
-        The photo has another size (width, height), bit depth or number of channels, or values above 12 bits.
-    """
+    """Read a raw photo (h, w), uint16 with 12-bit values."""
     pixels = read_png(path)
     if pixels.dtype != np.uint16 or pixels.ndim != 2:
         raise FormatError(
@@ -183,13 +160,7 @@ def read_photo(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> np.
 
 
 def write_png(path: str | Path, pixels: np.ndarray) -> None:
-    """Write (h, w) or (h, w, 3; RGB order) pixels, uint8 or uint16.
-
-    Raises
-    ------
-    PolarsimError
-        The file cannot be written.
-    """
+    """Write (h, w) or (h, w, 3; RGB order) pixels, uint8 or uint16."""
     write_bytes(path, encode_png(pixels))
 
 

@@ -84,11 +84,6 @@ def key_files(folder: str | Path) -> KeyFiles:
     """Return every `KEY.txt` in a folder and in the `TerrainNN` subfolders.
 
     A file in the folder of a different terrain is a stray. The result is empty if the folder does not exist.
-
-    Raises
-    ------
-    LabelError
-        A photo key has two files.
     """
     files = KeyFiles()
     folder = Path(folder)
@@ -107,12 +102,6 @@ def read_annotated_boxes(folder: str | Path) -> dict[PhotoKey, tuple[np.ndarray,
     labelImg rewrites `classes.txt` on every save. If the names or their order change, the class numbers in `KEY.txt`
     change their meaning. Classes are therefore identified by name. Images and files with other names are skipped;
     skipped text files are reported in the log.
-
-    Raises
-    ------
-    FormatError
-        The folder is missing, a photo has two files, a class list is invalid, or a line is invalid (file, line and
-        reason).
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -144,13 +133,7 @@ def box_folder(folder: Path) -> Path:
 
 
 def polygon_sources(folder: Path) -> list[Path]:
-    """Return the polygon files of a folder given by the user: flat, by terrain, labels of a run, or published root.
-
-    Raises
-    ------
-    FormatError
-        The folder is missing or has no polygon file, or two files have the same name.
-    """
+    """Return the polygon files of a folder given by the user: flat, by terrain, labels of a run, or published root."""
     existing_folder(folder)
     tops = [below for below in (folder / POLYGONS, folder / "polygons") if below.is_dir()] or [folder]
     folders = [path for top in tops for path in (top, *sorted(top.glob("*"))) if path == top or

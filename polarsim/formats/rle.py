@@ -61,24 +61,12 @@ def encode_rle(mask: np.ndarray, left: int = 0, top: int = 0, size: tuple[int, i
 
 
 def from_runs(runs: Sequence[int], size: tuple[int, int] = (WIDTH, HEIGHT)) -> Rle:
-    """Encode lengths of runs, background first, of an image (width, height).
-
-    Raises
-    ------
-    FormatError
-        A run is negative, or the runs do not fill the image.
-    """
+    """Encode lengths of runs, background first, of an image (width, height)."""
     return Rle(size[1], size[0], _text_of(_checked(np.array(runs, np.int64), size[1], size[0])))
 
 
 def from_text(counts: str, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Rle:
-    """Return the mask of compressed runs of an image (width, height).
-
-    Raises
-    ------
-    FormatError
-        The text has an invalid character, or the runs do not fill the image.
-    """
+    """Return the mask of compressed runs of an image (width, height)."""
     _checked(_runs_of(counts), size[1], size[0])
     return Rle(size[1], size[0], counts)
 

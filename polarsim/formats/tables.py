@@ -26,13 +26,7 @@ def write_parquet(path: str | Path, table: pd.DataFrame) -> None:
 
 @reader("Parquet table", largest_mb=4000)
 def read_parquet(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
-    """Read a table that must have `columns`.
-
-    Raises
-    ------
-    FormatError
-        The Parquet file is unreadable, or a column is missing.
-    """
+    """Read a table that must have `columns`."""
     table = pd.read_parquet(path)
     texts: list[str] = list(table.select_dtypes("str").columns)
     for name in texts:
@@ -47,13 +41,7 @@ def write_csv(path: str | Path, table: pd.DataFrame) -> None:
 
 @reader("CSV table")
 def read_csv(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
-    """Read a table that must have `columns`.
-
-    Raises
-    ------
-    FormatError
-        The CSV file is unreadable, or a column is missing.
-    """
+    """Read a table that must have `columns`."""
     text = io.StringIO(text_of(path))
     return _with_columns(pd.read_csv(text, dtype={"azimuth": str, "light": str, "key": str}), columns, path)
 

@@ -13,26 +13,14 @@ from polarsim.formats.readers import reading
 
 
 def fields_of(path: str | Path, kind: str) -> list[tuple[int, list[str]]]:
-    """Return number and fields of every line that is not empty; `kind` is the kind of file, such as `label file`.
-
-    Raises
-    ------
-    FormatError
-        The file is unreadable or no text.
-    """
+    """Return number and fields of every line that is not empty; `kind` is the kind of file, such as `label file`."""
     with reading(kind, path):
         lines = lines_of(Path(path).read_bytes())
     return [(n, line.split()) for n, line in enumerate(lines, 1) if line.strip()]
 
 
 def parse_values(path: str | Path, number: int, fields: Sequence[str]) -> np.ndarray:
-    """Return the (n,) values of the fields of a line.
-
-    Raises
-    ------
-    FormatError
-        A field is not a finite number.
-    """
+    """Return the (n,) values of the fields of a line."""
     values = np.empty(len(fields))
     for n, field in enumerate(fields):
         try:

@@ -27,13 +27,7 @@ def of_picture(path: Path, width: int) -> str:
 
 
 def of_photo(path: Path, width: int) -> str:
-    """Return a 12-bit photo or twin, tone-mapped by brightness, as a data URI (WebP) with a maximum width in pixels.
-
-    Raises
-    ------
-    FormatError
-        The file is missing, truncated, or no image.
-    """
+    """Return a 12-bit photo or twin, tone-mapped by brightness, as a data URI (WebP) with a maximum width in pixels."""
     from PIL import Image
 
     return _data_uri(Image.fromarray(np.ascontiguousarray(to_8bit(png.read_png(path)))), width)

@@ -21,13 +21,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 @reader("YAML file", largest_mb=1, error=ConfigError)
 def read_yaml(path: str | Path) -> Any:
-    """Read a YAML file; a missing file of `config/` is read from the installed package (see `files.resolve_packaged`).
-
-    Raises
-    ------
-    ConfigError
-        The file is missing or not YAML.
-    """
+    """Read a YAML file; a missing file of `config/` is read from the installed package (see `files.resolve_packaged`)."""
     return parse_yaml(text_of(resolve_packaged(path)))
 
 
@@ -35,13 +29,6 @@ def parse_yaml(text: str) -> Any:
     """Parse a YAML text.
 
     Values that YAML 1.1 would silently interpret in an unexpected way are errors.
-
-    Raises
-    ------
-    yaml.YAMLError
-        The text is not YAML.
-    ConfigError
-        A mapping has a repeated key, a number has leading zeros or colons, or a value contains itself.
     """
     loader = _Loader(text)
     try:
@@ -93,13 +80,7 @@ def _check_number(node: yaml.ScalarNode) -> None:
 
 @reader("YAML file", largest_mb=1, error=ConfigError)
 def read_model(path: str | Path, model: type[Model], subject: str) -> Model:
-    """Read a model from a YAML file; `subject` is the name of the model in messages about no particular key.
-
-    Raises
-    ------
-    ConfigError
-        The file is not YAML, or keys are unknown, missing or invalid: a single line with the file and each key.
-    """
+    """Read a model from a YAML file; `subject` is the name of the model in messages about no particular key."""
     content = read_yaml(path)
     try:
         return model.model_validate(content)

@@ -50,11 +50,6 @@ def read_shapes(path: str | Path, size: tuple[int, int] | None = None) -> list[L
     of at least three points (a polygon). Seven fields with an integer at the end could be a triangle or a tracked
     detection, `class x y width height confidence id`. They are accepted as a triangle only if the file also has a
     larger polygon. `size` is the width and height of the photo; the default is the size of the rig's photos.
-
-    Raises
-    ------
-    FormatError
-        A line has another form or invalid values: file, line number and reason.
     """
     lines = fields_of(path, "label file")
     outlined = any(len(fields) > 7 for _, fields in lines)
@@ -128,11 +123,6 @@ def read_boxes(
         Accept a confidence as sixth field.
     polygons
         Accept polygons and return the boxes around them.
-
-    Raises
-    ------
-    FormatError
-        A line is not a box of a rock or shadow inside the photo: file, line number and reason.
     """
     classes, boxes = [], []
     for shape in read_shapes(path, size):
@@ -173,11 +163,6 @@ def read_detections(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarra
     """Read class numbers (n,), boxes (n, 4) and confidences (n,) of any classes.
 
     Boxes are in pixels of a photo of the rig. The confidence is NaN if a line has no sixth field.
-
-    Raises
-    ------
-    FormatError
-        A line is not a box inside the photo: file, line number and reason.
     """
     shapes = read_shapes(path)
     for shape in shapes:
@@ -191,13 +176,7 @@ def read_detections(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarra
 
 
 def class_number(path: str | Path, shape: LabelLine) -> int:
-    """Return the class of a line of a label file.
-
-    Raises
-    ------
-    FormatError
-        The class is not an integer.
-    """
+    """Return the class of a line of a label file."""
     if not _is_whole(shape.label):
         raise FormatError(f"class {shape.label}, expected an integer", path=path, line=shape.line)
     return int(shape.label)
@@ -226,11 +205,6 @@ def find_classes(folder: Path, top: Path | None = None) -> ClassList:
     ----------
     top
         Folder of the data set, in which all lists must agree. None: only the folder is searched before those above.
-
-    Raises
-    ------
-    FormatError
-        A list is invalid, or two lists contradict each other.
     """
     inside = [folder, *(above for above in folder.parents if top and (above == top or top in above.parents))]
     lists = [classes for above in inside for classes in _lists_in(above)]
@@ -252,13 +226,7 @@ def find_classes(folder: Path, top: Path | None = None) -> ClassList:
 
 @reader("class list")
 def class_names(folder: Path) -> tuple[str, ...]:
-    """Return the names of the class numbers in a folder, see `find_classes`.
-
-    Raises
-    ------
-    FormatError
-        A list is no text, is empty, repeats a name, or contradicts another list.
-    """
+    """Return the names of the class numbers in a folder, see `find_classes`."""
     return find_classes(folder).names
 
 
@@ -323,13 +291,7 @@ def _numbered(path: Path, stated: Any) -> tuple[str, ...]:
 
 @reader("label file", largest_mb=100)
 def read_polygons(path: str | Path, names: tuple[str, ...] = POLYGON_CLASSES) -> list[tuple[int, np.ndarray]]:
-    """Read the class and the vertices (n, 2) in pixels of each polygon, in file order.
-
-    Raises
-    ------
-    FormatError
-        A line is not a polygon of a class in `names`: file, line number and reason.
-    """
+    """Read the class and the vertices (n, 2) in pixels of each polygon, in file order."""
     polygons = []
     for shape in read_shapes(path):
         if not shape.is_polygon:
@@ -350,11 +312,6 @@ def read_boxes_or_polygons(path: str | Path, names: tuple[str, ...] | None = Non
     ----------
     names
         Names of the class numbers in the file; None: `BOX_CLASSES` for boxes, `POLYGON_CLASSES` for polygons.
-
-    Raises
-    ------
-    FormatError
-        A line has another form than the first line: file, line number and reason.
     """
     if not has_polygons(path):
         return read_boxes(path, names=names or BOX_CLASSES)
@@ -401,13 +358,7 @@ def _class(path: str | Path, shape: LabelLine, names: tuple[str, ...]) -> int:
 
 @reader("label file", largest_mb=100)
 def read_rock_boxes(seeds: Path, terrain: int) -> dict[str, list[np.ndarray]]:
-    """Read the rock boxes (n, 4), pixels, of the seeds of a terrain in left photos: an array per file, by position.
-
-    Raises
-    ------
-    LabelError
-        A file name is not a photo key, or the content is not labels.
-    """
+    """Read the rock boxes (n, 4), pixels, of the seeds of a terrain in left photos: an array per file, by position."""
     boxes: dict[str, list[np.ndarray]] = {}
     for path in sorted(Path(seeds).glob("*.txt")):
         with with_path(path):

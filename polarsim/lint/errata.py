@@ -38,11 +38,6 @@ def lint_and_draw(*, root: Path, twins: Sequence[Path], page: Path, table: Path,
     ----------
     twins : sequence of Path
         Folders with twins, KEY.png; defects of photos without a twin are drawn on a plain background.
-
-    Raises
-    ------
-    FormatError
-        The folder is missing or has no terrain.
     """
     report = lint_release(root, workers)
     columns = ["code", "severity", "defect", "file", "line", "detail"]

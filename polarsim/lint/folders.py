@@ -47,11 +47,6 @@ def lint_release(root: Path, workers: int = 1, layout: Layout = release.PUBLISHE
     ----------
     workers : int
         Number of processes; each validates a terrain at a time.
-
-    Raises
-    ------
-    FormatError
-        The folder is missing or has no terrain.
     """
     root = Path(root)
     terrains = release.terrains(root) if layout == release.PUBLISHED_LAYOUT else layout.terrains(root)
@@ -179,11 +174,6 @@ def lint_pictures(root: Path) -> Report:
     """Validate every label file with a picture of the same name, by the size of the picture.
 
     A line may be a box, a detection or a polygon, which is converted to the box around it.
-
-    Raises
-    ------
-    FormatError
-        There is no label file.
     """
     root = Path(root)
     pictures, labels = _pictures(root), _labels(root)
@@ -240,11 +230,6 @@ def lint_folder(root: Path, names: Collection[str], *, workers: int = 1, fix: Pa
         Selected rules, see `rules.select_rules`.
     fix
         Output folder of repaired label files; only for the published layout.
-
-    Raises
-    ------
-    FormatError
-        The folder is missing, has no known layout, or the copy cannot be written.
     """
     root = existing_folder(root)
     if release.RUN_LAYOUT.terrains(root / "labels"):  # the folder of a run
@@ -258,13 +243,7 @@ def lint_folder(root: Path, names: Collection[str], *, workers: int = 1, fix: Pa
 
 
 def layout_of(root: Path) -> Layout | None:
-    """Return the layout of a folder of label files; None for label files with pictures.
-
-    Raises
-    ------
-    FormatError
-        The layout is unknown; the message states the content and the expected layouts.
-    """
+    """Return the layout of a folder of label files; None for label files with pictures."""
     if release.terrains(root):
         return release.PUBLISHED_LAYOUT
     for layout in (release.RUN_LAYOUT, release.TERRAIN_LAYOUT):

@@ -60,11 +60,6 @@ def write_repaired(root: Path, findings: Iterable[Finding], out: Path, names: Co
     -------
     int
         Number of repaired findings; findings in other files and of rules without a repair are not repaired.
-
-    Raises
-    ------
-    FormatError
-        `out` exists already or is a folder in `root`, or a class list has other numbers than 0 rock, 1 shadow.
     """
     if out.exists() or out.resolve().is_relative_to(root.resolve()):
         raise FormatError(f"a repaired copy needs a new folder outside {root}", path=out)

@@ -107,11 +107,6 @@ def select_rules(select: Sequence[str], ignore: Sequence[str]) -> set[str]:
     """Return the names of the rules in `select` (all if empty) that are not in `ignore`.
 
     Entries are names, codes or prefixes of codes, severities, or ALL.
-
-    Raises
-    ------
-    PolarsimError
-        An entry matches no rule.
     """
     wanted = _named(select) if select else set(RULES)
     return wanted - _named(ignore)

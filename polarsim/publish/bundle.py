@@ -45,13 +45,7 @@ class Bundle:
         self._sums: dict[str, str] = {}
 
     def open(self, recipe: dict[str, Any], replace: bool = False) -> None:
-        """Begin or resume an export; `replace` removes the files of an export with other arguments.
-
-        Raises
-        ------
-        ConfigError
-            The path is not a folder, or the folder contains other files.
-        """
+        """Begin or resume an export; `replace` removes the files of an export with other arguments."""
         if self.folder.exists():
             if not self.folder.is_dir():
                 raise ConfigError("is not a folder, choose another output folder", path=self.folder)
@@ -120,13 +114,7 @@ class Bundle:
             self._on_file()
 
     def copy(self, name: str, source: Path) -> Path:
-        """Copy a file of the run.
-
-        Raises
-        ------
-        PolarsimError
-            The file is missing.
-        """
+        """Copy a file of the run."""
         if not source.is_file():
             raise PolarsimError("is missing, but a table of the run lists it; run the workflow again", path=source)
         return self.make(name, partial(shutil.copyfile, source), [source])
@@ -147,13 +135,7 @@ class Bundle:
 
 
 def check_space(folder: Path, need: int) -> None:
-    """Check the free disk space for an export of `need` bytes into `folder`.
-
-    Raises
-    ------
-    PolarsimError
-        The disk has not enough free space.
-    """
+    """Check the free disk space for an export of `need` bytes into `folder`."""
     existing = folder.absolute()
     while not existing.exists():
         existing = existing.parent

@@ -216,13 +216,6 @@ def read_catalogue(run: Path, split: str = "") -> Catalogue:
     ----------
     split
         Name of the split that determines the parts of images; empty for the first split of the run's configuration.
-
-    Raises
-    ------
-    ConfigError
-        The run or the split does not exist, the run has no images, or the first split is not known.
-    FormatError
-        A file of the run is invalid.
     """
     run = Path(run)
     terrains = {number: _terrain(run, number) for number in TERRAINS if _has(run, number)}
@@ -299,13 +292,7 @@ def _size(path: Path) -> tuple[int, int]:
 
 
 def _split(run: Path, wanted: str) -> str:
-    """Return the wanted split, otherwise the first split of the run's configuration, otherwise the only split.
-
-    Raises
-    ------
-    ConfigError
-        The split does not exist, or there are several splits and no configuration.
-    """
+    """Return the wanted split, otherwise the first split of the run's configuration, otherwise the only split."""
     splits = Run(run).splits
     if wanted and wanted not in splits:
         raise ConfigError(f"no split {wanted!r}, expected one of: {', '.join(splits) or 'none'}", path=run / "detect")
@@ -340,11 +327,6 @@ def _made_on(run: Path, pictures: tuple[CatalogueImage, ...]) -> str:
 
     The environment variable SOURCE_DATE_EPOCH overrides the date, for copies of a run without time stamps
     (https://reproducible-builds.org/specs/source-date-epoch/).
-
-    Raises
-    ------
-    ConfigError
-        SOURCE_DATE_EPOCH is not a number of seconds.
     """
     stated = os.environ.get("SOURCE_DATE_EPOCH", "")
     if stated:

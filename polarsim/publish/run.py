@@ -52,16 +52,6 @@ def publish_forms(
         Overwrite an export with other arguments.
     split
         Name of the split that determines the parts of images; empty for the run's first split.
-
-    Raises
-    ------
-    ConfigError
-        A format is unknown or not available, a package is missing, the subset is empty, or the folder contains other
-        files.
-    FormatError
-        A file of the run is invalid.
-    PolarsimError
-        The disk has not enough free space.
     """
     for name in FORMS if ALL in forms else forms:
         _check(name)
@@ -145,13 +135,7 @@ def form_summary(form: str, part: Catalogue, folder: Path) -> str:
 
 
 def _with_part(catalogue: Catalogue, form: Form) -> Catalogue:
-    """Exclude images in no part of the split, for formats with a folder or file per part.
-
-    Raises
-    ------
-    ConfigError
-        The split has no image.
-    """
+    """Exclude images in no part of the split, for formats with a folder or file per part."""
     if not form.by_part or not catalogue.split:
         return catalogue
     kept = [picture for picture in catalogue.pictures if picture.part]

@@ -30,13 +30,7 @@ _UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "t": 10**12}
 
 
 def parse_subset(text: str) -> dict[str, tuple[str, ...]]:
-    """Return the allowed values of each field of a text such as `terrain=1+3,exposure=256`.
-
-    Raises
-    ------
-    ConfigError
-        A field is unknown, has no values, or is given twice.
-    """
+    """Return the allowed values of each field of a text such as `terrain=1+3,exposure=256`."""
     allowed: dict[str, tuple[str, ...]] = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
         name, equals, values = (word.strip() for word in part.partition("="))
@@ -53,11 +47,6 @@ def select(catalogue: Catalogue, subset: Mapping[str, Sequence[str]]) -> Catalog
     """Return the catalogue with the images whose fields have the allowed values; an empty subset keeps all images.
 
     A warning lists values that no image has.
-
-    Raises
-    ------
-    ConfigError
-        No image has an allowed value.
     """
     if not subset:
         return catalogue
@@ -76,13 +65,7 @@ def select(catalogue: Catalogue, subset: Mapping[str, Sequence[str]]) -> Catalog
 
 
 def parse_size(text: str) -> int:
-    """Return the bytes of a text such as `2GB`, `500 MB` or a plain number; prefixes are powers of 1,000.
-
-    Raises
-    ------
-    ConfigError
-        The text is not a size above 0.
-    """
+    """Return the bytes of a text such as `2GB`, `500 MB` or a plain number; prefixes are powers of 1,000."""
     match = re.fullmatch(r"\s*([0-9.]+)\s*([kmgt]?)i?b?\s*", text.lower())
     try:
         size = int(float(match[1]) * _UNITS[match[2]]) if match else 0
@@ -106,11 +89,6 @@ def limit_size(catalogue: Catalogue, size_of: Callable[[CatalogueImage], int], f
         Size of all other files, bytes.
     limit
         Maximum size, bytes.
-
-    Raises
-    ------
-    ConfigError
-        The limit is smaller than a single scene.
     """
     scenes: dict[str, list[CatalogueImage]] = {}
     for picture in catalogue.pictures:
