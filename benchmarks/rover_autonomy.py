@@ -36,8 +36,8 @@ from polarsim.report.figures.autonomy_maps import draw_autonomy_maps
 from polarsim.reporting import reporting
 from polarsim.rover.cameras.options import PACKAGED_FILES, CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
-from polarsim.rover.perception.options import OnboardDetector
-from polarsim.rover.planning.cases import MODES_WITH_DETECTOR, Case, cases
+from polarsim.rover.perception.options import MODES_WITH_DETECTOR, OnboardDetector
+from polarsim.rover.planning.cases import Case, cases
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.rank import rank_detectors
 from polarsim.rover.planning.summary import drive_case, summarise_autonomy

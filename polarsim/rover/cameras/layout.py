@@ -25,17 +25,13 @@ def picture_folder(folder: Path, view: str, sun: str, model: Model, exposure_ms:
     return folder / view / picture_set(sun, model, exposure_ms)
 
 
-def require_pictures(paths: Iterable[Path]) -> None:
-    """Check that all pictures exist.
-
-    Raises
-    ------
-    RoverError
-        A picture is missing; the path is that of the first missing picture.
-    """
-    for path in paths:
+def frame_files(pictures: Path, frames: Iterable[int]) -> list[Path]:
+    """Return the files of frames in a folder of pictures; a missing file is a `RoverError`."""
+    files = [pictures / f"{frame:05d}.png" for frame in frames]
+    for path in files:
         if not path.is_file():
             raise RoverError("the picture is missing", path=path)
+    return files
 
 
 def labels_folder(folder: Path, view: str, sun: str) -> Path:

@@ -24,7 +24,7 @@ from polarsim.photo import BLACK_LEVEL, COLOURS, WHITE_LEVEL
 from polarsim.progress import track
 from polarsim.provenance import identity, is_current, store_identity
 from polarsim.render.options import Model
-from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, picture_folder, require_pictures
+from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, frame_files, picture_folder
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.trace import read_trace
@@ -79,8 +79,7 @@ def _make(
     video: Path, pictures: Path, frames: list[int], boxes: pd.DataFrame | None, rate: Fraction, confidence: float
 ) -> int:
     """Write a video unless it is current; return the number of written videos."""
-    paths = [pictures / f"{frame:05d}.png" for frame in frames]
-    require_pictures(paths)
+    paths = frame_files(pictures, frames)
     content = "" if boxes is None else boxes.to_csv()
     made_with = identity(__name__, paths, str(rate), content, str(confidence))
     if is_current(video, made_with):

@@ -1,4 +1,4 @@
-"""Detect rocks and shadows in the front camera's pictures of a drive.
+"""Rocks and shadows in the front camera's pictures: detections of a drive, and labels with contrast in a picture.
 
 Output below a drive's folder: `front_end_cam/<Sun>_<model>_<exposure>/detections.parquet`.
 """
@@ -18,11 +18,10 @@ from polarsim.detect.frame import max_inference_width
 from polarsim.detect.inference_widths import ClassInferenceWidths
 from polarsim.detect.predict import inference_widths_of, predict_images
 from polarsim.errors import with_path
-from polarsim.formats import png
-from polarsim.formats.table_parts import write_in_parts
+from polarsim.formats import png, tables
 from polarsim.photo import BOX_CLASSES, ROCK
-from polarsim.provenance import identity, is_current, store_identity
-from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, picture_folder, require_pictures
+from polarsim.progress import track
+from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, frame_files, picture_folder
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.trace import read_trace
@@ -31,19 +30,16 @@ from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.vehicle.table import Vehicle
 
 _BATCH = 8
-_PART = 25 * _BATCH
+_RIM_PX = 2  # margin around a box that is included in the contrast
+_DARK_PERCENT, _BRIGHT_PERCENT = 2, 98
+# Minimum contrast of a visible label, as a share of white. Rocks in the rover's shadow are below it.
+MIN_CONTRAST = 0.06
 
 
 class FrontCameraDetector:
     """Detector for pictures of the front camera, `width` px wide; shadows are skipped if `rocks_only`."""
 
     def __init__(self, applied: OnboardDetector, width: int, threads: int = 1, *, rocks_only: bool = False) -> None:
-        """
-        Raises
-        ------
-        PolarsimError
-            The detector cannot be read.
-        """
         detector = detectors.read_detector(applied.weights)
         with with_path(applied.weights):
             self._loaded = detectors.load_detector(detector, Path.cwd(), applied.prediction, threads)
@@ -53,8 +49,7 @@ class FrontCameraDetector:
 
     def detect(self, pictures: Sequence[np.ndarray]) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """Return the detector's inputs, and (n, 6) boxes, confidences and classes, of 12-bit pictures (h, w)."""
-        small = [tone.shrink(grey, max(self._sizes.widths)) for grey in pictures]
-        eights = [tone.to_8_bits(each) for each in small]
+        eights = [tone.to_8_bits(tone.shrink(grey, max(self._sizes.widths))) for grey in pictures]
         full = pictures[0].shape[1], pictures[0].shape[0]
         return eights, list(predict_images(self._loaded, eights, self._sizes, self._applied.prediction.nms_iou, full))
 
@@ -67,38 +62,18 @@ def detect_drive(
     seed: int,
     threads: int = 1,
 ) -> None:
-    """Write the detections of each picture set of the front camera; sets that are current are kept.
-
-    Raises
-    ------
-    PolarsimError
-        The detector cannot be read, or a picture is missing.
-    """
+    """Write the detections of each picture set of the front camera."""
     suite = CameraSuite(read_trace(folder), vehicle, options, seed=seed)
-    detector: FrontCameraDetector | None = None
-    for sun, (model, exposure_ms) in product(suite.suns, options.pictures):
-        pictures = picture_folder(folder, FRONT, sun, model, exposure_ms)
-        paths = {f"{frame:05d}": pictures / f"{frame:05d}.png" for frame in suite.frames}
-        require_pictures(paths.values())
-        used = onboard.model_dump_json(include={"prediction"})
-        made_with = identity(__name__, [onboard.weights, *paths.values()], used)
-        if is_current(pictures / "detections.parquet", made_with):
-            continue
-        detector = detector or FrontCameraDetector(onboard, suite.mounts[FRONT].lens.width, threads)
-        with store_identity(pictures / "detections.parquet", made_with):
-            _write_detections(pictures, paths, detector, made_with)
-
-
-def _write_detections(pictures: Path, paths: dict[str, Path], detector: FrontCameraDetector, made_with: str) -> None:
-    def rows_of(names: Sequence[str]) -> pd.DataFrame:
-        rows: list[tuple[Any, ...]] = []
-        for group in (names[n : n + _BATCH] for n in range(0, len(names), _BATCH)):
-            _, results = detector.detect([png.read_png(paths[name]) for name in group])
-            for name, result in zip(group, results, strict=True):
-                rows += [(int(name), BOX_CLASSES[int(r[5])], r[4], *r[:4]) for r in result]
-        return detection_table(rows)
-
-    write_in_parts(pictures / "detections.parquet", list(paths), rows_of, _PART, made_with)
+    detector = FrontCameraDetector(onboard, suite.mounts[FRONT].lens.width, threads)
+    for sun, what in product(suite.suns, options.pictures):
+        pictures = picture_folder(folder, FRONT, sun, *what)
+        files, rows = frame_files(pictures, suite.frames), []
+        for first in track(range(0, len(files), _BATCH), pictures.name):
+            batch = slice(first, first + _BATCH)
+            _, results = detector.detect([png.read_png(path) for path in files[batch]])
+            for frame, boxes in zip(suite.frames[batch], results, strict=True):
+                rows += [(frame, BOX_CLASSES[int(box[5])], box[4], *box[:4]) for box in boxes]
+        tables.write_parquet(pictures / "detections.parquet", detection_table(rows))
 
 
 def detection_table(rows: list[tuple[Any, ...]]) -> pd.DataFrame:
@@ -108,3 +83,20 @@ def detection_table(rows: list[tuple[Any, ...]]) -> pd.DataFrame:
     table = table.round({"confidence": 5, **dict.fromkeys(BOX, 2)})
     order = [True, True, False, *[True] * 4]
     return table.sort_values(list(DETECTION_COLUMNS), ascending=order, kind="stable", ignore_index=True)
+
+
+def boxes_with_contrast(picture: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+    """Return (n,) bool: boxes (n, 4) with a contrast of at least `MIN_CONTRAST` in the detector's input (h, w) uint8.
+
+    Contrast is the difference of bright (98 %) and dark pixels (2 %), margin included, as a share of white. Rocks and
+    shadows inside a larger shadow are labelled, but have none.
+    """
+    visible = np.zeros(len(boxes), bool)
+    height, width = picture.shape
+    for number, (x0, y0, x1, y1) in enumerate(np.asarray(boxes, float).reshape(-1, 4)):
+        left, top = max(int(np.floor(x0)) - _RIM_PX, 0), max(int(np.floor(y0)) - _RIM_PX, 0)
+        right, bottom = min(int(np.ceil(x1)) + _RIM_PX, width), min(int(np.ceil(y1)) + _RIM_PX, height)
+        if right > left and bottom > top:
+            dark, bright = np.percentile(picture[top:bottom, left:right], [_DARK_PERCENT, _BRIGHT_PERCENT])
+            visible[number] = bright - dark >= MIN_CONTRAST * np.iinfo(np.uint8).max
+    return visible

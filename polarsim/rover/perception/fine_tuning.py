@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from polarsim.detect import detectors, tone
@@ -17,7 +17,7 @@ from polarsim.formats import png, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.randomness import generator
 from polarsim.rover.cameras.layout import labels_folder
-from polarsim.rover.perception.contrast import boxes_with_contrast
+from polarsim.rover.perception.detections import boxes_with_contrast
 from polarsim.rover.perception.options import DriveTuningOptions
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.run_files.picture_sets import PictureSet
@@ -30,40 +30,26 @@ _WIDEST_PX = 1280  # maximum width of a resized picture from which windows are c
 _LEARNING_RATE, _BATCH = 0.0003, 4  # low rate, since few epochs must not erase earlier training
 
 
-@dataclass(frozen=True)
-class DrivePicture:
-    """A picture of the front camera, its label file and its name in the data set."""
-
-    name: str
-    path: Path
-    labels: Path
-
-
 def make_drive_dataset(*, dataset: Path, options: DriveTuningOptions) -> None:
     """Write a data set of windows of the pictures of `options.drives`, without a test part.
 
     All windows of a picture belong to the same part. Labels that are not visible in the picture are excluded.
-
-    Raises
-    ------
-    PolarsimError
-        A drive has no pictures of the front camera or no labels, or a file is broken.
     """
     random = generator(_SEED, "rover", "fine tuning")
     entries, count = [], 0
     with writing_folder(dataset) as folder:
         raw = folder / "windows"
         make_folders(raw)
-        for picture in _all_pictures(options):
+        for picture_name, path, labels in _pictures(options):
             part = VAL if random.random() < _VAL_SHARE else TRAIN
-            with with_path(picture.path):
-                eight = tone.to_8_bits(png.read_png(picture.path))
-            classes, boxes = yolo.read_boxes(picture.labels, eight.shape[::-1])
+            with with_path(path):
+                eight = tone.to_8_bits(png.read_png(path))
+            classes, boxes = yolo.read_boxes(labels, eight.shape[::-1])
             kept = boxes_with_contrast(eight, boxes)
             numbers = range(count, count + options.windows)
             drawn = draw_windows(eight, classes[kept], boxes[kept], numbers, _WINDOW_PX, _WIDEST_PX, random)
             for number, window in zip(numbers, drawn, strict=True):
-                name = f"{picture.name}_w{number - count}"
+                name = f"{picture_name}_w{number - count}"
                 write_window(raw, name, window)
                 entries.append(image_entry(raw, name, part))
             count += options.windows
@@ -82,13 +68,7 @@ def fine_tune(
     threads: int,
     work: Path,
 ) -> None:
-    """Fine-tune the detector `start`; its inference widths are kept.
-
-    Raises
-    ------
-    PolarsimError
-        As `train_detector`.
-    """
+    """Fine-tune the detector `start`; its inference widths are kept."""
     before = detectors.read_detector(start)
     training = TrainingOptions(
         model=before.model, epochs=options.epochs, batch=_BATCH, learning_rate=_LEARNING_RATE, augment=True
@@ -111,26 +91,14 @@ def fine_tune(
     trained.unlink()
 
 
-def _all_pictures(options: DriveTuningOptions) -> Iterator[DrivePicture]:
+def _pictures(options: DriveTuningOptions) -> Iterator[tuple[str, Path, Path]]:
+    """Yield name in the data set, picture and labels of every `every`-th picture of each set of the front camera."""
     for number, drive in enumerate(options.drives):
-        for picture in _pictures(drive, options.every):
-            yield replace(picture, name=f"drive{number}_{picture.name}")
-
-
-def _pictures(drive: Path, every: int) -> Iterator[DrivePicture]:
-    """Yield every `every`-th picture of each picture set of a drive's front camera.
-
-    Raises
-    ------
-    RoverError
-        The drive has no pictures of this camera.
-    """
-    sets = [path for path in sorted((drive / FRONT).glob("*_*_*")) if path.is_dir() and any(path.glob("*.png"))]
-    if not sets:
-        raise RoverError(f"no pictures of {FRONT}", path=drive)
-    for folder in sets:
-        with with_path(folder):
-            named = PictureSet.parse(folder.name)
-        for path in sorted(folder.glob("*.png"))[::every]:
-            labels = labels_folder(drive, FRONT, named.sun) / f"{path.stem}.txt"
-            yield DrivePicture(f"{folder.name}_{path.stem}", path, labels)
+        sets = [path for path in sorted((drive / FRONT).glob("*_*_*")) if path.is_dir() and any(path.glob("*.png"))]
+        if not sets:
+            raise RoverError(f"no pictures of {FRONT}", path=drive)
+        for folder in sets:
+            with with_path(folder):
+                labels = labels_folder(drive, FRONT, PictureSet.parse(folder.name).sun)
+            for path in sorted(folder.glob("*.png"))[:: options.every]:
+                yield f"drive{number}_{folder.name}_{path.stem}", path, labels / f"{path.stem}.txt"

@@ -15,7 +15,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.interpolate import LinearNDInterpolator
 
-from polarsim.rover.perception.cells import CELL_M, by_cells
+from polarsim.rover.perception.ground_view import CELL_M, by_cells, grid_points
 from polarsim.rover.world.surface import World
 
 PARTS = 4  # parts along a side of a cell, the resolution of the surface
@@ -41,10 +41,7 @@ class HazardGrid:
     cell_m = CELL_M
 
     def __init__(self, world: World) -> None:
-        self.x, self.y = (
-            start + CELL_M * (np.arange(int((end - start) / CELL_M)) + 0.5)
-            for start, end in ((world.x[0], world.x[-1]), (world.y[0], world.y[-1]))
-        )
+        self.x, self.y = grid_points(world)
         shape = len(self.y), len(self.x)
         self.log_odds, self.seen = np.zeros(shape), np.zeros(shape, bool)
         fine = PARTS * shape[0], PARTS * shape[1]
@@ -70,9 +67,8 @@ class HazardGrid:
         fine = np.where(np.isfinite(update.surface), by_part(update.weight), 0.0)
         total = self._surface_weight + fine
         mean = np.nan_to_num(self.surface)
-        mean += np.divide(fine, total, out=np.zeros(fine.shape), where=fine > 0) * (
-            np.nan_to_num(update.surface) - mean
-        )
+        share = np.divide(fine, total, out=np.zeros(fine.shape), where=fine > 0)
+        mean += share * (np.nan_to_num(update.surface) - mean)
         self.surface = np.where(total > 0, mean, np.nan)
         self._surface_weight = total
 
@@ -84,9 +80,8 @@ class HazardGrid:
     @property
     def height(self) -> np.ndarray:
         """Mean height of the rock observed in each cell, m; 0 without a rock."""
-        return np.divide(
-            self._height_sum, self._height_weight, out=np.zeros(self.log_odds.shape), where=self._height_weight > 0
-        )
+        total, weight = self._height_sum, self._height_weight
+        return np.divide(total, weight, out=np.zeros(total.shape), where=weight > 0)
 
     def hazards(self, height_m: float) -> np.ndarray:
         """Return the cells with a rock of at least this height."""

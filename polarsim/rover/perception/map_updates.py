@@ -9,8 +9,7 @@ from scipy import ndimage
 
 from polarsim.geometry.camera import Camera
 from polarsim.photo import BLACK_LEVEL
-from polarsim.rover.perception.cells import part_centres, rocks_on_ground, visible_points
-from polarsim.rover.perception.ground_view import HeightFunction, estimate
+from polarsim.rover.perception.ground_view import HeightFunction, part_centres, rocks_on_ground, view_ground
 from polarsim.rover.perception.hazard_grid import PARTS, HazardGrid, MapUpdate, of_parts
 
 FARTHEST_M = 5.0  # maximum distance of mapped ground from the camera
@@ -36,27 +35,22 @@ def update_from_boxes(
     Pixels that are not `lit`, (h, w) bool, are ignored outside boxes, since detectors find no rocks in the dark.
     """
     x, y = (part_centres(values, grid.cell_m, PARTS) for values in (grid.x, grid.y))
-    columns, rows = (_near(values, float(eye)) for values, eye in zip((x, y), camera.centre[:2], strict=True))
-    gx, gy = np.meshgrid(x[columns], y[rows])
-    points = np.stack([gx, gy, ground(gx, gy)], axis=-1)
-    boxes = np.asarray(boxes, float).reshape(-1, 4)
-    view = visible_points(points, camera, boxes, (0.0, FARTHEST_M))
-    pixel, distance, inside = view.pixel, view.distance, view.inside
-    rocks, confidence = estimate(boxes[view.whole], camera, ground), confidence[view.whole]
-    height, odds, rise = (np.zeros(gx.shape) for _ in range(3))
-    for number, covered, rock_rise in rocks_on_ground(rocks, gx, gy):
-        full_height = np.where(covered, rocks.height[number], 0.0)  # a hazard has the height of the entire rock
+    view = view_ground(x, y, camera, ground, np.asarray(boxes, float).reshape(-1, 4), (0.0, FARTHEST_M))
+    pixel, distance, inside, confidence = view.pixel, view.distance, view.inside, confidence[view.whole]
+    height, odds, rise = (np.zeros(inside.shape) for _ in range(3))
+    for number, covered, rock_rise in rocks_on_ground(view.rocks, view.points[..., 0], view.points[..., 1]):
+        full_height = np.where(covered, view.rocks.height[number], 0.0)  # a hazard has the height of the entire rock
         odds = np.where(full_height > height, _log_odds(float(confidence[number])), odds)
         height = np.maximum(height, full_height)
         rise = np.maximum(rise, rock_rise)
     column, row = np.moveaxis(np.where(inside[..., None], pixel, 0).astype(int), -1, 0)
     counted = inside & (lit[row, column] | (odds > 0))
-    surface = np.where(counted, points[..., 2] + rise, np.nan)
+    surface = np.where(counted, view.points[..., 2] + rise, np.nan)
     full = [np.zeros(grid.surface.shape) for _ in range(5)] + [np.full(grid.surface.shape, np.nan)]
     for into, values in zip(
         full, (inside, counted, np.where(inside, height, 0), np.where(inside, odds, 0), distance, surface), strict=True
     ):
-        into[rows, columns] = values
+        into[view.window] = values
     in_view, share, top, sure, far = (
         of_parts(values, how) for values, how in zip(full[:5], ("mean", "mean", "max", "max", "max"), strict=True)
     )
@@ -79,31 +73,26 @@ def update_from_pixels(
     of the part if none is near the centre, since the steep side of a rock has many pixels. A cell is rock if a part is
     rock. The height of a rock is that of the highest pixel above the ground.
     """
-    shape = grid.surface.shape
-    part = _numbers(points, grid, PARTS)
-    kept = (part >= 0) & (np.hypot(*(points[:, :2] - camera.centre[:2]).T) <= FARTHEST_M)
-    points, rock, part = points[kept], rock[kept], part[kept]
-    size = shape[0] * shape[1]
-    count = np.bincount(part, minlength=size)
+    shape, size = grid.surface.shape, grid.surface.size
+    part = _numbers(points, camera, grid, PARTS)
+    points, rock, part = points[part >= 0], rock[part >= 0], part[part >= 0]
     shares = []
     for chosen in (np.ones(len(part), bool), _central(points, grid)):
         pixels, rocky = (np.bincount(part[mask], minlength=size) for mask in (chosen, chosen & (rock > 0)))
         shares.append(np.divide(rocky, pixels, out=np.full(size, np.nan), where=pixels > 0))
     is_rock = np.where(np.isfinite(shares[1]), shares[1], np.nan_to_num(shares[0])) >= _ROCK_SHARE
-    total = np.bincount(part, points[:, 2], size)
-    surface = np.divide(total, count, out=np.full(size, np.nan), where=count > 0)
+    mean = _mean_height(points, part, size)
     top = np.full(size, -np.inf)
     np.maximum.at(top, part, points[:, 2])
-    surface = np.where(is_rock, top, surface)  # the steep side of a rock has more pixels than the top
+    surface = np.where(is_rock, top, mean)  # the steep side of a rock has more pixels than the top
     heights = np.zeros(int(rock.max(initial=0)) + 1)
     on_rock = rock > 0
     np.maximum.at(heights, rock[on_rock], points[on_rock, 2] - ground(*points[on_rock, :2].T))
     height = np.zeros(size)
     np.maximum.at(height, part[on_rock], heights[rock[on_rock]])
-    share = of_parts((count > 0).reshape(shape), "mean")
+    share = of_parts(np.isfinite(mean).reshape(shape), "mean")
     has_rock = of_parts(is_rock.reshape(shape), "any")
-    gx, gy = np.meshgrid(grid.x, grid.y)
-    weight = np.where(share > 0, _weight(np.hypot(gx - camera.centre[0], gy - camera.centre[1])), 0.0)
+    weight = np.where(share > 0, _weight_of_cells(camera, grid), 0.0)
     weight *= np.where(has_rock, 1.0, share)  # unobserved parts of a cell may be rock
     tall = of_parts(np.where(is_rock, height, 0.0).reshape(shape), "max")
     return MapUpdate(
@@ -115,10 +104,9 @@ def update_from_depth(points: np.ndarray, camera: Camera, grid: HazardGrid) -> M
     """Return the update of stereo points (n, 3) of the world: cells above the surrounding ground are rock."""
     shape = len(grid.y), len(grid.x)
     points = points[np.isfinite(points).all(axis=1)]
-    number = _numbers(points, grid)
-    kept = (number >= 0) & (np.hypot(*(points[:, :2] - camera.centre[:2]).T) <= FARTHEST_M)
-    points = points[kept]
-    cell, z = number[kept], points[:, 2]
+    cell = _numbers(points, camera, grid)
+    points, cell = points[cell >= 0], cell[cell >= 0]
+    z = points[:, 2]
     order = np.lexsort((z, cell))
     cell, z = cell[order], z[order]
     numbers, first, count = np.unique(cell, return_index=True, return_counts=True)
@@ -134,21 +122,16 @@ def update_from_depth(points: np.ndarray, camera: Camera, grid: HazardGrid) -> M
     around = ndimage.median_filter(foot[tuple(nearest)], _AROUND)
     height = np.where(observed, top - around, np.nan)
     rock = observed & (np.nan_to_num(height) > _STEREO_ROCK_M)
-    gx, gy = np.meshgrid(grid.x, grid.y)
-    weight = np.where(observed, _weight(np.hypot(gx - camera.centre[0], gy - camera.centre[1])), 0.0)
-    return MapUpdate(
-        weight,
-        np.where(rock, _log_odds(_STEREO_SURE), 0.0),
-        np.where(rock, height, np.nan),
-        _surface(points, grid),
-    )
+    weight = np.where(observed, _weight_of_cells(camera, grid), 0.0)
+    surface = _mean_height(points, _numbers(points, camera, grid, PARTS), grid.surface.size)
+    odds = np.where(rock, _log_odds(_STEREO_SURE), 0.0)
+    return MapUpdate(weight, odds, np.where(rock, height, np.nan), surface.reshape(grid.surface.shape))
 
 
-def _surface(points: np.ndarray, grid: HazardGrid) -> np.ndarray:
-    """Return the mean height of points (n, 3) by parts of cells; NaN without a point."""
-    part, size = _numbers(points, grid, PARTS), grid.surface.size
+def _mean_height(points: np.ndarray, part: np.ndarray, size: int) -> np.ndarray:
+    """Return (size,) mean heights of points (n, 3) by their parts (n,) of cells; NaN without a point."""
     count, total = np.bincount(part, minlength=size), np.bincount(part, points[:, 2], size)
-    return np.divide(total, count, out=np.full(size, np.nan), where=count > 0).reshape(grid.surface.shape)
+    return np.divide(total, count, out=np.full(size, np.nan), where=count > 0)
 
 
 def _central(points: np.ndarray, grid: HazardGrid) -> np.ndarray:
@@ -160,14 +143,15 @@ def _central(points: np.ndarray, grid: HazardGrid) -> np.ndarray:
     return central
 
 
-def _numbers(points: np.ndarray, grid: HazardGrid, parts: int = 1) -> np.ndarray:
-    """Return (n,) flat indices of the cells, or parts of cells, of points (n, 3); -1 outside the grid."""
+def _numbers(points: np.ndarray, camera: Camera, grid: HazardGrid, parts: int = 1) -> np.ndarray:
+    """Return (n,) flat indices of the cells, or parts of cells, of points (n, 3); -1 outside the grid or too far."""
     shape = parts * len(grid.y), parts * len(grid.x)
     column, row = (
         np.floor(((points[:, axis] - centres[0]) / grid.cell_m + 0.5) * parts).astype(int)
         for axis, centres in ((0, grid.x), (1, grid.y))
     )
     inside = (column >= 0) & (column < shape[1]) & (row >= 0) & (row < shape[0])
+    inside &= np.hypot(*(points[:, :2] - camera.centre[:2]).T) <= FARTHEST_M
     return np.where(inside, row * shape[1] + column, -1)
 
 
@@ -181,5 +165,5 @@ def _weight(distance: np.ndarray) -> np.ndarray:
     return np.asarray(np.minimum(1.0, (_FULL_WEIGHT_M / np.maximum(distance, 1e-6)) ** 2))
 
 
-def _near(values: np.ndarray, eye: float) -> slice:
-    return slice(*np.searchsorted(values, [eye - FARTHEST_M, eye + FARTHEST_M]).tolist())
+def _weight_of_cells(camera: Camera, grid: HazardGrid) -> np.ndarray:
+    return _weight(np.hypot(*np.meshgrid(grid.x - camera.centre[0], grid.y - camera.centre[1])))

@@ -17,12 +17,13 @@ import pandas as pd
 from polarsim.detect import tone
 from polarsim.formats import png, tables
 from polarsim.photo import ROCK
-from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, TRUTH_COLUMNS, picture_folder, require_pictures
+from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, TRUTH_COLUMNS, frame_files, picture_folder
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.trace import read_trace
 from polarsim.rover.perception import hazard_map, sightings
-from polarsim.rover.perception.contrast import boxes_with_contrast
+from polarsim.rover.perception.detections import boxes_with_contrast
+from polarsim.rover.perception.ground_view import ground_below
 from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.perception.sightings import FrontCameraDrive
 from polarsim.rover.vehicle.mounts import FRONT
@@ -36,18 +37,11 @@ DETECTOR, TRUTH, VISIBLE = "detector", "truth", "visible"
 def measure_drive(
     folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, onboard: OnboardDetector | None, seed: int
 ) -> dict[str, pd.DataFrame]:
-    """Write the tables of a drive and return them by name.
-
-    Raises
-    ------
-    PolarsimError
-        Labels of the pictures or detections of the detector are missing.
-    """
+    """Write the tables of a drive and return them by name."""
     suite = CameraSuite(read_trace(folder), vehicle, options, seed=seed)
     ride = front_camera_drive(suite)
     world, confidence = suite.trace.world, options.onboard.confidence
-    grid = hazard_map.grid_over(world)
-    true = hazard_map.true_map(world, grid)
+    true = hazard_map.true_map(world)
     parts: dict[str, list[pd.DataFrame]] = {name: [] for name in TABLES}
     for row, truth, boxes in _cases(folder, suite, onboard):
         labelled = sightings.sightings(truth, boxes, confidence)
@@ -57,7 +51,7 @@ def measure_drive(
             for height in sightings.HEIGHTS_M
         }
         stops = {"stops": sightings.false_stops(truth, boxes, ride, confidence), "length_m": ride.length_m, **gaps}
-        estimated = hazard_map.map_from_boxes(boxes, ride, grid, confidence)
+        estimated = hazard_map.map_from_boxes(boxes, ride, world, confidence)
         for name, table in (
             ("sightings", labelled),
             ("stable", stable.assign(stopping_m=ride.stopping_m)),
@@ -82,7 +76,7 @@ def front_camera_drive(suite: CameraSuite) -> FrontCameraDrive:
         frames=suite.frames,
         cameras={frame: suite.camera(FRONT, frame) for frame in suite.frames},
         base_from_camera=mount.base_from_camera,
-        ground_m=float(np.mean([wheel.position_m[2] - wheel.radius_m for wheel in wheels])),
+        ground_m=ground_below(vehicle),
         front_m=front - float(mount.base_from_camera.translation[0]),
         half_width_m=max(abs(wheel.position_m[1]) + wheel.width_m / 2 for wheel in wheels),
         wheel_paths=np.concatenate(paths),
@@ -114,8 +108,7 @@ def _visible(labels: pd.DataFrame, pictures: Path) -> pd.DataFrame:
     """Return the labels that are visible in a set of pictures."""
     kept = []
     for frame, rows in labels.groupby("frame"):
-        path = pictures / f"{frame:05d}.png"
-        require_pictures([path])
+        (path,) = frame_files(pictures, [int(str(frame))])
         eight = tone.to_8_bits(png.read_png(path))
         kept.append(rows[boxes_with_contrast(eight, rows[BOX].to_numpy(float))])
     return pd.concat(kept) if kept else labels

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TypeVar
 
 import numpy as np
 from scipy import ndimage
@@ -31,7 +31,7 @@ from polarsim.rover.cameras.rover_camera import RoverCamera, near_path
 from polarsim.rover.drive.control import ReferencePath
 from polarsim.rover.drive.state import RoverState
 from polarsim.rover.perception.detections import FrontCameraDetector
-from polarsim.rover.perception.ground_view import plane_under
+from polarsim.rover.perception.ground_view import ground_below, plane_under
 from polarsim.rover.perception.hazard_grid import HazardGrid, MapUpdate
 from polarsim.rover.perception.map_updates import (
     FARTHEST_M,
@@ -40,13 +40,12 @@ from polarsim.rover.perception.map_updates import (
     update_from_depth,
     update_from_pixels,
 )
-from polarsim.rover.perception.options import Mode, OnboardDetector
+from polarsim.rover.perception.options import MODES_WITH_DETECTOR, Mode, OnboardDetector
 from polarsim.rover.vehicle.mounts import FRONT, mount_of
 from polarsim.rover.vehicle.table import Vehicle
 from polarsim.rover.world.surface import World
 from polarsim.run_files.instances import GROUND, ROCK_IDS
 
-T = TypeVar("T")
 _BESIDE_M = 2.0  # distance from the straight line within which changes of the ground are rendered
 _NEAREST_M = 1.5  # minimum depth of stereo
 _STEREO_BASE_M = 0.3  # baseline from the front camera to the second camera, to the right
@@ -101,11 +100,6 @@ class Perception:
             Options of the run. Shot and read noise are always on, since noise limits the range of headlights.
         threads
             Number of threads of the renderer. Does not affect the pictures.
-
-        Raises
-        ------
-        PolarsimError
-            A light is unknown, or the mode needs a detector and none is given.
         """
         self.world, self.vehicle, self.mode, self.light = world, vehicle, mode, light
         self.onboard, self.seed, self._threads = cameras.onboard, seed, threads
@@ -117,18 +111,14 @@ class Perception:
         near = near_path(world, path, _BESIDE_M)
         self._camera = RoverCamera(world, vehicle, near, cameras, noisy, models=(light.model,))
         self.seconds: defaultdict[str, float] = defaultdict(float)
-        self._ground_m = float(np.mean([wheel.position_m[2] - wheel.radius_m for wheel in vehicle.wheels]))
-        if self._detects and detector is None:
-            raise RoverError(f"mode {mode}: rover.cameras.onboard.weights is not set")
+        self._ground_m = ground_below(vehicle)
         self._detector: FrontCameraDetector | None = None
-        if self._detects and detector is not None:
+        if mode in MODES_WITH_DETECTOR:
+            if detector is None:
+                raise RoverError(f"mode {mode}: rover.cameras.onboard.weights is not set")
             self._detector = FrontCameraDetector(detector, self.mount.lens.width, rocks_only=True)
         self.rectification = rectification(self.mount.lens.scaled(_STEREO_SCALE), _STEREO_BASE_M)
         self._count = 0
-
-    @property
-    def _detects(self) -> bool:
-        return self.mode in ("detector", "both")
 
     @property
     def pairs(self) -> bool:
@@ -137,36 +127,45 @@ class Perception:
 
     def observe(self, state: RoverState, level: np.ndarray, grid: HazardGrid) -> Observation:
         """Observe the rover's state and the ground's levels (rows, columns), m."""
-        base = self._timed("scene", lambda: self._camera.show_state(state, level))
+        with self._timed("scene"):
+            base = self._camera.show_state(state, level)
         camera = self.mount.at(base)
         ground = self.world.height_at if self.onboard.ground == "surveyed" else plane_under(base, self._ground_m)
         if self.mode == "truth":
-            cameras = [mount.at(base) for mount in self._round]
-            observed = self._timed("pictures", lambda: [self._visible_points(item) for item in cameras])
-            points, rock = (np.concatenate(parts) for parts in zip(*observed, strict=True))
-            return Observation(
-                [self._timed("map", lambda: update_from_pixels(points, rock, camera, ground, grid))], camera
-            )
+            with self._timed("pictures"):
+                observed = [self._visible_points(mount.at(base)) for mount in self._round]
+            with self._timed("map"):
+                points, rock = (np.concatenate(parts) for parts in zip(*observed, strict=True))
+                return Observation([update_from_pixels(points, rock, camera, ground, grid)], camera)
         # Stereo matches small pictures, so the second camera, and without a detector also the first, is rendered small.
-        cameras = [camera if self._detects else self._small.at(base)]
+        cameras = [self._small.at(base) if self._detector is None else camera]
         if self.pairs:
             cameras.append(right_of(self._small.at(base), _STEREO_BASE_M))
-        taken = self._timed("pictures", lambda: [self._picture(item, k) for k, item in enumerate(cameras)])
+        with self._timed("pictures"):
+            taken = [self._picture(item, number) for number, item in enumerate(cameras)]
         self._count += 1
-        updates, pair, detections = [], None, np.zeros((0, 5))
+        updates: list[MapUpdate] = []
+        pair: tuple[np.ndarray, np.ndarray] | None = None
         shown: np.ndarray | None = None
-        if self._detects:
-            shown, detections = self._timed("detector", lambda: self._detections(taken[0][0]))
-            detections = detections[detections[:, 4] >= self.onboard.confidence]
-            lit = self._timed("map", lambda: self._lit(taken[0][0]))
-            boxes, sure = detections[:, :4], detections[:, 4]
-            updates.append(self._timed("map", lambda: update_from_boxes(boxes, sure, lit, camera, ground, grid)))
+        detections = np.zeros((0, 5))
+        if self._detector is not None:
+            with self._timed("detector"):
+                (shown,), (rows,) = self._detector.detect([taken[0]])
+            rocks = (rows[:, 5] == BOX_CLASSES.index(ROCK)) & (rows[:, 4] >= self.onboard.confidence)
+            detections = np.asarray(rows[rocks, :5], float)
+            with self._timed("map"):
+                lit = bright_pixels(taken[0], _LEAST_GREY)
+                updates.append(update_from_boxes(detections[:, :4], detections[:, 4], lit, camera, ground, grid))
             detections[:, :4] *= shown.shape[1] / camera.lens.width
         if self.pairs:
-            small = self._timed("stereo", lambda: [self._small_picture(grey) for grey, _ in taken])
-            pair = self._timed("stereo", lambda: self._pair(small))
-            points = self._timed("stereo", lambda: self._points(pair, self._lit(small[0]), camera))
-            updates.append(self._timed("map", lambda: update_from_depth(points, camera, grid)))
+            with self._timed("stereo"):
+                lens = self.rectification.lens
+                small = np.stack([tone.shrink(grey, max(lens.width, lens.height)) for grey in taken])
+                left, right = tone.to_8_bits(small)  # by the same tone curve, since matching compares grey values
+                points = self._points(left, right, bright_pixels(small[0], _LEAST_GREY), camera)
+            pair = left, right
+            with self._timed("map"):
+                updates.append(update_from_depth(points, camera, grid))
         return Observation(updates, camera, pair, pair[0] if pair and shown is None else shown, detections)
 
     def _visible_points(self, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
@@ -177,43 +176,24 @@ class Perception:
         kept = (ids == GROUND) | (ids >= ROCK_IDS)  # excludes the rover's body
         return hits.point[kept].astype(float), np.maximum(ids[kept] - ROCK_IDS, 0)
 
-    def _picture(self, camera: Camera, which: int) -> tuple[np.ndarray, float]:
-        """Return the 12-bit picture (h, w) and its exposure, ms."""
+    def _picture(self, camera: Camera, which: int) -> np.ndarray:
+        """Return the 12-bit picture (h, w)."""
         light = self.light
         name = ("autonomy", self.seed, self._count, which, light.sun, light.exposure_ms)
-        return self._camera.picture(camera, light, *name, threads=self._threads)
+        return self._camera.picture(camera, light, *name, threads=self._threads)[0]
 
-    def _detections(self, grey: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the detector's input, and (n, 5) boxes of rocks, px of the camera, with confidences."""
-        assert self._detector is not None
-        (eight,), (rows,) = self._detector.detect([grey])
-        return eight, np.asarray(rows[rows[:, 5] == BOX_CLASSES.index(ROCK), :5], float)
+    def _points(self, left: np.ndarray, right: np.ndarray, lit: np.ndarray, camera: Camera) -> np.ndarray:
+        """Return (n, 3) points of the world by pixel; NaN without a depth."""
+        depth = match_stereo(left, right, self.rectification, _NEAREST_M, 2 * FARTHEST_M)
+        depth = np.where(lit & has_texture(left), depth, np.nan)
+        rays = self.rectification.left_from_rectified.rotate(self.rectification.lens.pixel_directions())
+        return camera.world_from_camera.apply((rays * depth[..., None]).reshape(-1, 3))
 
-    def _small_picture(self, grey: np.ndarray) -> np.ndarray:
-        """Return the 12-bit picture at the size of stereo matching."""
-        return tone.shrink(grey, max(self.rectification.lens.width, self.rectification.lens.height))
-
-    def _pair(self, small: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Convert both pictures by the same tone curve, since matching compares grey values."""
-        left, right = tone.to_8_bits(np.stack(small))
-        return left, right
-
-    def _lit(self, grey: np.ndarray) -> np.ndarray:
-        return bright_pixels(grey, _LEAST_GREY)
-
-    def _points(self, pair: tuple[np.ndarray, np.ndarray] | None, lit: np.ndarray, camera: Camera) -> np.ndarray:
-        assert pair is not None
-        depth = match_stereo(*pair, self.rectification, _NEAREST_M, 2 * FARTHEST_M)
-        depth = np.where(lit & has_texture(pair[0]), depth, np.nan)
-        left = self.rectification.left_from_rectified.rotate(self.rectification.lens.pixel_directions())
-        points = left * depth[..., None]
-        return camera.world_from_camera.apply(points.reshape(-1, 3))
-
-    def _timed(self, part: str, work: Callable[[], T]) -> T:
+    @contextmanager
+    def _timed(self, part: str) -> Iterator[None]:
         start = time.process_time()
-        result = work()
+        yield
         self.seconds[part] += time.process_time() - start
-        return result
 
 
 def has_texture(grey: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ from polarsim.detect.options import PredictionOptions
 from polarsim.user_path import UserPath
 
 Mode = Literal["truth", "detector", "stereo", "both", "blind"]  # as `schemas.rover.MODES`
+MODES_WITH_DETECTOR = ("detector", "both")
 FINE_TUNED = "fine_tuned"  # name of the onboard detector after fine-tuning on other drives
 
 

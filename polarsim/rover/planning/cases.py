@@ -15,7 +15,7 @@ import pandas as pd
 
 from polarsim.render.options import Model
 from polarsim.rover.cameras.options import CameraSuiteOptions, ImagingCondition, lights_ahead
-from polarsim.rover.perception.options import Mode
+from polarsim.rover.perception.options import MODES_WITH_DETECTOR, Mode
 from polarsim.rover.planning.options import ON, AutonomyOptions
 from polarsim.rover.vehicle.table import Vehicle
 from polarsim.run_files.picture_sets import AUTO, exposure_name
@@ -23,7 +23,6 @@ from polarsim.schemas.rover import ANY
 
 AXES = ("mode", "sun", "exposure", "lights", "model", "detector")
 MODES_WITHOUT_PICTURES = ("truth", "blind")  # modes without pictures
-MODES_WITH_DETECTOR = ("detector", "both")
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.rover.perception.cells import by_cells, part_centres, true_surface
+from polarsim.rover.perception.ground_view import by_cells, part_centres, true_surface
 from polarsim.rover.world.surface import World
 
 GEOMETRY, ROCKS, PRODUCTIVITY, LOCALISATION = 300.0, 300.0, 250.0, 150.0

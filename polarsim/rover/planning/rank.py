@@ -16,7 +16,8 @@ from polarsim.errors import RoverError
 from polarsim.formats import tables
 from polarsim.intervals import RESAMPLES, bootstrap_draws, percentile_interval
 from polarsim.photo import ROCK
-from polarsim.rover.planning.cases import MODES_WITH_DETECTOR, matched_drives
+from polarsim.rover.perception.options import MODES_WITH_DETECTOR
+from polarsim.rover.planning.cases import matched_drives
 from polarsim.schemas.rover import AUTONOMY_DETECTORS, AUTONOMY_METRICS, AUTONOMY_RANK
 
 ENOUGH = 5  # minimum number of detectors: with fewer, even Kendall's p is at least 0.08

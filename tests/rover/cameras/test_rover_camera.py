@@ -86,7 +86,7 @@ def deciding_picture(trace: Trace, render: RenderOptions) -> np.ndarray:
     light = ImagingCondition(SUN, EXPOSURE_MS)
     perception = Perception(trace.world, driven.vehicle(), LINE, "stereo", light, CAMERAS, 3, render=render)
     base = perception._camera.show_state(state_of(trace), shown_level(trace))
-    return perception._picture(perception.mount.at(base), 0)[0]
+    return perception._picture(perception.mount.at(base), 0)
 
 
 WAYS = {"suite": suite_picture, "live": live_picture, "deciding": deciding_picture}

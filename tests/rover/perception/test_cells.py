@@ -21,7 +21,7 @@ X, Y = HazardGrid(WORLD).x, HazardGrid(WORLD).y
 def scored(boxes: np.ndarray, world) -> tuple[np.ndarray, np.ndarray]:
     """Return visible cells and rock cells of the map of a recorded drive, for its first frame."""
     rows = table([(0, box, 0.9) for box in boxes])
-    result = hazard_map.map_from_boxes(rows, ride(1), hazard_map.grid_over(world), CONFIDENCE)
+    result = hazard_map.map_from_boxes(rows, ride(1), world, CONFIDENCE)
     return result.visible, result.rock
 
 
@@ -35,7 +35,7 @@ def decided(boxes: np.ndarray, world) -> tuple[np.ndarray, np.ndarray]:
 
 
 def scored_truth() -> tuple[np.ndarray, np.ndarray]:
-    true = hazard_map.true_map(WORLD, hazard_map.grid_over(WORLD))
+    true = hazard_map.true_map(WORLD)
     return true.rock, true.height
 
 
@@ -84,7 +84,7 @@ def test_a_box_that_is_cut_off_hides_the_ground_below_it(mapped):
 
 def test_ground_is_visible_only_near_the_path_of_the_camera():
     suite = CameraSuite(driven.trace(seconds=8.0), driven.vehicle(), driven.options(views=(FRONT,), every=4))
-    seen = hazard_map.map_from_boxes(table([]), front_camera_drive(suite), hazard_map.grid_over(WORLD), CONFIDENCE)
+    seen = hazard_map.map_from_boxes(table([]), front_camera_drive(suite), WORLD, CONFIDENCE)
     assert 0.1 < seen.visible.mean() < 0.9
     assert not seen.visible[:, -3:].any()  # behind the start
     assert not seen.rock.any()

@@ -14,10 +14,8 @@ from polarsim.rover.perception.hazard_grid import (
     PARTS,
     HazardGrid,
     MapUpdate,
-    by_part,
-    of_parts,
     without_gaps,
-)  # fmt: skip
+)
 from polarsim.rover.world.surface import bare_world
 
 WORLD = bare_world(np.zeros((16, 16)), 0.1, 0.0, 0.0)
@@ -35,8 +33,11 @@ def uniform(rock: float, weight: float = 1.0, height: float = 0.2, surface: floa
 
 
 @given(st.lists(st.tuples(st.floats(0, 1), st.floats(0, 3)), max_size=30))
-def test_log_odds_are_bounded(updates):
+def test_log_odds_are_bounded_and_an_update_without_weight_changes_nothing(updates):
     fused = grid()
+    fused.add(uniform(3.0, weight=0.0))
+    assert not fused.seen.any()
+    assert not fused.log_odds.any()
     for weight, rock in updates:
         fused.add(uniform(rock, weight))
     assert np.abs(fused.log_odds).max() <= MAX_LOG_ODDS
@@ -63,13 +64,6 @@ def test_updates_without_a_rock_remove_it_and_heights_are_averaged():
     assert not fused.rock.any()
 
 
-def test_an_update_without_weight_changes_nothing():
-    fused = grid()
-    fused.add(uniform(3.0, weight=0.0))
-    assert not fused.seen.any()
-    assert not fused.log_odds.any()
-
-
 def test_surface_heights_are_weighted_means_of_the_observed_parts():
     fused = grid()
     update = uniform(0.0, weight=1.0, surface=0.10)
@@ -93,9 +87,3 @@ def test_gaps_in_a_plane_are_filled_up_to_the_maximum_distance(along_x, along_y)
     assert np.isnan(near[8, 14])
     assert np.isfinite(near[6, 9])
     assert np.isnan(without_gaps(np.full((3, 3), np.nan), 2)).all()
-
-
-def test_parts_belong_to_their_cells():
-    cells = np.arange(6.0).reshape(2, 3)
-    np.testing.assert_array_equal(of_parts(by_part(cells), "max"), cells)
-    assert by_part(cells).shape == (2 * PARTS, 3 * PARTS)

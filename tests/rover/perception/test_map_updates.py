@@ -62,11 +62,15 @@ def test_a_barely_observed_cell_has_a_low_weight():
     assert look.rock[row, column] == 0
 
 
+def box_at(x: float, y: float) -> np.ndarray:
+    """Return the box (1, 4) of a rock of 0.2 m whose near edge is at (x, y)."""
+    foot, head = CAMERA.project(np.array([[x, y, LEVEL], [x + 0.15, y, LEVEL + 0.2]]))
+    return np.array([[foot[0] - 40, head[1], foot[0] + 40, foot[1]]])
+
+
 def test_ground_next_to_a_box_is_at_ground_level_and_higher_below_the_box():
     own = grid()
-    foot, head = CAMERA.project(np.array([[1.6, 0.0, LEVEL], [1.75, 0.0, LEVEL + 0.2]]))
-    box = np.array([[foot[0] - 40, head[1], foot[0] + 40, foot[1]]])
-    look = update_from_boxes(box, np.array([0.9]), ALL_LIT, CAMERA, flat, own)
+    look = update_from_boxes(box_at(1.6, 0.0), np.array([0.9]), ALL_LIT, CAMERA, flat, own)
     centre = cell(own, 1.75, 0.0)
     assert look.rock[centre] > 0
     assert look.surface[PARTS * centre[0], PARTS * centre[1]] > LEVEL + 0.1
@@ -78,9 +82,7 @@ def test_ground_next_to_a_box_is_at_ground_level_and_higher_below_the_box():
 def test_dark_pixels_update_detected_rocks_only_and_no_free_ground():
     """Without this rule, black pictures without detections were free ground, and the rover drove on in the dark."""
     own = grid()
-    foot, head = CAMERA.project(np.array([[1.6, -0.4, LEVEL], [1.75, -0.4, LEVEL + 0.2]]))
-    box = np.array([[foot[0] - 40, head[1], foot[0] + 40, foot[1]]])
-    lit = ALL_LIT.copy()
+    box, lit = box_at(1.6, -0.4), ALL_LIT.copy()
     lit[:, 242:] = False  # the right half of the picture, with the rock
     bright, dark = (update_from_boxes(box, np.array([0.9]), some, CAMERA, flat, own) for some in (ALL_LIT, lit))
     free = bright.rock == 0

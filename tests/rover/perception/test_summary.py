@@ -1,17 +1,38 @@
-"""Metrics of the perception over all drives."""
+"""Tables of the perception on a drive, and metrics over all drives."""
 
 import numpy as np
 import pandas as pd
+import pytest
 
+from polarsim.rover.perception import detections
 from polarsim.rover.perception.measure import measure_drive
 from polarsim.rover.perception.summary import metrics, summarise_onboard
 from polarsim.schemas.rover import ONBOARD
 from tests.rover import driven
 
 
-def test_metrics_have_intervals_over_rides(drive):
-    folder, options = drive
-    measure_drive(folder, driven.vehicle(), options, None, 3)
+@pytest.fixture(scope="module")
+def measured(drive):
+    return measure_drive(drive[0], driven.vehicle(), drive[1], None, 3)
+
+
+def test_a_map_from_labels_is_almost_the_true_map_and_fewer_labels_are_visible(measured):
+    assert {*measured["map"]["source"]} == {"truth", "visible"}
+    truth, visible = (
+        {name: table[table["source"] == source] for name, table in measured.items()} for source in ("truth", "visible")
+    )
+    assert truth["map"]["f1"].min() > 0.85
+    assert truth["map"]["within_5_cm"].min() > 0.97
+    assert (truth["stops"]["stops"] == 0).all()
+    assert truth["sightings"]["detected"].all()
+    assert truth["stable"].loc[truth["stable"]["height_m"] > 0.1, "first_stable_m"].max() > 2
+    detected = visible["sightings"]["detected"]
+    assert len(detected) == len(truth["sightings"])
+    assert 0.3 * len(detected) < detected.sum() < len(detected)
+
+
+def test_metrics_have_intervals_over_rides(drive, measured):
+    folder = drive[0]
     summarise_onboard([folder], folder / "figures.parquet")
     summary = pd.read_parquet(folder / "figures.parquet")
     assert summary.dtypes.astype(str).to_dict() == ONBOARD.dtypes
@@ -25,6 +46,12 @@ def test_metrics_have_intervals_over_rides(drive):
     assert {"rock cell F1", "height error m", "false stops per 100 m", "first stable distance m"} <= set(
         summary["metric"]
     )
+
+
+def test_without_a_minimum_contrast_all_labels_are_visible(drive, monkeypatch):
+    monkeypatch.setattr(detections, "MIN_CONTRAST", 0.0)
+    options = drive[1].model_copy(update={"suns": ("2",)})
+    assert measure_drive(drive[0], driven.vehicle(), options, None, 3)["sightings"]["detected"].all()
 
 
 def test_exposures_are_separate_and_pooled():
