@@ -20,9 +20,9 @@ import numpy as np
 import pandas as pd
 
 from polarsim import intervals
-from polarsim.detect import bootstrap, bootstrap_numba, metrics
+from polarsim.detect import bootstrap_numba, metrics
 from polarsim.detect.breakdown import SIZES, breakdown, match_predictions
-from polarsim.detect.grouping import BOX_COLUMNS
+from polarsim.detect.grouping import BOX_COLUMNS, units_of
 from polarsim.detect.ipd import instance_performance
 from polarsim.geometry import boxes, matching, matching_numba
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, photo_grid
@@ -68,7 +68,7 @@ def main(photos: int) -> None:
     match_predictions(keys[:2], labels[:0], found[:0], performance[:0])  # imports and compiles
     matched = match_predictions(keys, labels, found, performance)
     ranked = matched.ranked[BOX_CLASSES[0]]
-    unit = bootstrap.units_of(keys, "view")
+    unit = units_of(keys, "view")
     units = int(unit.max()) + 1
     few, all_draws = (intervals.bootstrap_draws(units, number, 0) for number in (RESAMPLES // 10, RESAMPLES))
     bootstrap_numba.resampled_precision(ranked, 0, unit, few[:1])

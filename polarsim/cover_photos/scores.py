@@ -14,10 +14,11 @@ from polarsim.detect import metrics
 from polarsim.detect.calibration import calibrate_boxes, calibration_error, fit_calibration
 from polarsim.detect.dataset import dataset_images
 from polarsim.detect.detectors import detector_name
-from polarsim.detect.grouping import DETECTION, boxes_by_photo, detections_by_photo, labels_by_photo
+from polarsim.detect.grouping import detections_by_photo, labels_by_photo
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.detect.split import TEST, TRAIN
 from polarsim.formats import tables
+from polarsim.geometry.boxes import largest_iou
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.randomness import generator
 from polarsim.schemas.covers import COVER_SCORES, MEAN, MERGED, NO_SEED, SINGLE
@@ -125,7 +126,7 @@ def _calibrated_metrics(
 
 
 def cover_metrics(
-    labels: pd.DataFrame, predictions: Sequence[pd.DataFrame], keys: Sequence[str], *, seed: int = 0, resamples: int
+    labels: pd.DataFrame, predictions: Sequence[pd.DataFrame], keys: Sequence[str], *, resamples: int
 ) -> pd.DataFrame:
     """Return average precision of each labelled kind over all photos, with 95 % bootstrap intervals over photos.
 
@@ -133,31 +134,29 @@ def cover_metrics(
     Columns: kind, images, labels, map50, map50_low, map50_high, map50_95, iou_mean (without confidence threshold). A
     single photo has no interval.
     """
-    rows = []
-    labels = labels[labels["key"].isin(keys)]
-    for kind in (kind for kind in BOX_CLASSES if (labels["kind"] == kind).any()):
-        truth = boxes_by_photo(labels[labels["kind"] == kind], keys)
-        random = generator(seed, "covers", "bootstrap", kind)
-        drawn = np.array([_times(len(keys), random) for _ in range(resamples)])
-        each = [_precision(truth, table[table["kind"] == kind], keys, drawn) for table in predictions]
-        by_iou, precision, best = (np.mean(values, axis=0) for values in zip(*each, strict=True))
-        low, high = intervals.percentile_interval(precision, len(keys))
-        rows.append((kind, len(keys), sum(map(len, truth)), by_iou[0], low, high, by_iou.mean(), best))
-    names = ["kind", "images", "labels", "map50", "map50_low", "map50_high", "map50_95", "iou_mean"]
-    return pd.DataFrame(rows, columns=names)
-
-
-def _precision(
-    truth: Sequence[np.ndarray], predictions: pd.DataFrame, keys: Sequence[str], drawn: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return average precision by IoU (t,), its bootstrap replicates at IoU 0.5, and the mean maximum IoU."""
     from polarsim.detect.bootstrap_numba import resampled_precision
 
-    detections = boxes_by_photo(predictions, keys, DETECTION[:5])
-    ranked = metrics.rank(truth, [rows[:, :4] for rows in detections], [rows[:, 4] for rows in detections])
-    resampled = resampled_precision(ranked, 0, np.arange(len(keys)), drawn)[:, 0]
-    best = np.concatenate([metrics.best_overlap(t, f[:, :4]) for t, f in zip(truth, detections, strict=True)])
-    return metrics.precision_at_recalls(ranked).mean(axis=1), resampled, float(best.mean())
+    truth = labels_by_photo(labels, keys)
+    by_table = [list(detections_by_photo(table, keys).values()) for table in predictions]
+    ranked_by_table = [metrics.rank_classes(truth, detections) for detections in by_table]
+    rows = []
+    for number, kind in enumerate(BOX_CLASSES):
+        boxes = [corners[classes == number] for classes, corners in truth]
+        if not any(map(len, boxes)):
+            continue
+        random = generator(0, "covers", "bootstrap", kind)
+        drawn = np.array([_times(len(keys), random) for _ in range(resamples)])
+        each = []
+        for detections, ranked in zip(by_table, ranked_by_table, strict=True):
+            resampled = resampled_precision(ranked[number], 0, np.arange(len(keys)), drawn)[:, 0]
+            pairs = zip(boxes, detections, strict=True)
+            best = np.concatenate([largest_iou(label, found[found[:, 5] == number, :4]) for label, found in pairs])
+            each.append((metrics.precision_at_recalls(ranked[number]).mean(axis=1), resampled, best.mean()))
+        by_iou, precision, iou_mean = (np.mean(values, axis=0) for values in zip(*each, strict=True))
+        low, high = intervals.percentile_interval(precision, len(keys))
+        rows.append((kind, len(keys), sum(map(len, boxes)), by_iou[0], low, high, by_iou.mean(), iou_mean))
+    names = ["kind", "images", "labels", "map50", "map50_low", "map50_high", "map50_95", "iou_mean"]
+    return pd.DataFrame(rows, columns=names)
 
 
 def cross_calibrated(

@@ -5,8 +5,8 @@
 3. `train`, `detectors`: training, one family per architecture; `training_windows`: crops of labelled images.
 4. `predict`, with `frame`, `inference_widths`, `mirrored`, `fusion`, `nms`, `sand_filter`: images to tables of boxes;
    `masks`: images to class masks. `detect_pictures`: detection in external images, `polarsim detect`.
-5. `metrics`, `calibration`, `bootstrap`, `ipd`, `false_positives`: matching, metrics and confidence intervals;
-   `grouping`: boxes of tables by photo.
+5. `metrics`, `calibration`, `bootstrap_numba`, `ipd`, `false_positives`: matching, metrics and confidence intervals;
+   `grouping`: boxes and bootstrap units of tables by photo.
 6. `evaluate`, `breakdown`, `domain_evaluation`, `differences`, `gather_tables`: tables of a run;
    `external_sets`: external labels and predictions, `polarsim ipd`.
 7. `ablation`: the gap with one component of the twin replaced. `stereo`: depth as a second evaluation.

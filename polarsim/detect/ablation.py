@@ -24,29 +24,24 @@ from polarsim.progress import track
 from polarsim.schemas.detect import ABLATION
 
 ABLATION_COLUMNS = ABLATION.without("split", "seed")
-_DIGITS = 6
 
 
 def effect_of(photo: DomainEvaluation, twin: DomainEvaluation, replaced: DomainEvaluation) -> pd.DataFrame:
-    """Return the effect of a component on a detector: a row per class, `ABLATION_COLUMNS` from `images` on.
-
-    All three evaluations must have the same keys and options.
-    """
+    """Return the effect of a component on a detector: a row per class; the evaluations have equal keys and options."""
     units = photo.draws[1].shape[1]
     rows = []
     for kind in BOX_CLASSES:
         facts = {"kind": kind, "images": len(photo.keys), "units": units, "unit": photo.options.resampled}
         row: dict[str, object] = {**facts, **ipd_change(kind, photo, twin, replaced)}
-        row |= {"map50_photo": float(photo.precision[kind][0])}
+        row["map50_photo"] = float(photo.precision[kind][0])
         row |= paired_change("map50", twin.precision[kind], replaced.precision[kind], units)
         for name, column in (
             (("false_positives", "false_positives"), ("false_positive_area", "area")) if kind == ROCK else ()
         ):
-            row |= {f"{name}_photo": float(photo.rates(column)[0])}
+            row[f"{name}_photo"] = float(photo.rates(column)[0])
             row |= paired_change(name, twin.rates(column), replaced.rates(column), units)
         rows.append(row)
-    columns = ABLATION_COLUMNS[ABLATION_COLUMNS.index("images") :]
-    return pd.DataFrame(rows, columns=["kind", *columns])
+    return pd.DataFrame(rows, columns=["kind", *ABLATION_COLUMNS[ABLATION_COLUMNS.index("images") :]])
 
 
 def write_ablation(
@@ -74,13 +69,6 @@ def write_ablation(
         Domains of the photos and of the unmodified twin.
     replaced
         Text description of each component, in the order of the ablation.
-    training, imgsz
-        Training options of the detectors and longer side of their input, px, for the table.
-
-    Raises
-    ------
-    PolarsimError
-        Invalid file, or no photo that all domains contain.
     """
     keys = sorted(set.intersection(*(set(dataset_images(dataset, TEST)) for dataset in datasets.values())))
     if not keys:
@@ -98,4 +86,4 @@ def write_ablation(
             rows = effect_of(evaluations[photo], evaluations[twin], evaluations[component])
             parts.append(rows.assign(component=component, replaced=words, trained=trained, **facts))
     table = pd.concat(parts, ignore_index=True)[list(ABLATION_COLUMNS)]
-    tables.write_parquet(ablation, table.round(_DIGITS))
+    tables.write_parquet(ablation, table.round(6))

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 
 from polarsim import intervals
-from polarsim.detect import bootstrap, metrics
-from polarsim.detect.grouping import DETECTION, boxes_by_photo
+from polarsim.detect import metrics
+from polarsim.detect.grouping import Unit, detections_by_photo, labels_by_photo, units_of
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.schemas.detect import BREAKDOWN, CURVES
 
@@ -20,6 +20,7 @@ SIZES = {
     "medium": (32.0**2, 96.0**2),
     "large": (96.0**2, np.inf),
 }  # COCO, area of the box, px^2
+AREAS = (*metrics.ANY_AREA, *SIZES.values())
 PHOTO_GROUPS: dict[str, Callable[[PhotoKey], str]] = {
     "exposure": lambda key: f"{key.exposure_ms:04d}",  # ms
     "azimuth": lambda key: key.azimuth,
@@ -42,7 +43,7 @@ class Matches:
     overlap: dict[str, np.ndarray]  # (n,) maximum IoU of each label with a prediction
     area: dict[str, np.ndarray]  # (n,) area of each label, px^2
     picture: dict[str, np.ndarray]  # (n,) index of the photo of each label in `keys`
-    unit: bootstrap.Unit
+    unit: np.ndarray  # (p,) bootstrap unit of each photo
 
 
 def match_predictions(
@@ -50,14 +51,12 @@ def match_predictions(
     labels: pd.DataFrame,
     predictions: pd.DataFrame,
     performance: pd.DataFrame,
-    unit: bootstrap.Unit = "view",
+    unit: Unit = "view",
 ) -> Matches:
     """Match predictions with labels once for all metrics.
 
     Parameters
     ----------
-    keys
-        Keys of the evaluated photos.
     labels, predictions : DataFrame
         key, kind, x0, y0, x1, y1; predictions also confidence.
     performance : DataFrame
@@ -65,40 +64,22 @@ def match_predictions(
     """
     index = {key: n for n, key in enumerate(keys)}
     by_kind = {kind: performance[performance["kind"] == kind] for kind in BOX_CLASSES}
+    detections = list(detections_by_photo(predictions, keys).values())
+    ranked = metrics.rank_classes(labels_by_photo(labels, keys), detections, areas=AREAS)
     return Matches(
         [PhotoKey.parse(key) for key in keys],
-        rank_by_kind(keys, labels, predictions, areas=[*metrics.ANY_AREA, *SIZES.values()]),
+        dict(zip(BOX_CLASSES, ranked, strict=True)),
         {kind: rows["iou"].to_numpy(float) for kind, rows in by_kind.items()},
         {kind: rows["area_px"].to_numpy(float) for kind, rows in by_kind.items()},
         {kind: rows["key"].map(index).to_numpy(int) for kind, rows in by_kind.items()},
-        unit,
+        units_of(keys, unit),
     )
 
 
-def rank_by_kind(
-    keys: Sequence[str],
-    labels: pd.DataFrame,
-    predictions: pd.DataFrame,
-    thresholds: np.ndarray = metrics.IOU_THRESHOLDS,
-    areas: Sequence[tuple[float, float]] = metrics.ANY_AREA,
-) -> dict[str, metrics.Ranked]:
-    """Apply `metrics.rank` to each class; arguments as in `match_predictions` and `metrics.rank`."""
-    ranked = {}
-    for kind in BOX_CLASSES:
-        labelled = boxes_by_photo(labels[labels["kind"] == kind], keys)
-        predicted = boxes_by_photo(predictions[predictions["kind"] == kind], keys, DETECTION[:5])
-        corners, confidences = [rows[:, :4] for rows in predicted], [rows[:, 4] for rows in predicted]
-        ranked[kind] = metrics.rank(labelled, corners, confidences, thresholds, areas)
-    return ranked
+def breakdown(matched: Matches, *, resamples: int = 1000, group_resamples: int = GROUP_RESAMPLES) -> pd.DataFrame:
+    """Return `BREAKDOWN_COLUMNS` for all photos, each size class of labels (COCO), and each group of photos.
 
-
-def breakdown(
-    matched: Matches, *, seed: int = 0, resamples: int = 1000, group_resamples: int = GROUP_RESAMPLES
-) -> pd.DataFrame:
-    """Return `BREAKDOWN_COLUMNS` for all photos, each size class of labels, and each group of photos.
-
-    Size classes follow the rules of COCO (`metrics.rank`). Kind `all` is the mean over classes with labels. `units` is
-    the number of bootstrap units (views or photos).
+    Kind `all` is the mean over classes with labels.
     """
     rows: list[dict[str, object]] = []
     everything = np.ones(len(matched.keys), bool)
@@ -109,7 +90,7 @@ def breakdown(
         parts += [(by, str(group), groups == group, 0) for group in np.unique(groups)]
     for by, group, chosen, area in parts:
         replicates = resamples if by == ALL else group_resamples
-        rows += [{"by": by, "group": group} | row for row in _group_metrics(matched, chosen, area, seed, replicates)]
+        rows += [{"by": by, "group": group} | row for row in _group_metrics(matched, chosen, area, replicates)]
     return pd.DataFrame(rows, columns=list(BREAKDOWN_COLUMNS))
 
 
@@ -126,18 +107,14 @@ def curves(matched: Matches) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=list(CURVE_COLUMNS))
 
 
-def _group_metrics(
-    matched: Matches, chosen: np.ndarray, area: int, seed: int, resamples: int
-) -> Iterator[dict[str, object]]:
+def _group_metrics(matched: Matches, chosen: np.ndarray, area: int, resamples: int) -> Iterator[dict[str, object]]:
     """Yield a row per class and a row for all classes, for a mask (p,) of photos and a range of area (0: all)."""
     from polarsim.detect.bootstrap_numba import resampled_precision
 
     unit = np.zeros(len(chosen), int)
-    unit[chosen] = bootstrap.units_of(
-        [str(key) for key, is_in in zip(matched.keys, chosen, strict=True) if is_in], matched.unit
-    )
-    units = int(unit.max(initial=-1)) + 1
-    drawn = intervals.bootstrap_draws(units, resamples, seed)
+    numbers, unit[chosen] = np.unique(matched.unit[chosen], return_inverse=True)
+    units = len(numbers)
+    drawn = intervals.bootstrap_draws(units, resamples)
     values: list[np.ndarray] = []
     samples: list[np.ndarray] = []
     counts: list[int] = []
@@ -170,5 +147,5 @@ def _mean(values: np.ndarray) -> np.ndarray:
 
 
 def _in_size(area: np.ndarray, number: int) -> np.ndarray:
-    low, high = (*metrics.ANY_AREA, *SIZES.values())[number]
+    low, high = AREAS[number]
     return (area >= low) & (area <= high)

@@ -30,10 +30,7 @@ def paired_differences(evaluations: Mapping[tuple[str, str], DomainEvaluation]) 
 
     A difference is the metric of (`trained`, `evaluated`) minus the metric of (`other_trained`, `other_evaluated`).
 
-    Parameters
-    ----------
-    seen
-        Evaluations by (trained, evaluated), all with the same photos and options.
+    `evaluations` are by (trained, evaluated), all with the same photos and options.
     """
     any_evaluation = next(iter(evaluations.values()))
     units = any_evaluation.draws[1].shape[1]

@@ -10,11 +10,12 @@ import numpy as np
 import pandas as pd
 
 from polarsim import intervals
-from polarsim.detect import bootstrap, metrics
-from polarsim.detect.breakdown import rank_by_kind
+from polarsim.detect import metrics
 from polarsim.detect.false_positives import false_positives_of_photos
+from polarsim.detect.grouping import detections_by_photo, labels_by_photo, units_of
 from polarsim.detect.ipd import IpdRules, instance_performance, pair_rock_labels
 from polarsim.detect.options import ComparisonOptions
+from polarsim.photo import BOX_CLASSES
 from polarsim.schemas.detect import CHANGE_ENDS
 
 _AT_HALF = np.array([0.5])
@@ -23,21 +24,11 @@ _CELL = ["key", "kind", "rock"]
 
 @dataclass(frozen=True)
 class DomainEvaluation:
-    """Metrics of a detector on a domain.
-
-    Attributes
-    ----------
-    keys
-        Keys of the evaluated photos.
-    labels : DataFrame
-        Columns key, kind, rock, x0, y0, x1, y1.
-    predictions : DataFrame
-        Columns key, kind, confidence, x0, y0, x1, y1.
-    """
+    """Metrics of a detector on the photos `keys` of a domain."""
 
     keys: Sequence[str]
-    labels: pd.DataFrame
-    predictions: pd.DataFrame
+    labels: pd.DataFrame  # key, kind, rock, x0, y0, x1, y1
+    predictions: pd.DataFrame  # key, kind, confidence, x0, y0, x1, y1
     options: ComparisonOptions
 
     @cached_property
@@ -47,12 +38,7 @@ class DomainEvaluation:
 
     @cached_property
     def false_positives(self) -> pd.DataFrame:
-        return false_positives_of_photos(
-            self.keys,
-            self.labels,
-            self.predictions,
-            confidence=self.options.iou_confidence,
-        )
+        return false_positives_of_photos(self.keys, self.labels, self.predictions, self.options.iou_confidence)
 
     @cached_property
     def precision(self) -> dict[str, np.ndarray]:
@@ -61,7 +47,9 @@ class DomainEvaluation:
 
         unit, drawn = self.draws
         precision = {}
-        for kind, ranked in rank_by_kind(self.keys, self.labels, self.predictions, _AT_HALF).items():
+        detections = list(detections_by_photo(self.predictions, self.keys).values())
+        classes = metrics.rank_classes(labels_by_photo(self.labels, self.keys), detections, _AT_HALF)
+        for kind, ranked in zip(BOX_CLASSES, classes, strict=True):
             replicates = resampled_precision(ranked, 0, unit, drawn)[:, 0]
             precision[kind] = np.concatenate([metrics.precision_at_recalls(ranked).mean(axis=1), replicates])
         return precision
@@ -76,7 +64,7 @@ class DomainEvaluation:
     @cached_property
     def draws(self) -> tuple[np.ndarray, np.ndarray]:
         """Bootstrap unit of each photo and draw count of each unit, equal for evaluations of the same photos."""
-        unit = bootstrap.units_of(self.keys, self.options.resampled)
+        unit = units_of(self.keys, self.options.resampled)
         return unit, intervals.bootstrap_draws(int(unit.max()) + 1, self.options.resamples)
 
 
@@ -93,7 +81,7 @@ def ipd_change(
     pairs = unchanged.merge(modified.drop(columns="first"), on=_CELL, suffixes=("", "_replaced"), validate="one_to_one")
     if pairs.empty:
         return {"pairs": 0}
-    unit = bootstrap.units_of(pairs["key"].astype(str).tolist(), rules.unit)
+    unit = units_of(pairs["key"].astype(str).tolist(), rules.unit)
     units = int(unit.max()) + 1
     drawn = intervals.bootstrap_draws(units, options.resamples)
     gain, other_gain = ((pairs["first"] - pairs[name]).to_numpy(float) for name in ("second", "second_replaced"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields, replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,6 @@ from polarsim.detect.ipd import (
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.detect.predict import PREDICTION_COLUMNS
 from polarsim.detect.split import PHOTO, TEST, TRAIN, VAL, read_split, shared_views
-from polarsim.errors import DetectError
 from polarsim.formats import tables
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES
@@ -44,7 +43,7 @@ from polarsim.schemas.detect import CURVES, DETECTION, INSTANCES, IPD
 IPD_PAIR_COLUMNS = ("trained", "first", "second")
 DETECTION_COLUMNS = DETECTION.without("seed")
 IPD_COLUMNS = IPD.without("split", "seed")
-_DIGITS = 6
+Sides = tuple[str, str]  # training domain and evaluated domain of a detector
 
 
 @dataclass(frozen=True)
@@ -80,66 +79,46 @@ def evaluate(
     predictions : sequence of Path
         Files named `<trained>_on_<evaluated>.parquet`.
     labels, datasets : mapping of str to Path
-        Label table and data set of each evaluated domain. Only images in the test part of the data set are used. Data
-        sets of training domains may be included to count corrupt images.
+        Label table of each evaluated domain, and data set of each domain. Only images in the test part are evaluated.
     split : Path
-        Split of the data sets.
-    by : str
-        Unit of the split: photo, view, position or terrain.
+        Split of the data sets by photo, view, position or terrain.
     training, imgsz
         Training options of the detectors and longer side of their input, px, for the tables.
-
-    Raises
-    ------
-    PolarsimError
-        Invalid file, invalid file name, or a domain without labels or data set.
     """
-    named = {trained_and_evaluated(path): path for path in predictions}
     leaked = bool(shared_views(read_split(split, by)))
-    keys, truth = {}, {}
-    for domain in sorted({evaluated for _, evaluated in named}):
-        if domain not in labels or domain not in datasets:
-            raise DetectError(f"domain {domain!r} has predictions, but no labels or no data set")
-        keys[domain] = dataset_images(datasets[domain], TEST)
-        truth[domain] = read_evaluation_labels(labels[domain])
-    parts: dict[str, list[pd.DataFrame]] = {"breakdown": [], "curves": [], "false_positives": []}
-    performances: dict[tuple[str, str], pd.DataFrame] = {}
-    evaluations: dict[tuple[str, str], DomainEvaluation] = {}
-    common = sorted(set.intersection(*map(set, keys.values()))) if keys else []
-    for (trained, evaluated), path in track(sorted(named.items()), "evaluate"):
-        detections = tables.read_parquet(path, PREDICTION_COLUMNS)
-        domain_metrics = _metrics_of_domain(keys[evaluated], truth[evaluated], detections, options)
-        performances[trained, evaluated] = domain_metrics.pop("instances")
-        evaluations[trained, evaluated] = DomainEvaluation(common, truth[evaluated], detections, options)
-        for name, table in domain_metrics.items():
-            parts[name].append(_named(table, SIDE_COLUMNS, (trained, evaluated)))
+    truth = {domain: read_evaluation_labels(path) for domain, path in labels.items()}
+    evaluations: dict[Sides, DomainEvaluation] = {}
+    for path in sorted(predictions):
+        trained, _, evaluated = path.stem.partition("_on_")
+        evaluations[trained, evaluated] = DomainEvaluation(
+            dataset_images(datasets[evaluated], TEST),
+            truth[evaluated],
+            tables.read_parquet(path, PREDICTION_COLUMNS),
+            options,
+        )
+    evaluations = dict(sorted(evaluations.items()))
+    parts: dict[str, list[pd.DataFrame]] = {"breakdown": [], "curves": [], "false_positives": [], "instances": []}
+    for sides, evaluation in track(list(evaluations.items()), "evaluate"):
+        for name, table in _tables_of_domain(evaluation).items():
+            parts[name].append(_named(table, SIDE_COLUMNS, sides))
     matched = _joined(parts["breakdown"], (*SIDE_COLUMNS, *BREAKDOWN_COLUMNS))
     _write(tables_of.breakdown, matched)
-    left_out = {sides: _left_out(datasets, *sides) for sides in named}
+    left_out = {
+        sides: count_left_out(datasets[sides[0]], (TRAIN, VAL)) + count_left_out(datasets[sides[1]], (TEST,))
+        for sides in evaluations
+    }
     facts = {"split": by, "shares_views": leaked, **detector_facts(training, imgsz), "unit": options.resampled}
     _write(tables_of.detection, _detection_table(matched, left_out, facts))
     _write(tables_of.curves, _joined(parts["curves"], CURVES.columns))
     _write(tables_of.false_positives, _joined(parts["false_positives"], (*SIDE_COLUMNS, *FALSE_POSITIVE_COLUMNS)))
+    performances = {sides: evaluation.performance for sides, evaluation in evaluations.items()}
     _write(tables_of.ipd, _ipd_table(performances, options))
-    _write(tables_of.rocks, _rock_table(performances, options))
-    differences = paired_differences(evaluations) if common else pd.DataFrame(columns=list(DIFFERENCE_COLUMNS))
+    _write(tables_of.rocks, _rock_table(performances))
+    common = sorted(set.intersection(*(set(evaluation.keys) for evaluation in evaluations.values())))
+    of_common = {sides: replace(evaluation, keys=common) for sides, evaluation in evaluations.items()}
+    differences = paired_differences(of_common) if common else pd.DataFrame(columns=list(DIFFERENCE_COLUMNS))
     _write(tables_of.differences, differences)
-    instances = [_named(table, SIDE_COLUMNS, sides) for sides, table in sorted(performances.items())]
-    _write(tables_of.instances, _joined(instances, INSTANCES.columns))
-
-
-def trained_and_evaluated(path: Path) -> tuple[str, str]:
-    """Return the training domain and the evaluated domain from the name of a prediction file.
-
-    Raises
-    ------
-    DetectError
-        The name is not `<trained>_on_<evaluated>.parquet`.
-    """
-    trained, between, evaluated = path.stem.partition("_on_")
-    if not (trained and between and evaluated):
-        raise DetectError("expected a name such as real_on_hapke.parquet", path=path)
-    return trained, evaluated
+    _write(tables_of.instances, _joined(parts["instances"], INSTANCES.columns))
 
 
 def detector_facts(training: TrainingOptions, imgsz: int) -> dict[str, Any]:
@@ -152,34 +131,23 @@ def detector_facts(training: TrainingOptions, imgsz: int) -> dict[str, Any]:
     }
 
 
-def _metrics_of_domain(
-    keys: Sequence[str], labels: pd.DataFrame, predictions: pd.DataFrame, options: ComparisonOptions
-) -> dict[str, pd.DataFrame]:
-    """Return the tables of a detector on a domain."""
-    tested_labels = labels[labels["key"].isin(keys)]
-    tested_predictions = predictions[predictions["key"].isin(keys)]
-    performance = instance_performance(tested_labels, tested_predictions, options.iou_confidence)
-    matched = match_predictions(keys, tested_labels, tested_predictions, performance, options.resampled)
+def _tables_of_domain(evaluation: DomainEvaluation) -> dict[str, pd.DataFrame]:
+    keys, labels, predictions, options = (getattr(evaluation, field.name) for field in fields(evaluation))
+    matched = match_predictions(keys, labels, predictions, evaluation.performance, options.resampled)
     wrong = false_positives(
         keys,
         labels,
-        tested_predictions,
+        predictions,
         confidence=options.iou_confidence,
         unit=options.resampled,
         resamples=options.resamples,
     )
     return {
-        "instances": performance,
+        "instances": evaluation.performance,
         "breakdown": breakdown(matched, resamples=options.resamples),
         "curves": curves(matched),
         "false_positives": wrong,
     }
-
-
-def _left_out(datasets: Mapping[str, Path], trained: str, evaluated: str) -> int:
-    """Return the number of corrupt images excluded from training and test of a detector."""
-    training = count_left_out(datasets[trained], (TRAIN, VAL)) if trained in datasets else 0
-    return training + count_left_out(datasets[evaluated], (TEST,))
 
 
 def read_evaluation_labels(path: Path) -> pd.DataFrame:
@@ -194,9 +162,7 @@ def clip_labels(labels: pd.DataFrame) -> pd.DataFrame:
     return clipped[boxes.area(corners) > 0]
 
 
-def _detection_table(
-    matched: pd.DataFrame, left_out: Mapping[tuple[str, str], int], facts: Mapping[str, Any]
-) -> pd.DataFrame:
+def _detection_table(matched: pd.DataFrame, left_out: Mapping[Sides, int], facts: Mapping[str, Any]) -> pd.DataFrame:
     """Return `DETECTION_COLUMNS` over all photos."""
     table = matched[matched["by"] == ALL].assign(**facts)
     table["left_out"] = [left_out[sides] for sides in zip(table["trained"], table["evaluated"], strict=True)]
@@ -204,7 +170,7 @@ def _detection_table(
 
 
 def _pairs_of_domains(
-    performances: Mapping[tuple[str, str], pd.DataFrame],
+    performances: Mapping[Sides, pd.DataFrame],
 ) -> Iterator[tuple[tuple[str, str, str], pd.DataFrame, pd.DataFrame]]:
     """Yield each detector and pair of domains with the instance performances of both domains."""
     for trained in sorted({trained for trained, _ in performances}):
@@ -213,7 +179,7 @@ def _pairs_of_domains(
             yield (trained, first, second), performances[trained, first], performances[trained, second]
 
 
-def _ipd_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: ComparisonOptions) -> pd.DataFrame:
+def _ipd_table(performances: Mapping[Sides, pd.DataFrame], options: ComparisonOptions) -> pd.DataFrame:
     rules = IpdRules(unit=options.resampled)
     settings = {"undetected": rules.undetected, "unpaired": rules.unpaired, "confidence": options.iou_confidence}
     rows = []
@@ -230,9 +196,9 @@ def _ipd_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: Co
     return pd.DataFrame(rows, columns=list(IPD_COLUMNS))
 
 
-def _rock_table(performances: Mapping[tuple[str, str], pd.DataFrame], options: ComparisonOptions) -> pd.DataFrame:
+def _rock_table(performances: Mapping[Sides, pd.DataFrame]) -> pd.DataFrame:
     parts = [
-        _named(rock_means(pair_rock_labels(first, second, IpdRules(unit=options.resampled))), IPD_PAIR_COLUMNS, names)
+        _named(rock_means(pair_rock_labels(first, second)), IPD_PAIR_COLUMNS, names)
         for names, first, second in _pairs_of_domains(performances)
     ]
     return _joined(parts, (*IPD_PAIR_COLUMNS, *ROCK_COLUMNS))
@@ -248,4 +214,4 @@ def _joined(parts: Sequence[pd.DataFrame], columns: Sequence[str]) -> pd.DataFra
 
 
 def _write(path: Path, table: pd.DataFrame) -> None:
-    tables.write_parquet(path, table.round(_DIGITS).reset_index(drop=True))
+    tables.write_parquet(path, table.round(6).reset_index(drop=True))

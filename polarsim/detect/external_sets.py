@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.detect.bootstrap import Unit
-from polarsim.detect.grouping import BOX_COLUMNS
+from polarsim.detect.grouping import BOX_COLUMNS, Unit
 from polarsim.detect.ipd import IpdRules, MissingTreatment, instance_performance, instance_performance_difference
 from polarsim.errors import DetectError, FormatError, LabelError
 from polarsim.formats import release, tables, yolo

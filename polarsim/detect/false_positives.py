@@ -12,8 +12,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim import intervals
-from polarsim.detect import bootstrap
-from polarsim.detect.grouping import BOX_COLUMNS, values_by
+from polarsim.detect.grouping import BOX_COLUMNS, Unit, units_of, values_by
 from polarsim.geometry import boxes
 from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
 from polarsim.schemas.detect import FALSE_POSITIVES
@@ -31,24 +30,15 @@ def false_positives(
     predictions: pd.DataFrame,
     *,
     confidence: float,
-    overlap: float = MIN_MATCH_SHARE,
-    unit: bootstrap.Unit = "view",
-    seed: int = 0,
+    unit: Unit = "view",
     resamples: int = 1000,
 ) -> pd.DataFrame:
     """Return `FALSE_POSITIVE_COLUMNS`, one row for each region present in the photos.
 
     Parameters
     ----------
-    keys
-        Keys of the evaluated photos.
     labels, predictions : DataFrame
         key, kind, x0, y0, x1, y1 of the full photo; predictions also confidence.
-    confidence
-        Confidence threshold.
-    overlap
-        A predicted rock is a false positive if its intersection with every rock label is less than this share of the
-        smaller of the two boxes. Predictions inside a label or around a label are thus not false positives.
 
     Returns
     -------
@@ -57,26 +47,18 @@ def false_positives(
         of a box determines its tile. `area_share`: share of the rock-free area covered by false positives, overlaps
         counted once.
     """
-    by_photo = false_positives_of_photos(keys, labels, predictions, confidence=confidence, overlap=overlap)
+    by_photo = false_positives_of_photos(keys, labels, predictions, confidence)
     parts = [(region, by_photo[by_photo["region"] == region]) for region in REGIONS]
-    rows = [_rates(region, part, unit, seed, resamples) for region, part in parts if len(part)]
+    rows = [_rates(region, part, unit, resamples) for region, part in parts if len(part)]
     return pd.DataFrame(rows, columns=list(FALSE_POSITIVE_COLUMNS))
 
 
 def false_positives_of_photos(
-    keys: Sequence[str],
-    labels: pd.DataFrame,
-    predictions: pd.DataFrame,
-    *,
-    confidence: float,
-    overlap: float = MIN_MATCH_SHARE,
+    keys: Sequence[str], labels: pd.DataFrame, predictions: pd.DataFrame, confidence: float
 ) -> pd.DataFrame:
-    """Return a row per photo: key, region, free, false_positives, area; arguments as in `false_positives`.
-
-    `free` is the rock-free area, `area` the part of it that false positives cover; a photo has area 1.
-    """
+    """Return a row per photo: key, region, free (rock-free area), false_positives, area (that these cover)."""
     confident = predictions[predictions["confidence"] >= confidence]
-    marked = mark_false_positives(labels, confident, overlap=overlap)
+    marked = mark_false_positives(labels, confident)
     counts = confident["key"][marked["false_positive"].to_numpy()].value_counts()
     rocks = values_by(labels[labels["kind"] == ROCK], ["key"], BOX_COLUMNS)
     unlabelled = values_by(confident[marked["unlabelled"].to_numpy()], ["key"], BOX_COLUMNS)
@@ -91,25 +73,12 @@ def false_positives_of_photos(
     return pd.DataFrame(rows, columns=["key", "region", "free", "false_positives", "area"])
 
 
-def mark_false_positives(
-    labels: pd.DataFrame, predictions: pd.DataFrame, *, overlap: float = MIN_MATCH_SHARE
-) -> pd.DataFrame:
-    """Mark false positives. Tables, explorer and FiftyOne share this definition.
+def mark_false_positives(labels: pd.DataFrame, predictions: pd.DataFrame) -> pd.DataFrame:
+    """Return `unlabelled` and `false_positive` of each prediction. Tables, explorer and FiftyOne share this definition.
 
-    Only rocks are considered: a predicted shadow is never a false positive, and shadow labels have no effect.
-
-    Parameters
-    ----------
-    labels, predictions : DataFrame
-        key, kind, x0, y0, x1, y1 of the full photo, px.
-    overlap
-        Minimum intersection of a prediction and a matching rock label, relative to the smaller box.
-
-    Returns
-    -------
-    DataFrame
-        A row for each prediction, with equal index. `unlabelled`: a predicted rock that matches no rock label.
-        `false_positive`: an unlabelled rock with its centre in a tile without rock labels.
+    `unlabelled`: a predicted rock that intersects every rock label by less than `MIN_MATCH_SHARE` of the smaller box.
+    Predictions inside or around a label are thus matched. `false_positive`: an unlabelled rock with its centre in a
+    tile without rock labels. Shadows are never false positives.
     """
     rocks = values_by(labels[labels["kind"] == ROCK], ["key"], BOX_COLUMNS)
     unlabelled, counted = np.zeros(len(predictions), bool), np.zeros(len(predictions), bool)
@@ -118,18 +87,18 @@ def mark_false_positives(
     for key, rows in predictions.groupby("key").indices.items():
         rock_rows = rows[is_rock[rows]]
         label = rocks.get(str(key), np.zeros((0, 4)))
-        unlabelled[rock_rows] = boxes.largest_covered_share(corners[rock_rows], label) < overlap
+        unlabelled[rock_rows] = boxes.largest_covered_share(corners[rock_rows], label) < MIN_MATCH_SHARE
         counted[rock_rows] = unlabelled[rock_rows] & _centre_in(corners[rock_rows], _free_tiles(label))
     return pd.DataFrame({"unlabelled": unlabelled, "false_positive": counted}, index=predictions.index)
 
 
-def _rates(region: str, rows: pd.DataFrame, unit: bootstrap.Unit, seed: int, resamples: int) -> dict[str, object]:
+def _rates(region: str, rows: pd.DataFrame, unit: Unit, resamples: int) -> dict[str, object]:
     """Return one row. Rates are ratios of sums, so photos are weighted by their rock-free area."""
     keys = rows["key"].tolist()
     free, false_positives, area = rows[["free", "false_positives", "area"]].to_numpy(float).T
-    owner = bootstrap.units_of(keys, unit)
+    owner = units_of(keys, unit)
     units = int(owner.max()) + 1
-    drawn = intervals.bootstrap_draws(units, resamples, seed)
+    drawn = intervals.bootstrap_draws(units, resamples)
     terrains = sorted({PhotoKey.parse(key).terrain for key in keys})
     row: dict[str, object] = {
         "region": region,

@@ -1,17 +1,43 @@
-"""Boxes of tables by photo, with one sort for all photos."""
+"""Boxes of tables by photo, with one sort for all photos, and the bootstrap units of photos.
+
+Photos of a view show the same rocks from the same position under different light. They are not independent, so
+intervals over photos are too narrow. Views of a terrain also share rocks. Because few terrains are tested, intervals
+are valid for these terrains only and do not extend to new terrains.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
+from typing import Literal
 
 import numpy as np
 import pandas as pd
 
-from polarsim.photo import BOX_CLASSES
+from polarsim.errors import DetectError, LabelError
+from polarsim.photo import BOX_CLASSES, PhotoKey
 
 BOX_COLUMNS = ("x0", "y0", "x1", "y1")
 DETECTION = (*BOX_COLUMNS, "confidence", "kind")  # a detector's output, kind as index in BOX_CLASSES
 ClassBoxes = tuple[np.ndarray, np.ndarray]  # class indices (n,) and boxes (n, 4) of a picture
+Unit = Literal["view", "photo"]
+
+
+def units_of(keys: Sequence[str], unit: Unit) -> np.ndarray:
+    """Return the index (n,) of the view of each photo in the sorted views; or of each photo.
+
+    Raises
+    ------
+    DetectError
+        `unit` is `view` and a name is not a photo key.
+    """
+    if unit == "photo":
+        return np.unique(np.array(keys, str), return_inverse=True)[1]
+    try:
+        views = [PhotoKey.parse(key).view for key in keys]
+    except LabelError as error:
+        raise DetectError(f"{error}, so the view is unknown: use photos as bootstrap units") from error
+    number = {view: n for n, view in enumerate(sorted(set(views)))}
+    return np.array([number[view] for view in views], int)
 
 
 def rows_by(table: pd.DataFrame, by: Sequence[str]) -> dict[Hashable, np.ndarray]:
@@ -33,16 +59,9 @@ def values_by(table: pd.DataFrame, by: Sequence[str], columns: Sequence[str]) ->
     return {name: values[rows] for name, rows in rows_by(table, by).items()}
 
 
-def boxes_by_photo(table: pd.DataFrame, keys: Sequence[str], columns: Sequence[str] = BOX_COLUMNS) -> list[np.ndarray]:
-    """Return the values (n, columns) of each photo in the order of the keys; n is 0 for photos without rows."""
-    by_key = values_by(table, ["key"], columns)
-    return [by_key.get(key, np.zeros((0, len(columns)))) for key in keys]
-
-
 def detections_by_photo(predictions: pd.DataFrame, keys: Sequence[str]) -> dict[str, np.ndarray]:
-    """Return the `DETECTION` (n, 6) of each photo of a prediction table."""
-    numbered = predictions.assign(kind=predictions["kind"].map(BOX_CLASSES.index))
-    return dict(zip(keys, boxes_by_photo(numbered, keys, DETECTION), strict=True))
+    """Return the `DETECTION` (n, 6) of each photo of a prediction table; n is 0 for photos without predictions."""
+    return dict(zip(keys, _by_photo(predictions, keys, DETECTION), strict=True))
 
 
 def detection_rows(key: object, boxes: np.ndarray) -> list[tuple[object, ...]]:
@@ -52,7 +71,11 @@ def detection_rows(key: object, boxes: np.ndarray) -> list[tuple[object, ...]]:
 
 def labels_by_photo(labels: pd.DataFrame, keys: Sequence[str]) -> list[ClassBoxes]:
     """Return the labels of each photo in the order of the keys, without kinds that are not in `BOX_CLASSES`."""
-    boxes = labels[labels["kind"].isin(BOX_CLASSES)]
-    numbered = boxes.assign(kind=boxes["kind"].map(BOX_CLASSES.index))
-    rows = boxes_by_photo(numbered, keys, ("kind", *BOX_COLUMNS))
+    rows = _by_photo(labels[labels["kind"].isin(BOX_CLASSES)], keys, ("kind", *BOX_COLUMNS))
     return [(boxes[:, 0].astype(int), boxes[:, 1:]) for boxes in rows]
+
+
+def _by_photo(table: pd.DataFrame, keys: Sequence[str], columns: Sequence[str]) -> list[np.ndarray]:
+    """Return the values (n, columns) of each photo, kind as index in `BOX_CLASSES`."""
+    by_key = values_by(table.assign(kind=table["kind"].map(BOX_CLASSES.index)), ["key"], columns)
+    return [by_key.get(key, np.zeros((0, len(columns)))) for key in keys]

@@ -14,36 +14,23 @@ import numpy as np
 import pandas as pd
 
 from polarsim import intervals
-from polarsim.detect import bootstrap, metrics
-from polarsim.detect.grouping import BOX_COLUMNS, rows_by, values_by
-from polarsim.errors import DetectError
+from polarsim.detect.grouping import BOX_COLUMNS, Unit, rows_by, units_of, values_by
 from polarsim.geometry import boxes
 from polarsim.photo import PhotoKey
-from polarsim.schemas.detect import INSTANCES, IPD_ROCKS
+from polarsim.schemas.detect import IPD_ROCKS
 
-INSTANCE_COLUMNS = INSTANCES.columns[2:6]  # columns for a detector in a domain
 ROCK_COLUMNS = IPD_ROCKS.without("split", "seed", "trained", "first", "second")
 MissingTreatment = Literal["zero", "left_out"]
 
 
 @dataclass(frozen=True)
 class IpdRules:
-    """Rules of the IPD. The defaults follow the paper, in which the IPD is a difference of two IOU_means.
+    """Rules of the IPD. The defaults follow the paper, in which the IPD is a difference of two IOU_means."""
 
-    Attributes
-    ----------
-    undetected
-        Treatment of a labelled rock without an overlapping prediction: performance 0, or exclude the pair.
-    unpaired
-        Treatment of a rock with a label in one domain only: exclude, or performance 0 in the domain without a label.
-        Labels without a rock id are always excluded because they cannot be paired.
-    unit
-        Unit of the bootstrap.
-    """
-
-    undetected: MissingTreatment = "zero"
+    undetected: MissingTreatment = "zero"  # a labelled rock without an overlapping prediction
+    # A rock labelled in one domain only. Labels without a rock id are always excluded because they cannot be paired.
     unpaired: MissingTreatment = "left_out"
-    unit: bootstrap.Unit = "view"
+    unit: Unit = "view"  # of the bootstrap
 
 
 @dataclass(frozen=True)
@@ -65,28 +52,17 @@ class IpdResult:
 
 
 def instance_performance(labels: pd.DataFrame, predictions: pd.DataFrame, confidence: float) -> pd.DataFrame:
-    """Return the maximum IoU of each label with the predictions of the same photo and kind.
+    """Return the maximum IoU of each label with the confident predictions of the same photo and kind.
 
-    Parameters
-    ----------
-    labels : DataFrame
-        Columns key, kind, rock, x0, y0, x1, y1.
-    predictions : DataFrame
-        Columns key, kind, confidence, x0, y0, x1, y1.
-    confidence : float
-        Confidence threshold.
-
-    Returns
-    -------
-    DataFrame
-        Columns key, kind, rock, iou, area_px (area of the label, px^2); a row per label, by photo, kind, rock.
+    Labels have columns key, kind, rock, x0, y0, x1, y1; predictions key, kind, confidence, x0, y0, x1, y1. The result
+    has key, kind, rock, iou, area_px (area of the label, px^2); a row per label, by photo, kind, rock.
     """
     confident = predictions[predictions["confidence"] >= confidence]
     by_photo = values_by(confident, ["key", "kind"], BOX_COLUMNS)
     corners = labels[list(BOX_COLUMNS)].to_numpy(float)
     overlap = np.zeros(len(labels))
     for name, rows in rows_by(labels, ["key", "kind"]).items():
-        overlap[rows] = metrics.best_overlap(corners[rows], by_photo.get(name, np.zeros((0, 4))))
+        overlap[rows] = boxes.largest_iou(corners[rows], by_photo.get(name, np.zeros((0, 4))))
     table = labels[["key", "kind", "rock"]].assign(iou=overlap, area_px=boxes.area(corners))
     return table.sort_values(["key", "kind", "rock", "iou"], kind="stable", ignore_index=True)
 
@@ -95,18 +71,10 @@ def pair_rock_labels(first: pd.DataFrame, second: pd.DataFrame, rules: IpdRules 
     """Pair the rocks of two tables of `instance_performance`: key, kind, rock, first, second (performances).
 
     If a rock has several labels in a photo, the maximum performance is used. NaN counts as a missing performance.
-
-    Raises
-    ------
-    DetectError
-        A column is missing.
     """
     rules = rules or IpdRules()
     sides = []
     for table, name in ((first, "first"), (second, "second")):
-        missing = [column for column in INSTANCE_COLUMNS if column not in table.columns]
-        if missing:
-            raise DetectError(f"instance performances have no column {missing[0]!r}")
         identified = table[(table["rock"] > 0) & table["iou"].notna()]
         sides.append(identified.groupby(["key", "kind", "rock"])["iou"].max().rename(name).reset_index())
     how: Literal["outer", "inner"] = "outer" if rules.unpaired == "zero" else "inner"
@@ -122,42 +90,27 @@ def instance_performance_difference(
 ) -> IpdResult:
     """Return the IPD of a detector between two domains, from `instance_performance` in each domain.
 
-    Parameters
-    ----------
-    first, second : DataFrame
-        Columns key, kind, rock, iou.
-    rules
-        None: the defaults of `IpdRules`.
-    seed, resamples : int
-        Seed and number of bootstrap replicates.
-
     Raises
     ------
     DetectError
-        Missing column; or the bootstrap unit is the view and a key is not a photo key.
+        The bootstrap unit is the view and a key is not a photo key.
     """
     rules = rules or IpdRules()
     pairs = pair_rock_labels(first, second, rules)
     if pairs.empty:
         return IpdResult(0, 0, rules.unit, *[float("nan")] * 6)
     gain = (pairs["first"] - pairs["second"]).to_numpy(float)
-    unit = bootstrap.units_of(pairs["key"].astype(str).tolist(), rules.unit)
+    unit = units_of(pairs["key"].astype(str).tolist(), rules.unit)
     units = int(unit.max()) + 1
     drawn = intervals.bootstrap_draws(units, resamples, seed)
-    low, high = intervals.percentile_interval(intervals.resampled_means(gain, unit, drawn), units)
-    folded = 0.0 if low <= 0 <= high else min(abs(low), abs(high))  # lower limit of |mean|; 0 if the sign is uncertain
-    abs_low, abs_high = intervals.percentile_interval(intervals.resampled_means(np.abs(gain), unit, drawn), units)
-    return IpdResult(
-        len(gain),
-        units,
-        rules.unit,
-        float(abs(gain.mean())),
-        float(np.abs(gain).mean()),
-        float(folded),
-        float(max(abs(low), abs(high))),
-        float(abs_low),
-        float(abs_high),
+    low, high, abs_low, abs_high = (
+        end
+        for values in (gain, np.abs(gain))
+        for end in intervals.percentile_interval(intervals.resampled_means(values, unit, drawn), units)
     )
+    folded = 0.0 if low <= 0 <= high else min(abs(low), abs(high))  # lower limit of |mean|; 0 if the sign is uncertain
+    values = (abs(gain.mean()), np.abs(gain).mean(), folded, max(abs(low), abs(high)), abs_low, abs_high)
+    return IpdResult(len(gain), units, rules.unit, *map(float, values))
 
 
 def rock_means(pairs: pd.DataFrame) -> pd.DataFrame:

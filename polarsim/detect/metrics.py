@@ -1,4 +1,4 @@
-"""Detection metrics: average precision as defined by COCO, and the maximum overlap of each label.
+"""Detection metrics: average precision as defined by COCO.
 
 Arguments have one entry per image; boxes are (n, 4) as x0, y0, x1, y1. The rules follow COCO (Lin et al., ECCV 2014;
 pycocotools `COCOeval`) including interpolation: the mean over recalls 0, 0.01 ... 1 of the maximum precision at that
@@ -48,11 +48,10 @@ class Ranked:
 def rank(
     labels: Sequence[np.ndarray],
     predictions: Sequence[np.ndarray],
-    confidences: Sequence[np.ndarray],
     thresholds: np.ndarray = IOU_THRESHOLDS,
     areas: Sequence[tuple[float, float]] = ANY_AREA,
 ) -> Ranked:
-    """Match predictions with labels in each image.
+    """Match predictions (n, 5 or more: box, confidence) with labels (m, 4) in each image.
 
     In descending order of confidence, each prediction is matched with the unmatched label of maximum IoU. For a range
     of area (px^2, limits included), predictions matched with labels outside the range are ignored, as are unmatched
@@ -63,18 +62,16 @@ def rank(
     low, high = np.array(areas, float).T[:, :, None]
     confidence_parts, picture, counts = [np.zeros(0)], [np.zeros(0, int)], []
     right, counted = ([np.zeros((len(areas), len(thresholds), 0), bool)] for _ in range(2))
-    for number, (label, prediction, confidence) in enumerate(zip(labels, predictions, confidences, strict=True)):
-        order = np.argsort(-confidence, kind="stable")
-        prediction = prediction[order].reshape(-1, 4)
-        label = label.reshape(-1, 4)
+    for number, (label, rows) in enumerate(zip(labels, predictions, strict=True)):
+        prediction = rows[np.argsort(-rows[:, 4], kind="stable")]
         other_label, other_prediction = (
-            (size < low) | (size > high) for size in (boxes.area(label)[None], boxes.area(prediction)[None])
+            (size < low) | (size > high) for size in (boxes.area(part[:, :4])[None] for part in (label, prediction))
         )
         matched, passed = matching_numba.match_predictions_of_photo(
-            boxes.iou(prediction, label), thresholds, other_label
+            boxes.iou(prediction[:, :4], label), thresholds, other_label
         )
-        confidence_parts.append(confidence[order])
-        picture.append(np.full(len(order), number))
+        confidence_parts.append(prediction[:, 4])
+        picture.append(np.full(len(prediction), number))
         right.append(matched)
         counted.append(~passed & (matched | ~other_prediction[:, None]))
         counts.append((~other_label).sum(axis=1))
@@ -88,50 +85,42 @@ def rank(
     )
 
 
-def mean_precision(
+def rank_classes(
     labels: Sequence[tuple[np.ndarray, np.ndarray]],
-    found: Sequence[np.ndarray],
+    detections: Sequence[np.ndarray],
     thresholds: np.ndarray = IOU_THRESHOLDS,
-) -> np.ndarray:
-    """Return the average precision (t,) at each IoU threshold, mean over classes with labels; 0 without labels.
+    areas: Sequence[tuple[float, float]] = ANY_AREA,
+) -> list[Ranked]:
+    """Apply `rank` to each class in the order of `BOX_CLASSES`.
 
     Parameters
     ----------
     labels : sequence of (classes (n,), boxes (n, 4))
-    found : sequence of (m, 6)
+    detections : sequence of (m, 6)
         x0, y0, x1, y1, confidence, class.
     """
-    by_class = [precision_at_recalls(ranked).mean(axis=1) for ranked in rank_classes(labels, found, thresholds)]
-    labelled = [row for row in by_class if not np.isnan(row).any()]
-    return np.mean(labelled, axis=0) if labelled else np.zeros(len(thresholds))
-
-
-def rank_classes(
-    labels: Sequence[tuple[np.ndarray, np.ndarray]], found: Sequence[np.ndarray], thresholds: np.ndarray
-) -> list[Ranked]:
-    """Apply `rank` to each class in the order of `BOX_CLASSES`; arguments as in `mean_precision`."""
     return [
         rank(
             [corners[classes == kind] for classes, corners in labels],
-            [rows[rows[:, 5] == kind, :4] for rows in found],
-            [rows[rows[:, 5] == kind, 4] for rows in found],
+            [rows[rows[:, 5] == kind] for rows in detections],
             thresholds,
+            areas,
         )
         for kind in range(len(BOX_CLASSES))
     ]
 
 
+def mean_precision(labels: Sequence[tuple[np.ndarray, np.ndarray]], detections: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the average precision (10,) at each IoU threshold, mean over classes with labels; 0 without labels."""
+    by_class = [precision_at_recalls(ranked).mean(axis=1) for ranked in rank_classes(labels, detections)]
+    labelled = [row for row in by_class if not np.isnan(row).any()]
+    return np.mean(labelled, axis=0) if labelled else np.zeros(len(IOU_THRESHOLDS))
+
+
 def precision_at_recalls(ranked: Ranked, area: int = 0, weights: np.ndarray | None = None) -> np.ndarray:
-    """Return the maximum precision (t, 101) at each of `RECALLS` or above; 0 above the maximum recall.
+    """Return the maximum precision (t, 101) at each of `RECALLS` or above, 0 beyond the last recall.
 
-    NaN without labels.
-
-    Parameters
-    ----------
-    area
-        Index of the range of area.
-    weights : (p,)
-        Weight of each image; None: 1.
+    NaN without labels. `area` is the index of the range of area, `weights` (p,) are weights of the images.
     """
     weights = np.ones(ranked.labels.shape[1]) if weights is None else weights
     count = float(ranked.labels[area] @ weights)
@@ -147,10 +136,3 @@ def precision_at_recalls(ranked: Ranked, area: int = 0, weights: np.ndarray | No
         indices = np.searchsorted(so_far / count, RECALLS, side="left")
         curve[indices < len(hits)] = best[indices[indices < len(hits)]]
     return curves
-
-
-def best_overlap(labels: np.ndarray, predictions: np.ndarray) -> np.ndarray:
-    """Return the maximum IoU (n,) of each label with a prediction, 0 without predictions; the mean is IOU_mean."""
-    if not len(predictions):
-        return np.zeros(len(labels))
-    return boxes.iou(labels, predictions).max(axis=1)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from polarsim.detect.evaluate import Evaluation, evaluate, trained_and_evaluated
+from polarsim.detect.evaluate import Evaluation, evaluate
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.errors import DetectError
 from polarsim.formats import tables
@@ -166,23 +166,3 @@ def test_the_rules_of_the_options_are_applied_and_reported(tested):
         "zero", "left_out", "photo", 0.05,
     ]  # fmt: skip
     assert table.loc["rock", "pairs"] == 2
-
-
-def test_domains_are_parsed_from_the_file_name(tmp_path):
-    assert trained_and_evaluated(tmp_path / "analog_on_hapke.parquet") == ("analog", "hapke")
-    with pytest.raises(DetectError):
-        trained_and_evaluated(tmp_path / "analog.parquet")
-
-
-def test_a_domain_without_labels_is_named(tested):
-    with pytest.raises(DetectError, match="'hapke'"):
-        evaluate(
-            predictions=[tested / "real_on_hapke.parquet"],
-            labels={"real": tested / "labels.parquet"},
-            datasets={"real": tested / "real"},
-            split=tested / "split.csv",
-            tables_of=tables_below(tested / "again"),
-            options=ComparisonOptions(),
-            training=TrainingOptions(),
-            imgsz=320,
-        )

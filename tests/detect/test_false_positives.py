@@ -18,7 +18,7 @@ LABELS = table((ROCKY, "rock", (300, 350, 400, 450)), (EMPTY, "shadow", (0, 0, 5
 
 
 def rates(*rows, keys=(EMPTY, OTHER_VIEW, ROCKY), **options):
-    options = {"confidence": 0.25, "overlap": 0.1, "resamples": 200} | options
+    options = {"confidence": 0.25, "resamples": 200} | options
     found = table(*rows, confidence=0.9)
     return false_positives(list(keys), LABELS, found, **options).set_index("region")
 

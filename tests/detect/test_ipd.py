@@ -134,11 +134,6 @@ def test_a_prediction_of_the_other_kind_does_not_count():
     assert instance_performance(LABELS, PREDICTIONS.assign(kind="shadow"), 0)["iou"].tolist() == [0, 0, 0]
 
 
-def test_a_missing_column_is_named():
-    with pytest.raises(DetectError, match="'rock'"):
-        instance_performance_difference(FIRST.drop(columns="rock"), SECOND)
-
-
 def test_an_undetected_rock_counts_zero_or_is_excluded():
     first, second = performances(("a", 1, 0.9), ("b", 1, 0.6)), performances(("a", 1, 0.0), ("b", 1, 0.5))
     found = instance_performance_difference(first, second)

@@ -3,17 +3,20 @@ import io
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from polarsim.detect.metrics import ANY_AREA, IOU_THRESHOLDS, best_overlap, precision_at_recalls, rank
+from polarsim.detect.metrics import ANY_AREA, IOU_THRESHOLDS, precision_at_recalls, rank
 
 UNIT = np.array([[0.0, 0, 100, 100]])
 
 
 def average_precision(labels, predictions, confidences, thresholds=IOU_THRESHOLDS, area=ANY_AREA[0]):
     """Return average precision at each IoU threshold for the labels of a range of area."""
-    return precision_at_recalls(rank(labels, predictions, confidences, thresholds, [area])).mean(axis=1)
+    return precision_at_recalls(ranked(labels, predictions, confidences, thresholds, [area])).mean(axis=1)
+
+
+def ranked(labels, predictions, confidences, *rest):
+    rows = [np.column_stack([*boxes.T, sure]) for boxes, sure in zip(predictions, confidences, strict=True)]
+    return rank(labels, rows, *rest)
 
 
 def half_missing(share: float) -> np.ndarray:
@@ -145,22 +148,7 @@ def test_a_weight_is_a_number_of_copies(rng):
         [part for part, n in zip(parts, weights, strict=True) for _ in range(n)]
         for parts in (labels, predictions, confidences)
     ]
-    ranked = rank(labels, predictions, confidences)
-    weighted = precision_at_recalls(ranked, weights=weights.astype(float)).mean(axis=1)
+    weighted = precision_at_recalls(ranked(labels, predictions, confidences), weights=weights.astype(float)).mean(
+        axis=1
+    )
     np.testing.assert_allclose(weighted, average_precision(*copied), atol=1e-12)
-
-
-def test_each_label_has_its_maximum_overlap():
-    labels = np.concatenate([UNIT, UNIT + 1000])
-    predictions = np.concatenate([half_missing(0.3), half_missing(0.6)])
-    np.testing.assert_allclose(best_overlap(labels, predictions), [0.6, 0])
-
-
-@settings(deadline=None)
-@given(st.integers(0, 2**32 - 1))
-def test_additional_predictions_never_reduce_the_overlap(seed):
-    rng = np.random.default_rng(seed)
-    labels, predictions = random_boxes(rng, 5), random_boxes(rng, 8)
-    fewer = best_overlap(labels, predictions[:4])
-    assert (best_overlap(labels, predictions) >= fewer).all()
-    assert ((fewer >= 0) & (fewer <= 1)).all()
