@@ -24,13 +24,7 @@ Boxes = list[dict[str, Any]]  # kind, rock, x0, y0, x1, y1 in pixels, as in the 
 
 
 class Corrections:
-    """The folder `corrections` of a run, which `labels.corrections` reads.
-
-    Attributes
-    ----------
-    folder
-        Folder with the label files `KEY.txt` of corrected photos and other files for `labels.corrections`.
-    """
+    """The folder `corrections` of a run, which `labels.corrections` reads."""
 
     def __init__(self, run: Run) -> None:
         self.folder = run.folder / "corrections"
@@ -46,11 +40,6 @@ class Corrections:
         """Return all boxes of each corrected photo by key.
 
         Rock ids are from the matched labels of the run, as in propagation.
-
-        Raises
-        ------
-        FormatError
-            The folder contains an invalid file.
         """
         if not self.folder.is_dir():
             return {}
@@ -63,20 +52,8 @@ class Corrections:
     def save(self, name: str, boxes: object) -> Path:
         """Replace all boxes of a photo and return the written file.
 
-        Parameters
-        ----------
-        name
-            Key of a photo of the run.
-        boxes
-            A list of objects with kind, x0, y0, x1, y1, px; an empty list states that the photo shows neither rocks nor
-            shadows.
-
-        Raises
-        ------
-        LabelError
-            A box that is not finite, is outside the photo or has no area; or the photo is corrected in a COCO file.
-        PolarsimError
-            The file cannot be written.
+        An empty list of boxes states that the photo shows neither rocks nor shadows. Invalid boxes, and a photo that is
+        corrected in a COCO file, raise a LabelError.
         """
         kinds, corners = _checked(boxes)
         with self._lock:
@@ -90,10 +67,7 @@ class Corrections:
     def drop(self, name: str) -> None:
         """Remove the correction of a photo, so that the photo is labelled as propagated.
 
-        Raises
-        ------
-        LabelError
-            The photo is corrected in a COCO file, which is not changed.
+        A photo that is corrected in a COCO file raises a LabelError.
         """
         with self._lock:
             self._file_of(self._keys[name]).unlink(missing_ok=True)

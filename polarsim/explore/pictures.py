@@ -17,13 +17,7 @@ QUALITY, SMALL_QUALITY = 88, 80  # JPEG quality
 
 
 def jpeg(path: Path, width: int, quality: int = QUALITY) -> bytes:
-    """Scale an image to a width and encode it: linear from black to the sensor's white, then gamma 2.2.
-
-    Raises
-    ------
-    FormatError
-        The file is not an image.
-    """
+    """Scale an image to a width and encode it: linear from black to the sensor's white, then gamma 2.2."""
     import cv2
 
     pixels = _read(path)

@@ -70,10 +70,7 @@ class FileCache:
     def read(self, name: str) -> bytes | None:
         """Return the content of an address, or None for an unknown address.
 
-        Raises
-        ------
-        ConnectionAbortedError
-            The server is closing.
+        Raises ConnectionAbortedError if the server is closing.
         """
         if name not in self._files:
             return None
@@ -97,11 +94,6 @@ def server(files: Files, port: int = 0, corrections: Corrections | None = None) 
     """Return a bound server that is not running yet; port 0 selects a free port.
 
     Without `corrections`, the server accepts no changes.
-
-    Raises
-    ------
-    ConfigError
-        The port is in use.
     """
     cache = FileCache(files)
 
@@ -276,13 +268,7 @@ class _Handler(BaseHTTPRequestHandler):
         return HTTPStatus.REQUEST_ENTITY_TOO_LARGE if int(length[:12]) > MAX_REQUEST_BYTES else None
 
     def _request_content(self) -> object:
-        """Read the JSON content of a request.
-
-        Raises
-        ------
-        LabelError
-            The content is incomplete or not valid JSON.
-        """
+        """Read the JSON content of a request."""
         length = int(self.headers["Content-Length"])
         content = self.rfile.read(length)
         try:

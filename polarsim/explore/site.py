@@ -40,13 +40,7 @@ def page_files() -> Files:
 
 
 def write_site(run: Run, folder: Path, width: int = WIDTH_PX) -> int:
-    """Write the page to a new folder for a static web server; return the number of files.
-
-    Raises
-    ------
-    ConfigError
-        The folder is not empty.
-    """
+    """Write the page to a new folder for a static web server; return the number of files."""
     check_new_folder(folder)
     files = page_of_run(run, width)
     with writing_folder(folder) as temporary:

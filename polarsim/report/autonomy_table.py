@@ -48,20 +48,7 @@ _DRIVES = {"collisions": "collisions", "success": "success", "rock_points": "roc
 def tabulate_autonomy(
     *, together: Path, effects: Path, stem: Path, effects_stem: Path, origin: Mapping[str, str]
 ) -> None:
-    """Write the table of autonomous drives and the table of effects as CSV, Parquet, Markdown and LaTeX.
-
-    Parameters
-    ----------
-    together, effects
-        Parquet tables of the drives by mode and of the effects.
-    stem, effects_stem
-        Paths of the tables to write, without suffix.
-
-    Raises
-    ------
-    FormatError
-        A table is missing or has other columns.
-    """
+    """Write the table of autonomous drives and the table of effects as CSV, Parquet, Markdown and LaTeX."""
     notes = [INTERVALS, origin_note(origin)]
     table = read_parquet(together, AUTONOMY.columns)
     write_table(stem, with_origin(table, origin), CAPTION, layout=format_autonomy(table), notes=notes)
@@ -71,13 +58,7 @@ def tabulate_autonomy(
 
 
 def tabulate_rank(*, by_detector: Path, ranks: Path, stem: Path, origin: Mapping[str, str]) -> None:
-    """Write the rank correlations between gap and driving as CSV, Parquet, Markdown and LaTeX.
-
-    Raises
-    ------
-    FormatError
-        A table is missing or has other columns.
-    """
+    """Write the rank correlations between gap and driving as CSV, Parquet, Markdown and LaTeX."""
     table = read_parquet(ranks, AUTONOMY_RANK.columns)
     detectors = read_parquet(by_detector, AUTONOMY_DETECTORS.columns)
     blocks = {DETECTORS_CAPTION: detectors, RANK_CAPTION: format_rank(table)}

@@ -138,12 +138,8 @@ def notes_below(
 ) -> list[str]:
     """Return all notes below a table of detectors: `notes` and the notes common to all such tables.
 
-    Parameters
-    ----------
-    detection
-        detect/detection.parquet, for `detector_notes`; None omits these notes.
-    domains
-        Columns that name domains. If a domain is the analog, the first note says so.
+    Without `detection` (detect/detection.parquet) there are no notes on the detectors. If one of the columns `domains`
+    names the analog, the first note says so.
     """
     detectors = [] if detection is None else detector_notes(read_parquet(detection, detect.DETECTION.columns))
     return [*paper.analog_notes(table, domains), *notes, *seed_notes(table), *detectors, origin_note(origin)]

@@ -63,16 +63,8 @@ def tabulate_detectors(
 ) -> None:
     """Write detection, differences, detection_breakdown, false_positives, ipd, ipd_rocks, each as {csv,md,tex,parquet}.
 
-    Notes on the detectors follow each table, see `detection_table.detector_notes`.
-
-    Parameters
-    ----------
-    detection, differences, breakdown, false_positives, ipd, rocks
-        Parquet tables of the detect stage.
-    others
-        Table `detection` of detectors of further models; None if the run has no further models.
-    tables
-        Folder to write to.
+    Notes on the detectors follow each table, see `detection_table.detector_notes`. `others` is the table `detection` of
+    detectors of further models.
     """
     common: dict[str, Any] = {"detection": detection, "origin": origin}
     tabulate_detection(**common, others=others, stem=tables / "detection")

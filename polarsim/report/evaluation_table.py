@@ -100,26 +100,10 @@ def shown_value(value: float, unit: str) -> str:
 def compare_runs(*, runs: Sequence[Path], stem: Path, common: bool = False, differences: bool = False) -> pd.DataFrame:
     """Write the available metrics of several runs as stem.{csv,md,tex,parquet} and return the rows.
 
-    CSV and Parquet have a row per run, terrain and metric. Markdown and LaTeX have a row per metric and one column
-    per terrain; a cell lists the values of all runs.
-
-    Parameters
-    ----------
-    runs
-        Folders of the runs.
-    stem
-        Path of the tables to write, without suffix.
-    common
-        Keep only the metrics of a terrain that all runs have.
-    differences
-        Add the column `difference`: the value minus that of the first run (in Markdown and LaTeX: of the medians).
-
-    Raises
-    ------
-    PolarsimError
-        A run has no metrics or is given twice, or the runs have no metric in common.
-    FormatError
-        A file of metrics is invalid.
+    CSV and Parquet have a row per run, terrain and metric. Markdown and LaTeX have a row per metric and one column per
+    terrain; a cell lists the values of all runs. `common` keeps only the metrics of a terrain that all runs have.
+    `differences` adds the column `difference`: the value minus that of the first run (in Markdown and LaTeX: of the
+    medians).
     """
     if twice := [run.name for number, run in enumerate(runs) if run in runs[:number]]:
         raise PolarsimError(f"run {twice[0]!r} is given twice, name each run once")

@@ -30,12 +30,7 @@ class Headline:
 def headlines(tables: Tables, photo_domain: str, source: str) -> list[Headline]:
     """Return the first `MAX_HEADLINES` metrics that a run has.
 
-    Parameters
-    ----------
-    tables
-        CSV files of the run's tables by name.
-    photo_domain
-        Domain of the run's photos; empty if the run has no photos.
+    `tables` are CSV files by name; `photo_domain` is empty if the run has no photos.
     """
     of_detectors = [*_detection(tables, photo_domain, source), *_ipd(tables, photo_domain, source)]
     return [*of_detectors, *_evaluation(tables)][:MAX_HEADLINES]

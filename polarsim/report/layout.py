@@ -26,13 +26,7 @@ _TEX = {
 
 
 def with_origin(table: pd.DataFrame, origin: Mapping[str, str]) -> pd.DataFrame:
-    """Return the table with the columns of its origin first, so that tables of several runs can be concatenated.
-
-    Raises
-    ------
-    ConfigError
-        A key of `ORIGIN_COLUMNS` is missing.
-    """
+    """Return the table with the columns of its origin first, so that tables of several runs can be concatenated."""
     missing = [name for name in ORIGIN_COLUMNS if name not in origin]
     if missing:
         raise ConfigError(f"origin without {missing[0]!r}, expected {', '.join(ORIGIN_COLUMNS)}")
@@ -50,14 +44,8 @@ def write_table(
 ) -> None:
     """Write stem.csv, stem.parquet, stem.md and stem.tex.
 
-    Parameters
-    ----------
-    table
-        Tidy rows: CSV (six digits) and Parquet (all digits).
-    layout
-        Table for Markdown and LaTeX; None for the tidy rows.
-    notes
-        Sentences below the table in Markdown and LaTeX.
+    CSV (six digits) and Parquet (all digits) contain `table`, Markdown and LaTeX contain `layout` (default: the same
+    rows) and the notes below.
     """
     write_blocks(stem, table, {caption: table if layout is None else layout}, notes)
 

@@ -72,11 +72,6 @@ def write_results_page(*, files: PageFiles, run: RunFacts, page: Path) -> None:
     """Write the results page: description of the run, headline metrics, images, all tables and figures.
 
     The page embeds small images that link to the full files.
-
-    Raises
-    ------
-    FormatError
-        A file is missing or invalid.
     """
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     source = run.origin["source"]

@@ -30,13 +30,7 @@ def tabulate_rover(
     each_stem: Path,
     origin: Mapping[str, str],
 ) -> None:
-    """Write the table of means over drives and the table of single drives as CSV, Parquet, Markdown and LaTeX.
-
-    Raises
-    ------
-    FormatError
-        A table is missing or has other columns.
-    """
+    """Write the table of means over drives and the table of single drives as CSV, Parquet, Markdown and LaTeX."""
     wide = drive_rows(read_parquet(each, DRIVE_METRICS.columns))
     note = f"{_ends(wide)} Intervals: 95 %, Student's t over seeds."
     _write(stem, read_parquet(drives, DRIVES.columns), DRIVES_CAPTION, origin, note)
@@ -44,13 +38,7 @@ def tabulate_rover(
 
 
 def tabulate_onboard(*, onboard: Path, stem: Path, origin: Mapping[str, str]) -> None:
-    """Write the metrics of obstacle detection with the front camera as CSV, Parquet, Markdown and LaTeX.
-
-    Raises
-    ------
-    FormatError
-        The table is missing or has other columns.
-    """
+    """Write the metrics of obstacle detection with the front camera as CSV, Parquet, Markdown and LaTeX."""
     note = "Intervals: 95 %, bootstrap over rides (one drive under one Sun)."
     # In report tables, `source` is the source of the run's photos.
     table = read_parquet(onboard, ONBOARD.columns).rename(columns={"source": "boxes"})

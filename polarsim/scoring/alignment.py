@@ -29,12 +29,8 @@ def fit_alignment(estimated: Mapping[str, Pose], true: Mapping[str, Pose]) -> Po
     """Fit `truth_from_sandbox` to the estimated and true camera poses of the common positions by least squares.
 
     Camera centres do not determine the rotation about the line through the centres. Each camera is therefore
-    represented by the centre and by the points at the distance `ARM` along the axes of the camera.
-
-    Raises
-    ------
-    RegistrationError
-        There is no common position.
+    represented by the centre and by the points at the distance `ARM` along the axes of the camera. Raises
+    RegistrationError without a common position.
     """
     common = sorted(set(estimated) & set(true))
     if not common:
@@ -46,15 +42,7 @@ def fit_alignment(estimated: Mapping[str, Pose], true: Mapping[str, Pose]) -> Po
 
 
 def read_alignment(cameras: Path, truth: Path) -> Pose:
-    """Return `truth_from_sandbox` of a terrain, fitted to the cameras.
-
-    Raises
-    ------
-    RegistrationError
-        Ground truth and result have no position in common.
-    FormatError
-        A camera file is invalid.
-    """
+    """Return `truth_from_sandbox` of a terrain, fitted to the cameras."""
     localised, true = read_all_localised(cameras), read_all_localised(truth / "cameras")
     if not true:
         raise FormatError("no PosX.json", path=truth / "cameras")

@@ -40,18 +40,8 @@ def score_cameras(
 ) -> None:
     """Write the evaluation of the cameras of a terrain.
 
-    Parameters
-    ----------
-    cameras
-        Folder with PosX.json.
-    truth
-        Folder truth/TerrainTT of the analog; None without ground truth.
-    matches
-        matches.parquet of the cameras stage; may be None or missing.
-    annotated
-        Folder of all annotated label files; None without annotations.
-    meshes
-        Folder of the meshes of the terrain.
+    `truth` is the folder truth/TerrainTT of the analog, `matches` the (possibly missing) matches.parquet of the cameras
+    stage, `annotated` the folder of all annotated label files; each may be None.
     """
     localised = read_all_localised(cameras)
     metrics = stated(localised)
@@ -73,12 +63,8 @@ def against_truth(
     """Return errors of poses before and after a rigid alignment of the terrain, of the rig, and of projected points.
 
     Relative poses between positions are also compared; they need no alignment. With a single position, the alignment
-    removes the entire error: then only the metrics before the alignment are returned.
-
-    Parameters
-    ----------
-    points_truth : (n, 3) float
-        Points on true surfaces, frame of the ground truth, metres; may be empty.
+    removes the entire error: then only the metrics before the alignment are returned. `points_truth` (n, 3), metres,
+    are on true surfaces in the frame of the ground truth; may be empty.
     """
     common = sorted(set(localised) & set(true))
     if not common:
@@ -113,13 +99,7 @@ def against_truth(
 
 
 def against_boxes(path: Path) -> list[Metric]:
-    """Return IoU and offsets between projected meshes and consensus boxes of the seeds, by position and pooled.
-
-    Raises
-    ------
-    FormatError
-        A column is missing.
-    """
+    """Return IoU and offsets between projected meshes and consensus boxes of the seeds, by position and pooled."""
     table = read_parquet(path, MATCH_COLUMNS)
     metrics = []
     parts = [(str(position), part) for position, part in table.groupby("position")]
@@ -231,14 +211,8 @@ def true_points(truth: Path, terrain: int) -> np.ndarray:
 def lamps_against_truth(cameras: Path, truth: Path, truth_from_sandbox: Pose) -> list[Metric]:
     """Return the angle at the centre of the sandbox between the estimated and the true direction of each lamp.
 
-    The error is an angle because shadows determine the direction of a lamp, but hardly the distance.
-
-    Parameters
-    ----------
-    cameras
-        Folder of the rig poses of the terrain, with or without localised lamps.
-    truth
-        Folder truth/TerrainTT of the analog.
+    The error is an angle because shadows determine the direction of a lamp, but hardly the distance. `cameras` may be
+    without localised lamps. `truth` is the folder truth/TerrainTT of the analog.
     """
     localised, true = read_all_localised(cameras), read_json(truth / lamps.FILE)
     metrics, worst = [], {}

@@ -64,16 +64,8 @@ def check_consistency(
 ) -> None:
     """Write the consistency metrics of the scans, cameras, meshes and boxes of a terrain, and log warnings.
 
-    Parameters
-    ----------
-    located, cameras
-        Folders with the poses for which the meshes were reconstructed, and with the final poses.
-    meshes
-        Folder of the meshes of the terrain.
-    photos
-        `photos.parquet`; None for a source without photos.
-    annotated
-        Folder of all annotated label files, used without photos of both cameras; may be None.
+    `located` has the poses for which the meshes were reconstructed, `cameras` the final poses. `annotated`, the folder
+    of all annotated label files, is used without photos of both cameras.
     """
     known, localised = read_inventory(inventory), read_all_localised(located)
     scans = {
@@ -145,12 +137,7 @@ def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list
 def ground_support(ground: Mesh, rims: Sequence[np.ndarray], half: float) -> list[Metric]:
     """Return the share of rocks that a fitted ground does not support, and the share of ground far from all rocks.
 
-    Parameters
-    ----------
-    rims : sequence of (n, 3) float
-        Points of the foot of each rock, metres.
-    half : float
-        Half width of the evaluated square of sand, metres.
+    `rims` are points (n, 3) of the foot of each rock, `half` is half the width of the evaluated square of sand, metres.
     """
     side = np.arange(-half, half, SUPPORT_STEP)
     sand = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)

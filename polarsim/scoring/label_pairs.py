@@ -66,20 +66,9 @@ def pair_labels(
 ) -> pd.DataFrame:
     """Return a table with the columns of `LABEL_PAIRS` for all photos with a task.
 
-    Parameters
-    ----------
-    truth
-        True labels of the compared photos.
-    table
-        Label rows; a photo without row has no label.
-    tasks
-        Propagation task of each photo, see `labels.task_of`; photos with None are excluded.
-
-    Returns
-    -------
-    DataFrame
-        A true box has edges, `truth_px` and `iou_best`; a label has `label_px` and the columns of the label table; a
-        pair (`hit`) has all of them.
+    Photos without a row in the table of labels have no label; photos whose task (see `labels.task_of`) is None are
+    excluded. A true box has edges, `truth_px` and `iou_best`; a label has `label_px` and the columns of the label
+    table; a pair (`hit`) has all of them.
     """
     keys = [key for key in sorted(truth) if tasks[key] is not None]
     photos = pd.DataFrame([key_columns(key) for key in keys], columns=list(LABEL_COLUMNS[:7]))

@@ -35,16 +35,9 @@ def score_labels(
 ) -> None:
     """Write the evaluation of the labels of a terrain, and the table of matches with true boxes.
 
-    Parameters
-    ----------
-    keys
-        The labelled photos.
-    table
-        Label table of the terrain; a photo without row has no visible object.
-    truth
-        Folder of annotated KEY.txt files (of a terrain, or the root of a release), or labels.parquet of the analog.
-    seeds
-        Folder of the seeds of the terrain; photos of seeds are not scored.
+    `keys` are the labelled photos; without a row in `table`, a photo has no visible object. `truth` is a folder of
+    annotated KEY.txt files (of a terrain, or the root of a release), or labels.parquet of the analog. Photos of seeds
+    are not scored.
     """
     labels = read_parquet(table, LABEL_COLUMNS)
     predicted = dict.fromkeys(keys, PhotoLabels.none()) | labels_of_photos(labels)

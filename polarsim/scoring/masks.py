@@ -30,21 +30,8 @@ def score_masks(*, masks: Sequence[Path], root: Path, scores: Path, resamples: i
     """Write the IoU of each class for every photo with polygons and for all photos, see `MASK_SCORES`.
 
     Annotators drew a single set of polygons for all exposures of an exposure bracket. If a bracket has several files,
-    that of the nearest exposure is used.
-
-    Parameters
-    ----------
-    masks : sequence of Path
-        Folders of `KEY.png`, see `run_files.class_masks`.
-    root : Path
-        Root of a release.
-    seed, resamples
-        Seed and number of replicates of the bootstrap over photos.
-
-    Raises
-    ------
-    PolarsimError
-        A mask is invalid or has another size than the photo, or no photo has polygons.
+    that of the nearest exposure is used. `masks` are folders of `KEY.png`, see `run_files.class_masks`; `root` is the
+    root of a release.
     """
     path_of = {PhotoKey.parse(path.stem): path for folder in masks for path in sorted(folder.glob("*.png"))}
     counts: dict[str, dict[str, np.ndarray]] = {region: {} for region in REGIONS}

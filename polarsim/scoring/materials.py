@@ -29,12 +29,8 @@ def score_materials(
 ) -> None:
     """Write the evaluation of the fitted materials of a terrain.
 
-    Parameters
-    ----------
-    cameras : Path
-        Folder of rig poses, from which the alignment with the frame of the ground truth is computed.
-    truth : Path
-        Ground-truth folder of the terrain; without `albedo.parquet`, only errors on photos are computed.
+    `cameras` determine the alignment with the frame of the ground truth. Without `albedo.parquet` in `truth`, only
+    errors on photos are computed.
     """
     mesh = read_terrain(meshes, terrain)
     fitted = read_materials(materials, mesh)

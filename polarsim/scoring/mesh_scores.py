@@ -50,15 +50,7 @@ def soundness_rows(
 def accuracy(
     true: SurfaceSamples, reconstructed: SurfaceSamples, true_of_rock: Mapping[int, int]
 ) -> dict[int, dict[str, float]]:
-    """Return metrics by reconstructed rock, and of the ground as `NO_ROCK`.
-
-    Parameters
-    ----------
-    true, reconstructed : SurfaceSamples
-        Samples of both surfaces.
-    true_of_rock
-        True rock by reconstructed rock.
-    """
+    """Return metrics by reconstructed rock, and of the ground as `NO_ROCK`."""
     metrics = {}
     for rock, true_rock in {NO_ROCK: NO_ROCK, **true_of_rock}.items():
         of_true, of_rock = true.rock == true_rock, reconstructed.rock == rock

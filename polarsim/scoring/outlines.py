@@ -60,16 +60,8 @@ def score_outlines(
     Annotators drew a single set of polygons for all exposures of an exposure bracket. The file with most polygons is
     compared with the labels with most masks. As a reference for the accuracy of annotations, the boxes around polygons
     are compared with the annotated boxes of the same photo. Shadows are included only in photos with annotated shadow
-    boxes, because shadows are not annotated at short exposures.
-
-    Parameters
-    ----------
-    keys
-        The labelled photos.
-    annotations
-        COCO file of the terrain.
-    root
-        Root of a release; a terrain without polygons has no metrics.
+    boxes, because shadows are not annotated at short exposures. `keys` are the labelled photos, `annotations` is the
+    COCO file of the terrain, and `root` the root of a release; a terrain without polygons has no metrics.
     """
     annotated = _of_brackets(read_polygon_files(root, terrain), keys)
     predicted = _of_brackets(read_coco(annotations), keys)

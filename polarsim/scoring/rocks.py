@@ -44,23 +44,9 @@ def score_rocks(
 
     The frames of run and ground truth are aligned by the poses for which the meshes were reconstructed. Surfaces are
     compared after a small rigid ICP of the ground; the motion of the ICP is also a metric. In this frame, true rocks
-    are projected by the refined cameras.
-
-    Parameters
-    ----------
-    rocks
-        rocks.parquet.
-    meshes
-        Folder of the meshes of the terrain.
-    located, cameras
-        Folders with the poses for which the meshes were reconstructed, and with the refined poses.
-    scores
-        Output table of meshes, see `mesh_scores.COLUMNS`.
-    offsets
-        Output table with a row per sample of the visible reconstructed surface: rock, x, y, z (frame of the ground
-        truth), and offset_mm, the distance to the true surface, negative inside. Empty without ground truth.
-    truth
-        Folder truth/TerrainTT of the analog; None without ground truth.
+    are projected by the refined cameras. `located` has the poses for which the meshes were reconstructed, `cameras` the
+    refined poses; `truth` is the folder truth/TerrainTT of the analog or None. `offsets` has a row per sample of the
+    visible reconstructed surface, empty without ground truth, see `OFFSETS`.
     """
     found = read_parquet(rocks, ROCK_COLUMNS)
     scene = read_terrain(meshes, terrain)

@@ -103,12 +103,8 @@ def score_boxes(
 ) -> dict[str, Any]:
     """Return metrics by class for all photos of the truth and, for photo keys, by part of the key.
 
-    All boxes of a photo without labels are missed. Labels of photos without truth are ignored.
-
-    Returns
-    -------
-    dict
-        `classes`: class -> metrics; `by`: group -> value -> class -> metrics. Metrics: see `MatchCounts.metrics`.
+    All boxes of a photo without labels are missed. Labels of photos without truth are ignored. Result: `classes`: class
+    -> metrics; `by`: group -> value -> class -> metrics, see `MatchCounts.metrics`.
     """
     if not 0 < threshold <= 1:
         raise LabelError(f"IoU threshold {threshold:g}, expected more than 0 and at most 1")
@@ -134,25 +130,9 @@ def score_folders(
 ) -> dict[str, Any]:
     """Compare two folders of YOLO files: flat, with `TerrainNN` subfolders, or the root of a release.
 
-    Files are matched by photo key, or by file name if no file of the truth has a photo key.
-
-    Parameters
-    ----------
-    keys
-        Selects the compared photos; None: all photos of the truth.
-
-    Returns
-    -------
-    dict
-        The result of `score_boxes`, and `files`: numbers of compared and missing files, and lists of skipped files.
-
-    Raises
-    ------
-    FormatError
-        A folder is missing, a label file is invalid, or all files of the truth are invalid. Single invalid files of
-        the truth are skipped and listed, because the release has such a file.
-    LabelError
-        A photo has two label files in a folder, the truth has no label file, or no name is in both folders.
+    Files are matched by photo key, or by file name if no file of the truth has a photo key. `keys` selects the compared
+    photos. The result is that of `score_boxes` with `files`: numbers of compared and missing files, and lists of
+    skipped files. Single invalid files of the truth are skipped, because the release has such a file.
     """
     of_truth, of_labels = _label_files(truth), _label_files(labels)
     if not of_truth.files:

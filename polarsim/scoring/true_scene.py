@@ -38,18 +38,9 @@ def write_true_scene(
 ) -> None:
     """Write the true `PosX.json`, `lamps.json` and meshes of a terrain in the frame of the run.
 
-    The frame aligns the meshes of the run with the true surface (`true_surface.compare_surfaces`). True
-    rocks have the id of the matched rock of the run, so that they can be matched with labels; unmatched rocks have new
-    ids.
-
-    Parameters
-    ----------
-    rocks, meshes, located
-        rocks.parquet and meshes of the run, and the poses for which the meshes were reconstructed.
-    truth
-        Folder truth/TerrainTT of the analog.
-    true_cameras, true_meshes
-        Output folders.
+    The frame aligns the meshes of the run with the true surface (`true_surface.compare_surfaces`). True rocks have the
+    id of the matched rock of the run, so that they can be matched with labels; unmatched rocks have new ids. `located`
+    has the poses for which the meshes were reconstructed, `truth` is the folder truth/TerrainTT of the analog.
     """
     scene = read_terrain(meshes, terrain)
     truth_from_sandbox = compare_surfaces(terrain, scene, located, truth, inventory).truth_from_sandbox

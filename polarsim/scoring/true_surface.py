@@ -48,13 +48,7 @@ class TrueView:
 
 
 def true_views(true: Mapping[str, LocalisedRig], positions: set[str], raw: Inventory | None) -> list[TrueView]:
-    """Return a view for each position with a true pose, with the range map if the inventory has it.
-
-    Raises
-    ------
-    FormatError
-        A range map is invalid.
-    """
+    """Return a view for each position with a true pose, with the range map if the inventory has it."""
     views = []
     for position in sorted(set(true) & positions):
         grid = rectified_left(true[position].rig)

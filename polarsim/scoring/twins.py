@@ -50,18 +50,8 @@ def score_twins(
 ) -> None:
     """Write the evaluation of the twins of a terrain, and the table of similarities with a row per twin and photo.
 
-    Parameters
-    ----------
-    boxes
-        Folder of the rendered boxes, KEY.txt.
-    truth
-        Folder of annotated KEY.txt files, or labels.parquet of the analog; None without reference.
-    twins
-        Folder of the twins, KEY.png, by model.
-    photos
-        photos.parquet; may be empty.
-    evaluation, pairs
-        Outputs: CSV of metrics; Parquet table with the columns of `TWIN_PAIRS`.
+    `boxes` is the folder of rendered boxes, KEY.txt; `truth` a folder of annotated KEY.txt files, or labels.parquet of
+    the analog; `twins` the folders of KEY.png by model; `photos` the table photos.parquet, may be empty.
     """
     metrics: list[Metric] = []
     compared: list[dict[str, object]] = []
@@ -98,13 +88,7 @@ def typical_photos(keys: Sequence[PhotoKey], n: int) -> list[PhotoKey]:
 
 
 def compare_pictures(photo_path: Path, twin_path: Path) -> TwinSimilarity:
-    """Compare brightness and structure of a twin and the photo.
-
-    Raises
-    ------
-    FormatError
-        An image is unreadable, or the sizes differ.
-    """
+    """Compare brightness and structure of a twin and the photo."""
     photo, twin = png.read_png(photo_path), png.read_png(twin_path)
     if photo.shape != twin.shape:
         raise FormatError(f"{twin.shape[::-1]} pixels, expected {photo.shape[::-1]} as in the photo", path=twin_path)

@@ -46,22 +46,10 @@ def draw_comparison(
     """Write the figure: photo, cover photo and twins with boxes and rock ids, and the differences of the twins.
 
     Each twin is followed by the image of the difference with a colour bar; the photo is followed by a histogram of the
-    differences in stops. Twins and photo have the same white level, so that their brightness can be compared; without
-    a photo, the twins share a white level.
-
-    Parameters
-    ----------
-    photos
-        Table of the terrain's photos; the photo of `key` may be missing.
-    inventory
-        Inventory of the terrain. If it names a cover photo, labels are added from the photo of the same position whose
-        boxes match the red boxes in the cover photo.
-    twins
-        Folder of the terrain's twins by model; missing twins are skipped.
-    labels
-        Label table with the photo's labels.
-    rendered
-        Label table of the twins; None for the photo's labels.
+    differences in stops. Twins and photo have the same white level, so that their brightness can be compared; without a
+    photo, the twins share a white level. If the inventory names a cover photo, labels are added from the photo of the
+    same position whose boxes match the red boxes in the cover photo. Missing images are skipped. Without `rendered`,
+    the label table of the twins, twins have the labels of the photo.
     """
     table = read_parquet(labels, LABEL_COLUMNS)
     of_photo = rows_of(table, key)

@@ -54,17 +54,9 @@ def draw_contact(
 ) -> None:
     """Write the sheet: a row per Sun azimuth, a column per camera and state of the rover light.
 
-    A tile shows the exposure with the most labels of a bracket (the nearest to 256 ms if there are several). Labels
-    are dashed if the confidence is below 0.5 or in the lowest tenth of the terrain.
-
-    Parameters
-    ----------
-    keys
-        Photos of one station.
-    labels
-        Label table of the terrain.
-    pictures
-        Tables of photos and folders of twins in order of preference; a tile without an image is grey.
+    A tile shows the exposure with the most labels of a bracket (the nearest to 256 ms if there are several). Labels are
+    dashed if the confidence is below 0.5 or in the lowest tenth of the terrain. `pictures` are tables of photos and
+    folders of twins in order of preference; a tile without an image is grey.
     """
     table = read_parquet(labels, LABEL_COLUMNS)
     sources = [pictures_at(folder) for folder in pictures]

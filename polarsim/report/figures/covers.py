@@ -25,14 +25,7 @@ _MIN_IOU = 0.5  # of a correct prediction
 def draw_covers(*, photos: Path, labels: Path, predictions: Path, figure: Path, width: int = FIGURE_WIDTH) -> None:
     """Write a panel per cover photo with labels and predictions of rocks.
 
-    Parameters
-    ----------
-    photos : Path
-        Folder of cover photos without red lines, `KEY.png`.
-    labels : Path
-        Label table of the cover photos.
-    predictions : Path
-        Prediction table of the cover photos.
+    `photos` is the folder of cover photos without red lines, `KEY.png`.
     """
     annotated = read_parquet(labels, LABEL_COLUMNS)
     predicted = read_parquet(predictions, PREDICTIONS.columns)

@@ -52,12 +52,8 @@ def draw_detector_results(
 ) -> None:
     """Write both figures of the detector of each domain, with the minimum confidence of the IPD.
 
-    Parameters
-    ----------
-    predictions
-        Prediction tables: the domains of the first detector, then those of the second detector, and so on.
-    photo_domain, pictures
-        Domain of the photos, and tables of photos and folders of twins: see `picture_finder`.
+    `predictions` are the tables of the first detector in all domains, then those of the second, and so on. `pictures`
+    are tables of photos and folders of twins, see `picture_finder`.
     """
     confidence = read_parquet(ipd, ["confidence"])["confidence"]
     picture_of = picture_finder(photo_domain, pictures)

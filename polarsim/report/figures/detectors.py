@@ -33,15 +33,7 @@ def draw_detectors(
     rocks_figure: Path,
     origin: dict[str, str],
 ) -> None:
-    """Draw the detection matrix, precision over recall, the IPD, and the histogram of IoU differences of rocks.
-
-    Parameters
-    ----------
-    detection, curves, ipd, rocks
-        Parquet tables of the detect stage.
-    detection_figure, curves_figure, ipd_figure, rocks_figure
-        PNG files to write.
-    """
+    """Draw the detection matrix, precision over recall, the IPD, and the histogram of IoU differences of rocks."""
     draw_detection(detection=detection, figure=detection_figure, origin=origin)
     draw_curves(curves=curves, figure=curves_figure, origin=origin)
     draw_ipd(ipd=ipd, figure=ipd_figure, origin=origin)

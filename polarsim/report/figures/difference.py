@@ -39,14 +39,8 @@ def _log2(photo: np.ndarray, twin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def difference_of_cover(cover: np.ndarray, twin: np.ndarray, red: np.ndarray) -> np.ndarray:
     """Return an image (h, w, 3) uint8 of the tone difference, twin minus cover photo, after histogram matching.
 
-    The tone curves of published cover photos are not documented, so absolute brightness cannot be compared.
-
-    Parameters
-    ----------
-    cover : (h, w, 3) uint8
-    twin : (h, w) uint16
-    red : (h, w) bool
-        Mask of red lines and digits in the cover photo; grey in the result.
+    The tone curves of published cover photos are not documented, so absolute brightness cannot be compared. `cover` (h,
+    w, 3) uint8, `twin` (h, w) uint16; the mask `red` (h, w) of lines and digits in the cover photo is grey.
     """
     tones = cover.astype(np.float32).mean(axis=-1) / 255
     wanted = np.quantile(tones[~red], _LEVELS)

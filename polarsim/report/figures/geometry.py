@@ -27,12 +27,7 @@ def draw_geometry(
 ) -> None:
     """Draw the meshes, the cuboids of the rocks, the residuals of the cameras and the distances from the true surface.
 
-    Parameters
-    ----------
-    twins
-        Folder of twins that replace missing photos; None for photos only.
-    offsets, offsets_figure
-        Distances from the true surface and the figure to write; None without ground truth.
+    `twins` replace missing photos; `offsets` are distances from the true surface, None without ground truth.
     """
     draw_terrain(terrain=terrain, rocks=rocks, meshes=meshes, meshes_figure=meshes_figure, crops_figure=crops_figure)
     draw_residuals(

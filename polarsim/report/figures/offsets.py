@@ -20,13 +20,7 @@ COLOURS = "RdBu_r"  # red outside the true surface, blue inside
 
 
 def draw_offsets(*, terrain: int, offsets: Path, figure: Path, width: int = FIGURE_WIDTH) -> None:
-    """Write a map of the visible mesh points, coloured by the distance from the true surface, and its distribution.
-
-    Parameters
-    ----------
-    offsets
-        Table of `score_rocks`.
-    """
+    """Write a map of the visible mesh points, coloured by the distance from the true surface, and its distribution."""
     table = read_parquet(offsets, OFFSETS.columns)
     with page(figure, width, round(width * 0.5)) as sheet:
         if not len(table):

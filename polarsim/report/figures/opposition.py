@@ -52,14 +52,7 @@ def lit_by_single_lamp(key: PhotoKey) -> bool:
 def extreme_spots(keys: list[PhotoKey], cameras: Path, half_px: int) -> tuple[PhasePixel, PhasePixel] | None:
     """Return the spots of the smallest and of the largest phase angle in photos lit by a single lamp, or None.
 
-    Parameters
-    ----------
-    keys
-        Photos of one terrain.
-    cameras
-        Folder of the terrain's rig poses and lamps.
-    half_px
-        Minimum distance of a spot from the border of the photo.
+    `cameras` is the folder of the terrain's poses and lamps, `half_px` the minimum distance of a spot from the border.
     """
     rigs = read_all_localised(cameras)
     lamps = read_suns(cameras, rigs)
@@ -124,16 +117,9 @@ def draw_opposition(
     """Write the figure and a JSON file with the caption, or the reason for an empty figure.
 
     Rows: smallest and largest phase angle; columns: photo and twins. The crops of a row have the same white level, that
-    of the brightest crop, so that brightness can be compared; the median is written below each crop.
-
-    Parameters
-    ----------
-    keys
-        Photos to choose from; the terrain with the smallest phase angle is shown.
-    cameras
-        Folder of each terrain's rig poses and lamps.
-    pictures
-        Tables of photos and folders of twins, see `picture_finder`.
+    of the brightest crop, so that brightness can be compared; the median is written below each crop. The terrain with
+    the smallest phase angle of all `keys` is shown. `pictures` are tables of photos and folders of twins, see
+    `picture_finder`.
     """
     domains, picture_of = [photo_domain, *models], picture_finder(photo_domain, pictures)
     available = [key for key in keys if all(_exists(picture_of(domain, key)) for domain in domains)]

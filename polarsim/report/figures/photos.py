@@ -28,12 +28,7 @@ def draw_photos(
 ) -> None:
     """Draw a comparison of a photo with the twins and a contact sheet for each position.
 
-    Parameters
-    ----------
-    stand_ins
-        Reflectance models; the twins replace missing photos.
-    comparisons, contacts
-        Figures to write, in the order of `positions`.
+    `stand_ins` are reflectance models whose twins replace missing photos. Figures are in the order of `positions`.
     """
     sources = [photos, *(twins[model] for model in stand_ins)]
     for position, comparison, contact in zip(positions, comparisons, contacts, strict=True):

@@ -43,13 +43,8 @@ def draw_residuals(
 ) -> None:
     """Write a panel per position: consensus of the seed boxes, boxes of projected meshes, arrows between them.
 
-    Parameters
-    ----------
-    photos, inventory : Path
-        Table and inventory of the terrain's photos. The background of a panel is a left photo with seeds; without such
-        a photo, a cover photo whose red boxes match the seeds (some cover photos are of the right camera), or a twin.
-    twins : Path or None
-        Folder of the terrain's twins.
+    The background of a panel is a left photo with seeds; without such a photo, a cover photo whose red boxes match the
+    seeds (some cover photos are of the right camera), or a twin.
     """
     localised, annotated = read_all_localised(cameras), read_rock_boxes(seeds, terrain)
     backgrounds = _backgrounds(seeds, annotated, photos, inventory, twins)

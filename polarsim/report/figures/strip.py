@@ -30,14 +30,8 @@ def draw_strip(
 ) -> None:
     """Write a PNG per panel of a terrain's strip, and `strip.json` with the photo key and the captions.
 
-    Missing images, such as photos of the release, have no panel.
-
-    Parameters
-    ----------
-    photos, twins, labels
-        Table of the terrain's photos, folder of a model's twins, label table.
-    predictions
-        Predictions in test photos of a detector whose training domain is `trained`.
+    Missing images, such as photos of the release, have no panel. `predictions` are of a detector whose training domain
+    is `trained`, in test photos.
     """
     table = read_parquet(labels, LABEL_COLUMNS)
     photo_paths, twin_paths = pictures_at(photos), pictures_at(twins)

@@ -58,15 +58,7 @@ class TopView:
 def draw_terrain(
     *, terrain: int, rocks: Path, meshes: Path, meshes_figure: Path, crops_figure: Path, width: int = FIGURE_WIDTH
 ) -> None:
-    """Write two figures: the meshes from above and in an oblique view, and the cuboids of the rocks.
-
-    Parameters
-    ----------
-    rocks
-        rocks.parquet.
-    meshes
-        Folder of the terrain.
-    """
+    """Write two figures: the meshes from above and in an oblique view, and the cuboids of the rocks."""
     table = read_parquet(rocks, CUBOID_COLUMNS)
     scene = read_terrain(meshes, terrain)
     rays = make_caster(scene.vertices, scene.faces)
