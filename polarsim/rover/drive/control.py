@@ -10,6 +10,9 @@ from typing import Literal
 import numpy as np
 
 STRAIGHT = 1e-6  # rad; smaller steering angles count as zero
+DRIFT_LIMIT = math.radians(10)  # maximum angle that compensates a steady lateral drift
+TURN_ABOVE = math.radians(45)  # sharper corners are turned on the spot
+TURN_TOLERANCE = math.radians(2)  # a turn on the spot ends within this angle of the next segment's heading
 Mode = Literal["drive", "crab", "turn"]
 Steering = Literal["ackermann", "crab", "combined"]
 
@@ -109,9 +112,6 @@ class SteeringLaw:
     limit: float
     steering: Steering = "ackermann"
     integral_gain: float = 0.0
-    drift_limit: float = math.radians(10)
-    turn_above: float = math.radians(45)
-    turn_tolerance: float = math.radians(2)  # a turn on the spot ends within this angle of the next segment's heading
 
 
 @dataclass
@@ -145,17 +145,17 @@ class Driver:
         while along >= self.path.lengths[self.line] and self.line + 1 < len(self.path.lengths):
             bend = wrapped(self.path.headings[self.line + 1] - self.path.headings[self.line])
             self.line += 1
-            self.turning = self.law.steering != "crab" and abs(bend) > self.law.turn_above
+            self.turning = self.law.steering != "crab" and abs(bend) > TURN_ABOVE
             along, self.offset = self.path.beside(x, y, self.line)
         done = sum(self.path.lengths[: self.line]) + along
         headway, self.done = max(done - self.done, 0.0), done
         self.heading_error = wrapped(heading - self.path.headings[self.line])
         if self.turning:
-            if abs(self.heading_error) > self.law.turn_tolerance:
+            if abs(self.heading_error) > TURN_TOLERANCE:
                 return Command(-math.copysign(self.law.speed, self.heading_error), 0.0, "turn")
             self.turning = False
         law = self.law
-        self.drift = _within(self.drift - law.integral_gain * self.offset * headway, law.drift_limit)
+        self.drift = _within(self.drift - law.integral_gain * self.offset * headway, DRIFT_LIMIT)
         aim = self.drift - law.gain * self.offset
         correction = -law.heading_gain * self.heading_error
         if law.steering == "crab":

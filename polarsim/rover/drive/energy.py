@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-
-import numpy as np
+from typing import NamedTuple
 
 from polarsim.errors import RoverError
 from polarsim.rover.soil.law import ContactLaw
@@ -23,8 +21,7 @@ class EnergyError(RoverError):
     """The energy balance does not close, so the drive is invalid."""
 
 
-@dataclass(frozen=True)
-class Account:
+class Account(NamedTuple):
     """Energy since `Simulation.zero`, J; wheels in the order of `WHEELS`."""
 
     motor: float  # work of drives and steering servos
@@ -32,16 +29,9 @@ class Account:
     damper: float  # dissipated by dampers
     rock: float  # dissipated by rocks and joint stops
     driving: float  # sum of absolute work of the drives
-    change: float  # change of kinetic and potential energy
     motor_of: tuple[float, ...]
     soil_of: tuple[float, ...]
-
-    @classmethod
-    def of(cls, numbers: np.ndarray, change: float) -> Account:
-        """Return the account of the kernel's array."""
-        values = [float(number) for number in numbers]
-        motor, soil, damper, rock, driving = values[:5]
-        return cls(motor, soil, damper, rock, driving, change, tuple(values[5:9]), tuple(values[9:13]))
+    change: float  # change of kinetic and potential energy
 
     @property
     def missing(self) -> float:
@@ -60,19 +50,12 @@ class Account:
 
 
 def require_closed(account: Account, time: float) -> None:
-    """Check that the energy balance closes.
-
-    Raises
-    ------
-    EnergyError
-        More than `BOUND` of the energy is unaccounted for.
-    """
+    """Raise `EnergyError` if more than `BOUND` of the energy is unaccounted for."""
     whole = max(account.put_in, MIN_CHECKED_J)
     if not abs(account.missing) <= BOUND * whole:  # true for NaN
         raise EnergyError(
             f"at {time:.2f} s {100 * account.missing / whole:.2g} % of the energy is missing, at most "
             f"{100 * BOUND:.2g} % were expected: use a smaller step_s or a softer soil"
-            "be: take a smaller step or a softer soil"
         )
 
 
@@ -95,13 +78,7 @@ def largest_step(vehicle: Vehicle, law: ContactLaw, gravity: float) -> float:
 
 
 def require_small_step(vehicle: Vehicle, law: ContactLaw, options: SoilOptions) -> None:
-    """Check the time step before the simulation starts.
-
-    Raises
-    ------
-    RoverError
-        The step is too large for the soil's elastic stiffness.
-    """
+    """Raise `RoverError` if the time step is too large for the soil's elastic stiffness."""
     largest = largest_step(vehicle, law, options.gravity_m_s2)
     if options.step_s > largest:
         raise RoverError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,6 @@ P_ONLY_GAIN_RAD_M = 1.0472  # steering angle per offset for control by offset on
 # Steering angle per offset, per offset integrated over progress, and per heading error: the rover returns to the path
 # within a few metres and without oscillation.
 GAIN_RAD_M, INTEGRAL_RAD_M2, HEADING_GAIN = 4.0, 4.0, 2.0
-TURN_ABOVE_DEG = 45.0  # sharper corners are turned on the spot
 STEER_LIMIT_DEG = 30.0  # maximum steering angle of a wheel in both directions
 # Differences between seeds at `spread` 1: uniform within these bounds for starts, normally distributed for heights.
 ALONG_M, OFFSET_M, HEADING_DEG, GROUND_SD_M = 0.10, 0.02, 1.0, 0.0005
@@ -45,31 +45,37 @@ class DriveJob:
     seed: int
     log_hz: float = LOG_HZ
 
+    @cached_property
+    def route(self) -> ReferencePath:
+        """Path of the drive, see `path_of`."""
+        return ReferencePath(np.array(path_of(self.rocks, self.drive), float))
+
+    @property
+    def start(self) -> Start:
+        """The path's first point, displaced and rotated by the seed."""
+        heading = float(self.route.headings[0])
+        bounds = self.drive.spread * np.array([ALONG_M, OFFSET_M, math.radians(HEADING_DEG)])
+        along, offset, angle = generator(self.seed, "rover", "start").uniform(-1, 1, 3) * bounds
+        x, y = self.route.points[0] + along * np.array([math.cos(heading), math.sin(heading)])
+        x, y = x - offset * math.sin(heading), y + offset * math.cos(heading)
+        return Start(float(x), float(y), heading + float(angle))
+
+    @property
+    def law(self) -> SteeringLaw:
+        """Steering along the path."""
+        speed, limit = self.drive.speed_m_s, math.radians(STEER_LIMIT_DEG)
+        if self.drive.control == "P-only":
+            steering: Steering = "crab" if self.drive.steering == "crab" else "ackermann"
+            return SteeringLaw(speed, P_ONLY_GAIN_RAD_M, 0.0, limit, steering)
+        return SteeringLaw(speed, GAIN_RAD_M, HEADING_GAIN, limit, self.drive.steering, INTEGRAL_RAD_M2)
+
 
 def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, seed: int) -> DriveJob:
-    """Return the drive that the options describe.
-
-    Raises
-    ------
-    PolarsimError
-        Meshes, elevation model, soil or vehicle are missing or broken.
-    """
+    """Return the drive that the options describe, over the meshes of a run (`meshes/TerrainNN/`)."""
     terrains = [read_terrain_meshes(meshes / f"Terrain{number:02d}", number) for number in world.terrains]
     ground = dem_world(world, terrains, np.array(path_of(world, drive))) if world.dem else stitch(terrains, world)
-    return DriveJob(
-        rough_world(ground, drive.spread * GROUND_SD_M, seed),
-        read_vehicle(drive.vehicle),
-        read_soil(soil.table, soil.soil),
-        drive,
-        soil,
-        world,
-        seed,
-    )
-
-
-def route_of(job: DriveJob) -> ReferencePath:
-    """Return the path of a job, see `path_of`."""
-    return ReferencePath(np.array(path_of(job.rocks, job.drive)))
+    ground = rough_world(ground, drive.spread * GROUND_SD_M, seed)
+    return DriveJob(ground, read_vehicle(drive.vehicle), read_soil(soil.table, soil.soil), drive, soil, world, seed)
 
 
 def path_of(world: WorldOptions, drive: DriveOptions, beyond_m: float = 0.0) -> tuple[Point, ...]:
@@ -81,44 +87,20 @@ def path_of(world: WorldOptions, drive: DriveOptions, beyond_m: float = 0.0) -> 
     return drive.path_m or ((half, 0.0), (-half, 0.0))
 
 
-def require_on_grid(world: World, vehicle: Vehicle, route: ReferencePath) -> None:
-    """Check that no wheel leaves the grid along a path.
-
-    Raises
-    ------
-    OffGridError
-        A wheel would leave the grid; the message contains the position.
-    """
-    reach = max(wheel.radius_m for wheel in vehicle.wheels) + vehicle.wheels[0].width_m / 2 + EDGE_MARGIN_M
-    wheels = vehicle.wheel_centres[:, :2]
+def require_on_grid(job: DriveJob) -> None:
+    """Raise `OffGridError` with the position at which a wheel would leave the grid along the path."""
+    world, wheels, route = job.world, job.vehicle.wheels, job.route
+    reach = max(wheel.radius_m for wheel in wheels) + wheels[0].width_m / 2 + EDGE_MARGIN_M
+    low, high = (world.x[0] + reach, world.y[0] + reach), (world.x[-1] - reach, world.y[-1] - reach)
+    centres = job.vehicle.wheel_centres[:, :2]
     for begin, heading, length in zip(route.points, route.headings, route.lengths, strict=False):
         step = np.array([math.cos(heading), math.sin(heading)])
-        rotated = wheels @ np.array([[step[0], step[1]], [-step[1], step[0]]])
+        rotated = centres @ np.array([[step[0], step[1]], [-step[1], step[0]]])
         for along in (*np.arange(0.0, length, SAMPLE), length):
             points = begin + along * step + rotated
-            low, high = (world.x[0] + reach, world.y[0] + reach), (world.x[-1] - reach, world.y[-1] - reach)
             if not ((points >= low) & (points <= high)).all():
                 x, y = begin + along * step
                 raise OffGridError(
                     f"the path leaves the ground at ({x:.2f}, {y:.2f}) m: wheels may go from x {low[0]:.2f} to "
                     f"{high[0]:.2f} m and from y {low[1]:.2f} to {high[1]:.2f} m"
                 )
-
-
-def law_of(options: DriveOptions) -> SteeringLaw:
-    limit, turn_above = math.radians(STEER_LIMIT_DEG), math.radians(TURN_ABOVE_DEG)
-    if options.control == "P-only":
-        steering: Steering = "crab" if options.steering == "crab" else "ackermann"
-        return SteeringLaw(options.speed_m_s, P_ONLY_GAIN_RAD_M, 0.0, limit, steering, turn_above=turn_above)
-    return SteeringLaw(
-        options.speed_m_s, GAIN_RAD_M, HEADING_GAIN, limit, options.steering, INTEGRAL_RAD_M2, turn_above=turn_above
-    )
-
-
-def start_of(job: DriveJob, route: ReferencePath) -> Start:
-    """Return the path's first point, displaced and rotated by the seed."""
-    heading = float(route.headings[0])
-    bounds = job.drive.spread * np.array([ALONG_M, OFFSET_M, math.radians(HEADING_DEG)])
-    along, offset, angle = generator(job.seed, "rover", "start").uniform(-1, 1, 3) * bounds
-    x, y = route.points[0] + along * np.array([math.cos(heading), math.sin(heading)])
-    return Start(float(x - offset * math.sin(heading)), float(y + offset * math.cos(heading)), heading + float(angle))

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.errors import RoverError
 from polarsim.rover.vehicle.table import Vehicle, WheelPart, cube_inertia
 from polarsim.rover.world.hulls import RockPart
 
@@ -17,28 +16,14 @@ HARD_BRAKE = (0.9999, 0.9999, 0.001, 0.5, 2)  # solimp: by default a braked whee
 STIFF_ROCK = (0.01, 1)  # solref: contacts end within hundredths of a second, without rebound
 
 
-def import_mujoco() -> Any:
-    """Import MuJoCo on first use.
-
-    Raises
-    ------
-    RoverError
-        MuJoCo is not installed.
-    """
-    try:
-        import mujoco
-    except ImportError as error:
-        raise RoverError("the rover needs MuJoCo, which is not installed: pip install 'polarsim[rover]'") from error
-    return mujoco
-
-
 def compile_model(vehicle: Vehicle, rocks: Sequence[RockPart], gravity: float, dt: float) -> Any:
     """Return MuJoCo's model: free `base_link`, three links with one joint each per wheel, a body per rock.
 
     After the accelerometer there is a contact sensor for each rock (in the order of `rocks`) and wheel (in the order
     of the vehicle): whether they touch, and the normal of the contact.
     """
-    mujoco = import_mujoco()
+    import mujoco  # an optional dependency
+
     spec = mujoco.MjSpec()
     spec.modelname = vehicle.name
     spec.compiler.degree = False

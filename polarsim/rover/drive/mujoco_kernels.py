@@ -1,7 +1,4 @@
-"""Steps of MuJoCo and of the soil in one compiled loop; Python calls for each step would be slower than the physics.
-
-Import this module only after `mjcf.import_mujoco`.
-"""
+"""Steps of MuJoCo and of the soil in one compiled loop; Python calls for each step would be slower than the physics."""
 
 from __future__ import annotations
 
@@ -94,18 +91,10 @@ class Records(NamedTuple):
 
 @njit()
 def advance(physics, servos, ground, bodies, law, bulldozing, loads, records, steps, done, dt):  # type: ignore[no-untyped-def]
-    """Run `steps` steps. Before and after the call, the first half of the next step (`mj_step1`) is done.
+    """Run `steps` steps of `dt` seconds after `done` earlier steps.
 
-    Parameters
-    ----------
-    physics, servos, records
-        `Physics`, `Servos`, `Records`.
-    ground, bodies, law, bulldozing, loads
-        `Ground`, `Bodies`, `ContactLaw`, `Spreading` and `Loads` of the soil.
-    done : int
-        Number of earlier steps.
-    dt : float
-        Time step, s.
+    Before and after the call, the first half of the next step (`mj_step1`) is done. Types: `Physics`, `Servos`,
+    `SoilGround`, `Bodies`, `ContactLaw`, `Spreading`, `Loads`, `Records`.
     """
     before = np.empty_like(physics.qvel)
     tops, updated_at = np.empty(WHEELS), np.full((WHEELS, 6), np.inf)

@@ -11,7 +11,7 @@ import numpy as np
 from polarsim.errors import RoverError
 from polarsim.rover.drive.control import Driver
 from polarsim.rover.drive.energy import EnergyError
-from polarsim.rover.drive.job import DriveJob, job_of, law_of, require_on_grid, route_of, start_of
+from polarsim.rover.drive.job import DriveJob, job_of, require_on_grid
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.drive.state import OffGridError
@@ -68,11 +68,10 @@ class RunningDrive:
     """A running drive; by default the driver follows the job's path."""
 
     def __init__(self, job: DriveJob, driver: Driver | None = None) -> None:
-        self.job, options = job, job.drive
-        self.route = route_of(job)
-        require_on_grid(job.world, job.vehicle, self.route)
-        self.driver = driver or Driver(self.route, law_of(options))
-        self.simulation = Simulation(job.world, job.vehicle, job.soil, job.physics, start_of(job, self.route))
+        require_on_grid(job)
+        self.job, self.route = job, job.route
+        self.driver = driver or Driver(job.route, job.law)
+        self.simulation = Simulation(job.world, job.vehicle, job.soil, job.physics, job.start)
         dt = self.simulation.dt
         self._every = {what: _steps(hz, dt) for what, hz in (("control", CONTROL_HZ), ("log", job.log_hz))}
         self.rows: list[np.ndarray] = []
@@ -86,13 +85,7 @@ class RunningDrive:
         self.reason = ""
 
     def run_for(self, seconds: float) -> None:
-        """Drive for a given time, or to the end.
-
-        Raises
-        ------
-        EnergyError
-            The energy balance does not close.
-        """
+        """Drive for a given time, or to the end; an open energy balance is an `EnergyError`."""
         until = self.step + max(round(seconds / self.simulation.dt), 1)
         try:
             if not self.settled:
@@ -179,12 +172,7 @@ class RunningDrive:
                 for name, part in (("drive", job.drive), ("soil", job.physics), ("world", job.rocks))
             },
             "energy_j": {
-                "motor": account.motor,
-                "soil": account.soil,
-                "damper": account.damper,
-                "rock": account.rock,
-                "change": account.change,
-                "missing": account.missing,
+                **{name: getattr(account, name) for name in ("motor", "soil", "damper", "rock", "change", "missing")},
                 "motor_of": dict(zip(WHEELS, account.motor_of, strict=True)),
                 "soil_of": dict(zip(WHEELS, account.soil_of, strict=True)),
             },

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from polarsim.rover.drive import energy
 from polarsim.rover.drive.control import Command, steer
-from polarsim.rover.drive.mjcf import compile_model, import_mujoco
+from polarsim.rover.drive.mjcf import compile_model
 from polarsim.rover.drive.state import EDGE_MARGIN_M, OffGridError, RoverState, Start, heading_of
 from polarsim.rover.drive.trace import CONTACTS, WHEEL_COLUMNS
 from polarsim.rover.soil.bulldozing import EVERY_S, Bulldozing
@@ -32,55 +32,36 @@ PARTS = ("tread", "flank")  # parts of a wheel, in the order of the kernels
 class Simulation:
     """A rover in a world; equal arguments and commands give equal bytes.
 
-    Parameters
-    ----------
-    world : World
-        Ground and rocks.
-    vehicle : Vehicle
-        The rover's table.
-    soil : Soil
-        As measured; scaled to the gravity of the options.
-    options : SoilOptions
-        Gravity, time step and slip sinkage.
-    start : Start
-        Initial pose, at rest; let the rover settle before it drives.
-
-    Raises
-    ------
-    OffGridError
-        The start is off the grid.
-    RoverError
-        The step is too large for the soil's stiffness, a rock has no volume, or MuJoCo is
-        not installed.
+    `soil` is the soil as measured; the simulation scales it to the gravity of the options. The rover starts at rest
+    and must settle before it drives. A start off the grid, a rock without volume and a time step that is too large for
+    the soil are errors.
     """
 
     def __init__(
         self, world: World, vehicle: Vehicle, soil: Soil, options: SoilOptions | None = None, start: Start | None = None
     ) -> None:
-        self._mujoco = import_mujoco()
+        import mujoco  # an optional dependency
+
         from polarsim.rover.drive import mujoco_kernels
 
-        self._kernels = mujoco_kernels
-        self.world, self.vehicle, self.options = world, vehicle, options or SoilOptions()
-        self.soil = soil.at_gravity(self.options.gravity_m_s2)
-        self._law = self.soil.law(self.options.slip_sinkage)
-        energy.require_small_step(vehicle, self._law, self.options)
+        self._mujoco, self._kernels = mujoco, mujoco_kernels
+        options = options or SoilOptions()
+        self.world, self.vehicle, self.dt = world, vehicle, options.step_s
+        self.soil = soil.at_gravity(options.gravity_m_s2)
+        self._law = self.soil.law(options.slip_sinkage)
+        energy.require_small_step(vehicle, self._law, options)
         parts = rock_parts(world)
         # Numbers of the rocks with collision geometry, and the maximum distance of this geometry from the meshes.
         self.rocks = np.array(list(dict.fromkeys(part.rock for part in parts)), int)
         self.rock_deviation_m = max((part.deviation_m for part in parts), default=0.0)
         self.ground = make_soil_ground(world.level, world.cell, world.x0, world.y0, under_rocks(world))
-        self.model = compile_model(vehicle, parts, self.options.gravity_m_s2, self.options.step_s)
+        self.model = compile_model(vehicle, parts, options.gravity_m_s2, self.dt)
         self.data = self._mujoco.MjData(self.model)
         self._wire()
         self.steps, self.guarded = 0, False
         self.time_zero = 0  # steps at time 0
         self.command = Command()
         self._put_down(start or Start())
-
-    @property
-    def dt(self) -> float:
-        return self.options.step_s
 
     @property
     def time(self) -> float:
@@ -95,7 +76,9 @@ class Simulation:
     @property
     def account(self) -> energy.Account:
         """Energy account since `zero`."""
-        return energy.Account.of(self._records.account, self._mechanical() - self._energy_zero)
+        numbers = self._records.account.tolist()
+        change = self._mechanical() - self._energy_zero
+        return energy.Account(*numbers[:5], tuple(numbers[5:9]), tuple(numbers[9:13]), change)
 
     def zero(self) -> None:
         """Set time and energy to zero, once the rover has settled; from now on the energy balance is checked."""
@@ -126,12 +109,7 @@ class Simulation:
     def advance(self, seconds: float) -> None:
         """Advance by one or more steps. Set points of servos change once per call, so use short calls while steering.
 
-        Raises
-        ------
-        OffGridError
-            A wheel leaves the grid.
-        EnergyError
-            The state is not finite, or the energy balance is open by more than its bound.
+        `OffGridError`: a wheel leaves the grid. `EnergyError`: the state is not finite or the energy balance is open.
         """
         steps = max(round(seconds / self.dt), 1)
         self._require_inside(self.data.xpos[self._physics.wheels])
@@ -143,7 +121,6 @@ class Simulation:
             energy.require_closed(self.account, self.time)
 
     def state(self) -> RoverState:
-        """Return the current state."""
         data, position = self.data, self.data.qpos
         return RoverState(
             time=self.time,

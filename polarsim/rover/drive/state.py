@@ -9,7 +9,7 @@ import numpy as np
 
 from polarsim.errors import RoverError
 from polarsim.rover.drive.control import Command
-from polarsim.rover.drive.trace import BODY_COLUMNS, COLUMNS, WHEEL_COLUMNS
+from polarsim.rover.drive.trace import COLUMNS, WHEEL_COLUMNS
 
 EDGE_MARGIN_M = 0.05  # minimum distance of wheels from the edge of the ground, m
 
@@ -57,22 +57,9 @@ class RoverState:
             offset, heading_error, self.command.speed_m_s, self.command.steer_rad, self.command.crab_rad,
             self.energy_open,
         )  # fmt: skip
-        assert len(body) == len(BODY_COLUMNS)
         row = np.concatenate([body, self.wheels.ravel()])
         assert len(row) == len(COLUMNS)
         return row
-
-
-def require_finite(action: np.ndarray) -> None:
-    """Check that an action is finite.
-
-    Raises
-    ------
-    RoverError
-        The action contains NaN or infinity.
-    """
-    if not np.isfinite(np.asarray(action, float)).all():
-        raise RoverError(f"action {np.asarray(action).tolist()}: expected finite numbers")
 
 
 def heading_of(rotation: np.ndarray) -> float:

@@ -22,11 +22,10 @@ from polarsim.errors import RoverError
 from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.options import NIGHT, SUN_AZIMUTHS_DEG, CameraSuiteOptions, ImagingCondition
 from polarsim.rover.cameras.rover_camera import RoverCamera, near_path
-from polarsim.rover.drive.control import Command, ReferencePath
+from polarsim.rover.drive.control import Command
 from polarsim.rover.drive.energy import EnergyError
-from polarsim.rover.drive.job import start_of
 from polarsim.rover.drive.simulation import Simulation
-from polarsim.rover.drive.state import OffGridError, RoverState, is_upside_down, require_finite
+from polarsim.rover.drive.state import OffGridError, RoverState, is_upside_down
 from polarsim.rover.drive.trace import CONTACTS
 from polarsim.rover.learn.collisions import Collisions
 from polarsim.rover.learn.courses import Course, PracticeCourse
@@ -131,9 +130,8 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         episode_seed = int(self.np_random.integers(2**31))
         self.light = self._lit(options or {})
         job = self.course.job(episode_seed)
-        self.line = ReferencePath(np.array(job.drive.path_m, float))
-        self.vehicle = job.vehicle
-        self._simulation = Simulation(job.world, job.vehicle, job.soil, job.physics, start_of(job, self.line))
+        self.line, self.vehicle = job.route, job.vehicle
+        self._simulation = Simulation(job.world, job.vehicle, job.soil, job.physics, job.start)
         self.map = HazardGrid(job.world)
         self._perception = None
         if self.mode != "blind":
@@ -161,14 +159,9 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         return self._observation(state), self._info(state)
 
     def step(self, action: np.ndarray) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
-        """Drive for a tenth of a second.
-
-        Raises
-        ------
-        RoverError
-            The action is not finite, or `reset` was not called.
-        """
-        require_finite(action)
+        """Drive for a tenth of a second; an action that is not finite is an error."""
+        if not np.isfinite(action).all():
+            raise RoverError(f"action {np.asarray(action).tolist()}: expected finite numbers")
         simulation, task = self.simulation, self.task
         before, spent = self._state, self._energy
         speed, steer = np.clip(np.asarray(action, float), -1.0, 1.0).tolist()

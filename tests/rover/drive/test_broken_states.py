@@ -63,7 +63,7 @@ def test_a_wheel_can_be_described_at_any_position(x, y, axle):
 
 @pytest.mark.parametrize("missing", [np.nan, np.inf])
 def test_an_energy_balance_that_is_not_finite_is_open(missing):
-    account = Account(missing, 0.0, 0.0, 0.0, 0.0, 0.0, (0.0,) * 4, (0.0,) * 4)
+    account = Account(missing, 0.0, 0.0, 0.0, 0.0, (0.0,) * 4, (0.0,) * 4, 0.0)
     with pytest.raises(EnergyError):
         require_closed(account, 1.0)
 

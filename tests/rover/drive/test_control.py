@@ -125,7 +125,7 @@ def test_the_integral_compensates_a_lateral_slide(steering):
 
 
 def test_the_integral_is_bounded():
-    law = SteeringLaw(0.2, 4.0, 3.0, math.radians(30), "combined", 4.0, drift_limit=math.radians(10))
+    law = SteeringLaw(0.2, 4.0, 3.0, math.radians(30), "combined", 4.0)
     _, driver = kinematic_drive(law, WEST, 10, 0.0, math.pi, 20, slide=0.2)
     assert abs(driver.drift) == pytest.approx(math.radians(10))
 

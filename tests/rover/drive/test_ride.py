@@ -14,7 +14,7 @@ from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive import energy
 from polarsim.rover.drive import ride as drive
 from polarsim.rover.drive.energy import EnergyError
-from polarsim.rover.drive.job import DriveJob, require_on_grid, route_of
+from polarsim.rover.drive.job import DriveJob, require_on_grid
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.ride import drive_to_end, run_drive
 from polarsim.rover.drive.state import OffGridError
@@ -139,7 +139,7 @@ def test_a_drive_over_an_elevation_model_is_rendered_up_to_the_horizon(tmp_path,
         options=AutonomyOptions(width_m=4.0), seed=0,
     )  # fmt: skip
     assert job.drive.path_m == ((3.0, 0.0), (-3.0, 0.0))
-    require_on_grid(job.world, job.vehicle, route_of(job))
+    require_on_grid(job)
     assert np.hypot(job.world.rocks["x_m"] - 3.0, job.world.rocks["y_m"]).min() > 1.5
     suite = CameraSuiteOptions(views=("ncl",), suns=("3",), scale=1 / 32, finer=1)
     shown = CameraSuite(read_trace(tmp_path / "drive"), job.vehicle, suite)

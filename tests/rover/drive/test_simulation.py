@@ -176,11 +176,3 @@ def test_a_wheel_on_a_rock_has_contact_with_the_rock(soil):
     assert last.wheel("load_n").sum() == pytest.approx(430 * 1.62, rel=0.01)
     # The wheel is on top of the box, 2 cm above the ground.
     assert last.wheel("z_m")[0] == pytest.approx(0.27, abs=0.003)
-
-
-def test_a_missing_mujoco_is_an_error(monkeypatch, soil):
-    import sys
-
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(RoverError):
-        Simulation(flat(), VIPER, soil)
