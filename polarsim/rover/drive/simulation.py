@@ -76,9 +76,9 @@ class Simulation:
     @property
     def account(self) -> energy.Account:
         """Energy account since `zero`."""
-        numbers = self._records.account.tolist()
+        motor, soil, damper, rock, driving, *by_wheel = self._records.account.tolist()
         change = self._mechanical() - self._energy_zero
-        return energy.Account(*numbers[:5], tuple(numbers[5:9]), tuple(numbers[9:13]), change)
+        return energy.Account(motor, soil, damper, rock, driving, tuple(by_wheel[:4]), tuple(by_wheel[4:]), change)
 
     def zero(self) -> None:
         """Set time and energy to zero, once the rover has settled; from now on the energy balance is checked."""

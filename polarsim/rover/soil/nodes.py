@@ -45,21 +45,12 @@ class SoilGround(NamedTuple):
 def make_soil_ground(
     heights: np.ndarray, cell: float, x0: float = 0.0, y0: float = 0.0, rock: np.ndarray | None = None
 ) -> SoilGround:
-    """Return undisturbed ground.
+    """Return undisturbed ground with levels `heights` (rows, columns), m; rows run along +y, columns along +x.
 
-    Parameters
-    ----------
-    heights : (rows, columns) float
-        Levels, metres; rows run along +y, columns along +x.
-    cell : float
-        Distance between nodes, metres.
-    rock : (rows, columns) bool, optional
-        Nodes below a rock's surface: the rock carries the load there, not the soil.
+    `rock` (rows, columns) marks nodes below a rock's surface, where the rock carries the load, not the soil.
     """
     if heights.ndim != 2 or min(heights.shape) < 2 or not np.isfinite(heights).all():
         raise RoverError(f"heights of shape {heights.shape}, expected at least 2 x 2 finite values")
-    if not cell > 0:
-        raise RoverError(f"cells of {cell:g} m, expected a positive size")
     state = np.zeros((*heights.shape, FIELDS))
     for field in (ORIGINAL, START, LEVEL):
         state[..., field] = heights

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from polarsim.errors import RoverError
 from polarsim.kernels import njit
 
 RADIUS, HALF_WIDTH, INVERSE_WIDTH = range(3)  # indices of a wheel's shape numbers in the kernels
@@ -32,8 +31,6 @@ class Wheel:
 
     def numbers(self) -> np.ndarray:
         """Return the (3,) shape numbers for the kernels."""
-        if min(self.radius, self.width) <= 0:
-            raise RoverError(f"wheel of radius {self.radius:g} m and width {self.width:g} m, expected positive values")
         return np.array([self.radius, self.width / 2, 1 / self.width])
 
 
