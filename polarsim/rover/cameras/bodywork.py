@@ -16,6 +16,7 @@ from polarsim.rover.vehicle.table import ShapePart, Vehicle, WheelPart
 _SIDES = 48  # number of sides of a cylinder
 _METAL = 0.4  # albedo of grousers on wheels without a rim shape
 _ROOT = 0.5  # share of a grouser's height that is inside the rim, so that no light passes below it
+MeshArrays = tuple[np.ndarray, np.ndarray, np.ndarray]  # vertices (v, 3), faces (f, 3), unit normals (v, 3)
 
 
 @dataclass(frozen=True)
@@ -39,17 +40,6 @@ def body_of(vehicle: Vehicle) -> Bodywork:
     )
 
 
-def upright_box(link: str, size: np.ndarray, link_from_box: Pose) -> Solid:
-    """Return a box with sides `size` (3,), metres, centred at the origin of the box frame."""
-    half = np.asarray(size, float) / 2
-    return _placed(link, *box_mesh(-half, half), link_from_box)
-
-
-def cylinder(link: str, radius: float, length: float, link_from_cylinder: Pose) -> Solid:
-    """Return a closed cylinder along the y axis, centred at the origin of the cylinder frame; metres."""
-    return _placed(link, *_cylinder(radius, length, _SIDES), link_from_cylinder)
-
-
 def grousers(link: str, wheel: WheelPart) -> Solid:
     """Return straight bars across a wheel's rim, arranged about the link's y axis."""
     half = wheel.grouser_thickness_m / 2, wheel.width_m / 2
@@ -59,7 +49,7 @@ def grousers(link: str, wheel: WheelPart) -> Solid:
     for number in range(wheel.grousers):
         rotation = Pose.from_rotvec(np.array([0, 2 * np.pi * number / wheel.grousers, 0]), np.zeros(3))
         parts.append((rotation.apply(bar[0]), bar[1], rotation.rotate(bar[2])))
-    return Solid(link, *_joined(parts))
+    return Solid(link, *joined(parts))
 
 
 @dataclass(frozen=True)
@@ -76,7 +66,7 @@ class Bodywork:
     @cached_property
     def faces(self) -> np.ndarray:
         """(f, 3) vertex indices; the motion of the rover does not change them."""
-        return _joined([(solid.vertices, solid.faces, solid.normals) for solid in self.solids])[1]
+        return joined([(solid.vertices, solid.faces, solid.normals) for solid in self.solids])[1]
 
     @cached_property
     def solid_of_face(self) -> np.ndarray:
@@ -111,43 +101,38 @@ def links_at(
     return poses
 
 
-Mesh = tuple[np.ndarray, np.ndarray, np.ndarray]
-
-
-def _shape(shape: ShapePart) -> Solid:
-    pose = link_from_part(shape.position_m, shape.yaw_deg, shape.pitch_deg, shape.roll_deg)
-    if shape.kind == "box":
-        return upright_box(shape.link, np.array(shape.size_m), pose)
-    return cylinder(shape.link, shape.size_m[0] / 2, shape.size_m[1], pose)
-
-
-def _placed(link: str, vertices: np.ndarray, faces: np.ndarray, normals: np.ndarray, pose: Pose) -> Solid:
-    return Solid(link, pose.apply(vertices), faces, pose.rotate(normals))
-
-
-def _joined(parts: Sequence[Mesh]) -> Mesh:
+def joined(parts: Sequence[MeshArrays]) -> MeshArrays:
+    """Return a mesh of all parts."""
     starts = np.cumsum([0, *(len(part[0]) for part in parts)])
     faces = [part[1] + start for part, start in zip(parts, starts, strict=False)]
     return np.concatenate([part[0] for part in parts]), np.concatenate(faces), np.concatenate([p[2] for p in parts])
 
 
-def _cylinder(radius: float, length: float, sides: int) -> Mesh:
+def _shape(shape: ShapePart) -> Solid:
+    """Return a box, or a closed cylinder along its y axis."""
+    pose = link_from_part(shape.position_m, shape.yaw_deg, shape.pitch_deg, shape.roll_deg)
+    if shape.kind == "box":
+        half = np.array(shape.size_m) / 2
+        vertices, faces, normals = box_mesh(-half, half)
+    else:
+        vertices, faces, normals = _cylinder(shape.size_m[0] / 2, shape.size_m[1], _SIDES)
+    return Solid(shape.link, pose.apply(vertices), faces, pose.rotate(normals))
+
+
+def _cylinder(radius: float, length: float, sides: int) -> MeshArrays:
     angle = 2 * np.pi * np.arange(sides) / sides
     ring = np.stack([np.sin(angle), np.zeros(sides), np.cos(angle)], axis=1)
     offset = np.array([0, length / 2, 0])
     around, onward = np.arange(sides), (np.arange(sides) + 1) % sides
-    mantle = np.concatenate(
-        [
-            np.stack([around, sides + around, onward], axis=1),
-            np.stack([onward, sides + around, sides + onward], axis=1),
-        ]
+    below, above = (
+        np.stack([around, sides + around, onward], axis=1),
+        np.stack([onward, sides + around, sides + onward], axis=1),
     )
-    parts: list[Mesh] = [
-        (np.concatenate([radius * ring - offset, radius * ring + offset]), mantle, np.tile(ring, (2, 1)))
-    ]
+    rims = np.concatenate([radius * ring - offset, radius * ring + offset])
+    parts: list[MeshArrays] = [(rims, np.concatenate([below, above]), np.tile(ring, (2, 1)))]
     for sign in (-1.0, 1.0):
         corners = np.concatenate([radius * ring, np.zeros((1, 3))]) + sign * offset
         fan = np.stack([around, onward, np.full(sides, sides)], axis=1)
         faces = fan if sign < 0 else fan[:, ::-1]
         parts.append((corners, faces, np.tile([0, sign, 0], (sides + 1, 1))))
-    return _joined(parts)
+    return joined(parts)

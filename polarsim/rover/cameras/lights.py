@@ -32,13 +32,7 @@ class Sun:
 
 
 def suns_of(options: CameraSuiteOptions) -> dict[str, Sun]:
-    """Return all Suns by name, in the order of the options.
-
-    Raises
-    ------
-    RoverError
-        The options contain no Sun, or the real Sun is below the horizon.
-    """
+    """Return all Suns by name, in the order of the options."""
     suns: dict[str, Sun] = {name: named_sun(name, options.sun_elevation_deg) for name in options.suns}
     real = options.real_sun
     if real is not None:
@@ -55,16 +49,12 @@ def suns_of(options: CameraSuiteOptions) -> dict[str, Sun]:
     return suns
 
 
-def sun_at(name: str, azimuth_deg: float | None, elevation_deg: float) -> Sun:
-    """Return a Sun at an azimuth, from east to north; None means night."""
-    if azimuth_deg is None:
-        return Sun(name, None, 0.0, -90.0, np.eye(3))
-    return Sun(name, Lamp.sun(azimuth_deg, elevation_deg), azimuth_deg, elevation_deg, np.eye(3))
-
-
 def named_sun(name: str, elevation_deg: float) -> Sun:
     """Return a Sun of the paper, or night."""
-    return sun_at(name, None if name == NIGHT else SUN_AZIMUTHS_DEG[name], elevation_deg)
+    if name == NIGHT:
+        return Sun(name, None, 0.0, -90.0, np.eye(3))
+    azimuth_deg = SUN_AZIMUTHS_DEG[name]
+    return Sun(name, Lamp.sun(azimuth_deg, elevation_deg), azimuth_deg, elevation_deg, np.eye(3))
 
 
 def headlights(lights: Sequence[LightPart], world_from_link: Mapping[str, Pose]) -> dict[str, Spotlight]:

@@ -19,7 +19,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.geometry.rays import Caster, Intersector
 from polarsim.geometry.rays_embree import MovableMesh, MovableScene
 from polarsim.render.surfaces import Surfaces, add_skirts
-from polarsim.rover.cameras.bodywork import Bodywork
+from polarsim.rover.cameras.bodywork import Bodywork, MeshArrays, joined
 from polarsim.rover.cameras.tracks import NodeGrid, WheelTracks, tile_faces
 from polarsim.rover.world.surface import World, WorldBackdrop
 from polarsim.run_files.instances import BODY, GROUND, ROCK_IDS, SHADOW_IDS
@@ -30,17 +30,6 @@ _FAR_M = 80.0  # extension of the ground at each side of the drive's grid, up to
 _FADE_M = 0.6  # length over which the heights of the rim fade outside the grid
 _BLUR = 0.5  # standard deviation of the blur along the rim per distance from it: prevents radial streaks
 _GROWTH = 1.35  # ratio of adjacent cell sizes outside the grid
-# Static surfaces: vertices (v, 3), faces (f, 3), unit normals (v, 3).
-StaticMesh = tuple[np.ndarray, np.ndarray, np.ndarray]
-
-
-@dataclass(frozen=True)
-class Rocks:
-    """Rocks of a world: vertices (v, 3), metres, faces (f, 3), and the rock number of each face, from 1."""
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    number_of_face: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -63,60 +52,38 @@ class MovingSurfaces(Surfaces):
 class RenderScene:
     """All visible surfaces of a drive; `show` moves the scene to a time."""
 
-    def __init__(
-        self,
-        tracks: WheelTracks,
-        rocks: Rocks,
-        body: Bodywork,
-        *,
-        skirt_m: float,
-        around: WorldBackdrop | None = None,
-    ) -> None:
+    def __init__(self, tracks: WheelTracks, world: World, body: Bodywork, *, skirt_m: float) -> None:
         """
         Parameters
         ----------
-        skirt_m : float
+        world
+            Rocks, and the ground outside the grid. Rocks there have no labels; they are part of the ground.
+        skirt_m
             Length by which the open lower edges of rocks are extended downwards, so that no light passes below.
-        around : Surroundings
-            Ground outside the grid. Rocks there have no labels; they are part of the ground.
-
-        Raises
-        ------
-        RoverError
-            More rocks than ids of instance maps.
         """
         self.tracks, self._body = tracks, body
-        if around is None:
+        rocks = rocks_with_skirts(world, skirt_m)
+        labelled = SHADOW_IDS - ROCK_IDS - 1  # instance maps have no ids for more rocks
+        if rocks.rock_of_face.max(initial=0) > labelled:
+            raise RoverError(f"{rocks.rock_of_face.max()} rocks, instance maps have ids for {labelled}")
+        if world.around is None:
             still = static_ground(tracks.fine, tracks.covered, _FAR_M)
         else:
-            still = _joined(surrounding_ground(tracks, around), _scenery(around))
+            still = joined([surrounding_ground(tracks, world.around), _scenery(world.around)])
         tiles = [tracks.mesh(number) for number in range(len(tracks.tiles))]
         rest_pose = {link: Pose.identity() for link in body.links}
-        skirted = rocks_with_skirts(rocks, skirt_m)
-        faces = [still[1], *(tile_faces(tracks.side) for _ in tiles), body.faces, skirted.faces]
-        vertices = [still[0], *(tile[0] for tile in tiles), body.posed(rest_pose)[0], skirted.vertices]
-        normals = [still[2], *(tile[1] for tile in tiles), body.posed(rest_pose)[1], skirted.normals]
-        ids = [
-            *(np.full(len(part), GROUND) for part in faces[:-2]),
-            BODY + body.solid_of_face,
-            ROCK_IDS + skirted.rock_of_face,
+        parts = [
+            still,
+            *((vertices, tile_faces(tracks.side), normals) for vertices, normals in tiles),
+            (body.posed(rest_pose)[0], body.faces, body.posed(rest_pose)[1]),
+            (rocks.vertices, rocks.faces, rocks.normals),
         ]
-        if skirted.rock_of_face.max(initial=0) >= SHADOW_IDS - ROCK_IDS:
-            raise RoverError(
-                f"{skirted.rock_of_face.max()} rocks, instance maps have ids for {SHADOW_IDS - ROCK_IDS - 1}"
-            )
-        self._first_vertex = np.cumsum([0, *(len(part) for part in vertices)])
-        self._first_face = np.cumsum([0, *(len(part) for part in faces)])
-        masks = [_REST] * (len(faces) - 1) + [_ROCKS]
-        parts = [(v, f, mask) for v, f, mask in zip(vertices, faces, masks, strict=True)]
-        self._parts = MovableScene([MovableMesh(*part) for part in parts])
-        self.surfaces = MovingSurfaces(
-            np.concatenate(vertices),
-            np.concatenate([part + first for part, first in zip(faces, self._first_vertex, strict=False)]),
-            np.concatenate(normals),
-            np.concatenate(ids).astype(np.int32),
-            parts=self._parts,
-        )
+        ids = [*(np.full(len(faces), GROUND) for _, faces, _ in parts[:-2]), BODY + body.solid_of_face]
+        self._first_vertex, self._first_face = (np.cumsum([0, *(len(part[n]) for part in parts)]) for n in (0, 1))
+        masks = [_REST] * (len(parts) - 1) + [_ROCKS]
+        self._parts = MovableScene([MovableMesh(*part[:2], mask) for part, mask in zip(parts, masks, strict=True)])
+        ids_of_faces = np.concatenate([*ids, ROCK_IDS + rocks.rock_of_face]).astype(np.int32)
+        self.surfaces = MovingSurfaces(*joined(parts), ids_of_faces, parts=self._parts)
 
     def show(self, level: np.ndarray, world_from_link: Mapping[str, Pose]) -> int:
         """Move ground levels (rows, columns) and rover to a time; return the number of rebuilt tiles."""
@@ -136,7 +103,7 @@ class RenderScene:
         self._parts.move(part, vertices)
 
 
-def static_ground(lattice: NodeGrid, covered: np.ndarray, far_m: float) -> StaticMesh:
+def static_ground(lattice: NodeGrid, covered: np.ndarray, far_m: float) -> MeshArrays:
     """Return the mesh of the ground without the covered cells (rows - 1, columns - 1), extended by `far_m`.
 
     Outside the grid, cells grow with distance and the level approaches the median level of the rim.
@@ -158,7 +125,7 @@ def static_ground(lattice: NodeGrid, covered: np.ndarray, far_m: float) -> Stati
     return _mesh(x, y, z, (count, count), lattice, covered)
 
 
-def surrounding_ground(tracks: WheelTracks, around: WorldBackdrop) -> StaticMesh:
+def surrounding_ground(tracks: WheelTracks, around: WorldBackdrop) -> MeshArrays:
     """Return the mesh of the ground and the surroundings, on a spline through all nodes."""
     coarse, fine = tracks.lattice, tracks.fine
     first = tuple(
@@ -182,7 +149,7 @@ def surrounding_ground(tracks: WheelTracks, around: WorldBackdrop) -> StaticMesh
 
 def _mesh(
     x: np.ndarray, y: np.ndarray, z: np.ndarray, first: tuple[int, ...], lattice: NodeGrid, covered: np.ndarray
-) -> StaticMesh:
+) -> MeshArrays:
     """Return the mesh of nodes without the covered cells of a lattice.
 
     `first`: row and column of the lattice's first node among the nodes.
@@ -201,43 +168,21 @@ def _mesh(
     return points.reshape(-1, 3), faces, normals.reshape(-1, 3)
 
 
-def _scenery(around: WorldBackdrop) -> StaticMesh:
+def _scenery(around: WorldBackdrop) -> MeshArrays:
     vertices, faces = around.vertices.astype(float), around.triangles.astype(int)
     return vertices, faces, Mesh(vertices, faces).normals() if len(faces) else vertices
 
 
-def _joined(first: StaticMesh, second: StaticMesh) -> StaticMesh:
-    return (
-        np.concatenate([first[0], second[0]]),
-        np.concatenate([first[1], second[1] + len(first[0])]),
-        np.concatenate([first[2], second[2]]),
-    )
-
-
-def rocks_of(world: World) -> Rocks:
-    """Return the rocks of a world, numbered from 1 in the order of the world's table."""
-    number = np.zeros(len(world.triangles), np.int64)
-    spans = world.rocks[["first_face", "faces"]].to_numpy(int)
-    for label, (first, count) in enumerate(spans, 1):
-        number[first : first + count] = label
-    return Rocks(world.vertices, world.triangles[number > 0], number[number > 0])
-
-
-def rocks_with_skirts(rocks: Rocks, skirt_m: float) -> TerrainMesh:
-    """Return rocks with smooth normals, computed for each rock, and skirts that reach into the sand."""
-    parts = []
-    for number in np.unique(rocks.number_of_face):
-        used, faces = np.unique(rocks.faces[rocks.number_of_face == number], return_inverse=True)
-        parts.append((int(number), Mesh(rocks.vertices[used].astype(float), faces.reshape(-1, 3))))
-    if not parts:
+def rocks_with_skirts(world: World, skirt_m: float) -> TerrainMesh:
+    """Return the rocks of a world, numbered from 1, with smooth normals and skirts that reach into the sand."""
+    table = world.rocks
+    numbers = [n for n, faces in enumerate(table["faces"], 1) if faces]
+    meshes = [Mesh(*world.rock_mesh(int(table["rock"].iloc[n - 1]))) for n in numbers]
+    if not meshes:
         empty = np.zeros((0, 3))
         return TerrainMesh(empty, empty.astype(int), np.zeros(0, int), empty)
-    starts = np.cumsum([0, *(len(mesh.vertices) for _, mesh in parts)])
-    mesh = TerrainMesh(
-        np.concatenate([mesh.vertices for _, mesh in parts]),
-        np.concatenate([mesh.faces + start for (_, mesh), start in zip(parts, starts, strict=False)]),
-        np.concatenate([np.full(len(mesh.faces), number) for number, mesh in parts]),
-    )
+    vertices, faces, _ = joined([(mesh.vertices, mesh.faces, mesh.vertices) for mesh in meshes])
+    mesh = TerrainMesh(vertices, faces, np.repeat(numbers, [len(mesh.faces) for mesh in meshes]))
     return add_skirts(mesh, skirt_m) if skirt_m else mesh
 
 

@@ -6,7 +6,8 @@ environment.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from itertools import product
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from polarsim.render.views.stars import Sky, build_sky, star_radiance
 from polarsim.rover.cameras.bodywork import Bodywork, body_of, links_at
 from polarsim.rover.cameras.lights import Sun, headlights, named_sun
 from polarsim.rover.cameras.options import ROVER_RENDER, CameraSuiteOptions, ImagingCondition
-from polarsim.rover.cameras.render_scene import RenderScene, rocks_of
+from polarsim.rover.cameras.render_scene import RenderScene
 from polarsim.rover.cameras.tracks import NodeGrid, WheelTracks
 from polarsim.rover.drive.control import ReferencePath
 from polarsim.rover.drive.state import RoverState
@@ -68,11 +69,6 @@ class RoverCamera:
             Options of the run; `ROVER_RENDER` and `models` replace some of them.
         finer
             Cells of the rendered ground per cell of the world's ground.
-
-        Raises
-        ------
-        RoverError
-            Too many rocks.
         """
         self.vehicle, body = vehicle, body_of(vehicle)
         self._sun_elevation_deg = options.sun_elevation_deg
@@ -81,7 +77,7 @@ class RoverCamera:
         self.sky: Sky | None = None if options.stars == "none" else build_sky(stars)
         lattice = NodeGrid(world.x0, world.y0, world.cell, world.level)
         tracks = WheelTracks(lattice, followed, finer)
-        self.scene = RenderScene(tracks, rocks_of(world), body, skirt_m=render.skirt_m, around=world.around)
+        self.scene = RenderScene(tracks, world, body, skirt_m=render.skirt_m)
 
     def show(self, level: np.ndarray, links: Mapping[str, Pose]) -> None:
         """Move the ground to levels (rows, columns), m, and the rover's links to their poses in the world."""
@@ -120,11 +116,10 @@ class RoverCamera:
         shadows = list(lamps) if labels else None if self.sky is None else []
         olat = render_view(surfaces, camera, lamps | spots, models, shadows, options, threads)
         whole = olat.whole
-        light = {
-            (model, name): _sum([whole[model, lamp] for lamp in (name, *spots) if (model, lamp) in whole], camera)
-            for model in models
-            for name in suns
-        }
+        light = {}
+        for model, name in product(models, suns):
+            images = [whole[model, lamp] for lamp in (name, *spots) if (model, lamp) in whole]
+            light[model, name] = np.sum(images, axis=0) if images else np.zeros(camera.lens.shape, np.float32)
         radiance = apply_lens_to_olat_images(light, lamps, surfaces, camera, options, threads)
         if self.sky is not None:
             empty = olat.ids[NO_LAMP] == BACKGROUND
@@ -144,13 +139,7 @@ class RoverCamera:
     def picture(
         self, camera: Camera, light: ImagingCondition, *name: object, threads: int = 1
     ) -> tuple[np.ndarray, float]:
-        """Return the 12-bit image (h, w) uint16 in a light, and its exposure, ms.
-
-        Raises
-        ------
-        ConfigError
-            The vehicle does not have a light of that name.
-        """
+        """Return the 12-bit image (h, w) uint16 in a light, and its exposure, ms."""
         sun = named_sun(light.sun, self._sun_elevation_deg)
         lights = [self.vehicle.light(name) for name in light.lights]
         rendering = self.render(camera, {sun.name: sun}, lights, labels=False, threads=threads)
@@ -188,11 +177,3 @@ def near_path(world: World, path: ReferencePath, beside_m: float) -> np.ndarray:
         share = np.clip((points - start) @ along / (along @ along), 0, 1)
         near |= np.linalg.norm(points - start - share[..., None] * along, axis=-1) < beside_m
     return near
-
-
-def _sum(images: Iterable[np.ndarray], camera: Camera) -> np.ndarray:
-    """Return the sum of images (h, w), or zeros if there are none."""
-    parts = list(images)
-    if not parts:
-        return np.zeros(camera.lens.shape, np.float32)
-    return np.asarray(np.sum(parts, axis=0)) if len(parts) > 1 else parts[0]

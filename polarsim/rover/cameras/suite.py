@@ -35,12 +35,6 @@ class CameraSuite:
         *,
         seed: int = 0,
     ) -> None:
-        """
-        Raises
-        ------
-        RoverError, ConfigError
-            No Sun, an unknown camera or light, or too many rocks.
-        """
         self.trace, self.vehicle, self.options, self.seed, self._render = trace, vehicle, options, seed, render
         self.mounts = {name: mount_of(vehicle.camera(name), options.scale) for name in options.views}
         for name in options.views:

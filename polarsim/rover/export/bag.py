@@ -33,13 +33,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 def write_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, seed: int = 0) -> dict[str, int]:
-    """Write a drive's folder as a bag and return the number of messages by topic.
-
-    Raises
-    ------
-    PolarsimError
-        The folder contains no drive, a file is broken, a library is missing or the disk is full.
-    """
+    """Write a drive's folder as a bag and return the number of messages by topic."""
     trace = read_trace(folder)
     streams: list[Iterator[Stamped]] = [
         _still(trace, vehicle),
@@ -53,13 +47,7 @@ def write_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, se
 
 
 def write_bag_if_stale(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, seed: int = 0) -> bool:
-    """Write the bag unless it is current; return whether it was written.
-
-    Raises
-    ------
-    PolarsimError
-        As `write_bag`.
-    """
+    """Write the bag unless it is current; return whether it was written."""
     files = [folder / name for name in (TRACE, TRACKS)] + sorted((folder / WORLD).glob("*.*"))
     files = [path for path in files + PictureTopics(folder, vehicle, options).files() if path.is_file()]
     places = (str(path.relative_to(folder)) for path in files)

@@ -73,13 +73,7 @@ class PictureTopics:
 
 
 def picture_lens(camera: CameraPart, content: bytes, path: Path) -> Lens:
-    """Return the lens of pictures, which may be smaller than the camera's size.
-
-    Raises
-    ------
-    FormatError
-        The file is no PNG or has another aspect ratio than the camera.
-    """
+    """Return the lens of pictures, which may be smaller than the camera's size."""
     with with_path(path):
         header = png.parse_header(content)
     lens = mount_of(camera, header.width / camera.width_px).lens

@@ -49,13 +49,6 @@ def write_missing_videos(
     """Write missing videos of a drive's pictures into `videos/` and return the number of written videos.
 
     `threads`: number of videos encoded in parallel. Does not affect the output.
-
-    Raises
-    ------
-    RoverError
-        PyAV is not installed.
-    PolarsimError
-        A picture is missing or broken.
     """
     suite = CameraSuite(read_trace(folder), vehicle, options, seed=seed)
     times = np.asarray(suite.trace.tracks.time)[suite.frames]
@@ -96,13 +89,7 @@ def frame_rate(times: np.ndarray, speed: float) -> Fraction:
 
 
 def write_video(path: Path, pictures: Iterable[np.ndarray], rate: Fraction) -> None:
-    """Encode pictures (h, w, 3) uint8, RGB, of equal size; odd sides lose a pixel.
-
-    Raises
-    ------
-    RoverError
-        PyAV is not installed, or there is no picture.
-    """
+    """Encode pictures (h, w, 3) uint8, RGB, of equal size; odd sides lose a pixel."""
     try:
         import av
     except ImportError as error:

@@ -54,13 +54,7 @@ class Outcome:
 def job_for(
     *, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, options: AutonomyOptions, seed: int
 ) -> DriveJob:
-    """Return a drive over the ground of a run, widened before, behind and at the sides of the path.
-
-    Raises
-    ------
-    PolarsimError
-        Meshes, elevation model, soil or vehicle are missing or broken.
-    """
+    """Return a drive over the ground of a run, widened before, behind and at the sides of the path."""
     # The grid of an elevation model surrounds the path, that of a strip surrounds the terrains.
     room = {"width_m": options.width_m, "margin_m": _BEHIND_M + (0.0 if world.dem else _AHEAD_M)}
     drive = drive.model_copy(update={"path_m": _line(world, drive)})
@@ -108,13 +102,7 @@ def run_autonomous_drive(
     detector: OnboardDetector | None = None,
     threads: int = 1,
 ) -> Outcome:
-    """Drive from the first point of a job's path to the last; `threads` render the pictures.
-
-    Raises
-    ------
-    PolarsimError
-        The path leaves the grid, the detector is missing or a light is unknown.
-    """
+    """Drive from the first point of a job's path to the last; `threads` render the pictures."""
     cpu, wall = time.process_time(), time.perf_counter()
     job = autonomous_job(job, options)
     route = ReferencePath(np.array(job.drive.path_m, float))

@@ -117,13 +117,7 @@ def angles() -> np.ndarray:
 
 @lru_cache(maxsize=8)
 def edges(curvature: float) -> tuple[Edge, ...]:
-    """Return all edges that start at a node.
-
-    Raises
-    ------
-    RoverError
-        The maximum curvature is too small for the bends of the lattice.
-    """
+    """Return all edges that start at a node."""
     headings, result = angles(), []
     for start, heading in enumerate(headings):
         step = np.rint(np.array([math.cos(heading), math.sin(heading)]) * math.hypot(*_WAYS[start % 4])).astype(int)

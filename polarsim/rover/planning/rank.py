@@ -52,13 +52,6 @@ def rank_detectors(
         in other models are excluded.
     split
         Split of the photos for training; by default the first in the tables.
-
-    Raises
-    ------
-    RoverError
-        There is no drive by a detector.
-    FormatError
-        A table is missing or has other columns.
     """
     every = tables.read_parquet(each, AUTONOMY_METRICS.columns)
     drives = detector_drives(every, pair[1])

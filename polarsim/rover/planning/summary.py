@@ -45,13 +45,7 @@ def drive_case(
     detector: OnboardDetector | None,
     threads: int = 1,
 ) -> None:
-    """Run a drive, measure it and write its folder: the drive's files, events, and then `figures.parquet`.
-
-    Raises
-    ------
-    PolarsimError
-        Meshes or the detector are missing or broken, or the path leaves the grid.
-    """
+    """Run a drive, measure it and write its folder: the drive's files, events, and then `figures.parquet`."""
     chosen = parse_case(case)
     job = job_for(meshes=meshes, world=world, soil=soil, drive=drive_options, options=options, seed=chosen.seed)
     vehicle = read_vehicle(drive_options.vehicle)
@@ -68,13 +62,7 @@ def drive_case(
 
 
 def summarise_autonomy(*, drives: Sequence[Path], each: Path, together: Path, effects: Path) -> None:
-    """Write the metrics of all drives, their means over seeds with intervals, and the effect of each axis.
-
-    Raises
-    ------
-    FormatError
-        The metrics of a drive are missing.
-    """
+    """Write the metrics of all drives, their means over seeds with intervals, and the effect of each axis."""
     every = pd.concat([tables.read_parquet(path, AUTONOMY_METRICS.columns) for path in drives], ignore_index=True)
     every = with_derived(every)
     tables.write_parquet(each, every)

@@ -17,11 +17,6 @@ def absolute_error(estimated: np.ndarray, true: np.ndarray) -> float:
     """Return the root mean square distance between positions (n, 3), m, after a rigid alignment of the estimate.
 
     The alignment is a least-squares fit without scale (Umeyama, IEEE PAMI 13 (1991) 376).
-
-    Raises
-    ------
-    RoverError
-        There are fewer than three poses, or the numbers of poses differ.
     """
     estimated, true = np.asarray(estimated, float), np.asarray(true, float)
     if estimated.shape != true.shape or len(true) < 3:
@@ -34,13 +29,7 @@ def absolute_error(estimated: np.ndarray, true: np.ndarray) -> float:
 
 
 def relative_error(estimated: Sequence[Pose], true: Sequence[Pose]) -> tuple[float, float]:
-    """Return the root mean square errors of single steps: translation, m, and angle, rad.
-
-    Raises
-    ------
-    RoverError
-        There are fewer than two poses, or the numbers of poses differ.
-    """
+    """Return the root mean square errors of single steps: translation, m, and angle, rad."""
     if len(estimated) != len(true) or len(true) < 2:
         raise RoverError(
             f"trajectories of {len(estimated)} and {len(true)} poses, expected equal numbers of at least two"

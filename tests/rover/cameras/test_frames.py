@@ -1,4 +1,4 @@
-"""Image files of a drive, and resuming an interrupted run."""
+"""Image and label files of a drive."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from polarsim.errors import PolarsimError
 from polarsim.formats import png, yolo
 from polarsim.formats.tables import read_parquet
 from polarsim.render.options import RenderOptions
-from polarsim.rover.cameras.frames import read_frame_truth, render_frames
+from polarsim.rover.cameras.frames import render_frames
 from polarsim.rover.cameras.layout import labels_folder, picture_folder
 from polarsim.rover.drive.trace import write_trace
 from polarsim.rover.vehicle.mounts import FRONT
@@ -55,56 +55,30 @@ def test_truth_is_equal_in_all_formats(written):
     assert nearest["height_m"] in [rock[2] for rock in driven.ROCKS]
 
 
-def test_a_resumed_run_has_the_same_bytes(written, tmp_path, drive):
-    folder, chosen, _ = written
-    write_trace(tmp_path, drive)
-    render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER)
-    lost = picture_folder(tmp_path, FRONT, "2", "hapke", 1024) / "00010.png"
-    lost.unlink()
-    kept = picture_folder(tmp_path, FRONT, "2", "hapke", 1024) / "00005.png"
-    before = kept.stat().st_mtime_ns
-    assert render_frames(tmp_path, driven.vehicle(), chosen, 0, threads=2, render=driven.RENDER) == 4
-    assert kept.stat().st_mtime_ns == before
-    for path in sorted(folder.rglob("*")):
-        if path.is_file():
-            assert (tmp_path / path.relative_to(folder)).read_bytes() == path.read_bytes(), path
+def test_a_complete_view_is_kept_and_another_is_rendered_to_the_same_bytes_with_any_number_of_threads(written, drive):
+    folder, chosen, made = written
+    before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    assert render_frames(folder, driven.vehicle(), chosen, 0, render=driven.RENDER) == 0
+    for path in (folder / FRONT).rglob("*.*"):
+        path.unlink()
+    assert render_frames(folder, driven.vehicle(), chosen, 0, threads=2, render=driven.RENDER) == made
+    assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
-def test_changed_options_render_all_pictures_again_and_more_exposures_only_the_missing_ones(written, tmp_path, drive):
+def test_changed_options_and_code_render_all_pictures_again(tmp_path, drive, monkeypatch):
     write_trace(tmp_path, drive)
-    chosen = options(views=(FRONT,), every=15, exposures_ms=(256,), models=("hapke",))
-    assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER) == 2
-    assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER) == 0
+    chosen = options(views=(FRONT,), every=15, exposures_ms=(256,), models=("hapke",), finer=1, scale=0.04)
     more, lower = (
         chosen.model_copy(update=some) for some in ({"exposures_ms": (256, 512)}, {"sun_elevation_deg": 5.0})
     )
-    assert render_frames(tmp_path, driven.vehicle(), more, 0, render=driven.RENDER) == 4
-    assert render_frames(tmp_path, driven.vehicle(), lower, 0, render=driven.RENDER) == 2
     noisy, twins_only = (RenderOptions(**some) for some in ({"noise": True}, {"bounce": 0.2, "rim": False}))
-    assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=twins_only) == 2
-    assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER) == 0
-    assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=noisy) == 2
-
-
-def test_changed_code_renders_all_pictures_again(tmp_path, drive, monkeypatch):
-    write_trace(tmp_path, drive)
-    chosen = options(views=(FRONT,), every=15, exposures_ms=(256,), models=("hapke",))
-    assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER) == 2
+    for given, render, made in (
+        (chosen, driven.RENDER, 2), (chosen, twins_only, 0), (chosen, noisy, 2),
+        (more, driven.RENDER, 4), (lower, driven.RENDER, 2), (lower, driven.RENDER, 0),
+    ):  # fmt: skip
+        assert render_frames(tmp_path, driven.vehicle(), given, 0, render=render) == made
     monkeypatch.setattr("polarsim.provenance.code_digest", lambda *modules: f"other {modules}")
-    assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER) == 2
-    assert render_frames(tmp_path, driven.vehicle(), chosen, 0, render=driven.RENDER) == 0
-
-
-def test_broken_labels_of_a_frame_are_detected(written):
-    folder = written[0]
-    path = labels_folder(folder, FRONT, "2")
-    content = (path / "00000.json").read_text()
-    try:
-        (path / "00000.json").write_text(content[: len(content) // 2])
-        assert read_frame_truth(path, 0) is None
-    finally:
-        (path / "00000.json").write_text(content)
-    assert read_frame_truth(path, 0) is not None
+    assert render_frames(tmp_path, driven.vehicle(), lower, 0, render=driven.RENDER) == 2
 
 
 def test_a_folder_without_a_drive_is_an_error(tmp_path):
