@@ -72,16 +72,15 @@ def make(folder: Path, name: str) -> None:
     kind, seed, *terrain = name.split("_")
     number, positions = (int(terrain[0]), ["A", "C"]) if kind == "analog" else (2, ["A", "B", "C"])
     if kind == "analog":
-        paths = {part: folder / part for part in ("raw", "labels", "truth")}
-        options = AnalogOptions(seed=int(seed), photos=False)
-        maps = folder / f"Terrain{number:02d}"
-        generate_terrain(
-            terrain=number, keys=[], raw=paths["raw"], ranges=maps, seeds=paths["labels"], truth=paths["truth"],
-            options=options, threads=1,
-        )  # fmt: skip
-        files = {position: str(nasa.range_map_path(maps, position)) for position in positions}
+        options, receipt = AnalogOptions(seed=int(seed), photos=False), folder / "receipt.json"
+        generate_terrain(root=folder, receipt=receipt, terrain=number, keys=[], options=options, threads=1)
+        files = {position: str(path) for position, path in nasa.find_scans(folder, number)[0].items()}
         write_inventory(folder / "inventory.json", Inventory(number, "polar", range_maps=files))
-        write_rig(folder / "calibration.json", nasa.read_calibration(paths["raw"] / nasa.CALIBRATION_NAME), "file")
+        write_rig(
+            folder / "calibration.json",
+            nasa.read_calibration(nasa.find_terrain_folder(folder, number) / nasa.CALIBRATION_NAME),
+            "file",
+        )
     else:
         meshes = Path(os.environ["POLAR_SIM_ROOT"]) / "TerrainMeshes"
         _foreign().make(folder, int(seed), meshes, touching=kind == "foreign")
@@ -108,13 +107,14 @@ def read(folder: Path) -> Scene:
     scans = scans.select(extent.contains(scans.points))
     slope = np.radians(OPTIONS.max_sand_slope_deg)
     sand = find_ground(scans, extent, GROUND_CELL, slope)
-    true = read_localised(folder / "truth/cameras/PosA.json").sandbox_from_left
+    truth = next((folder / "truth").glob("Terrain*"), folder / "truth")  # only the analog has a folder per terrain
+    true = read_localised(truth / "cameras/PosA.json").sandbox_from_left
     cells = np.flatnonzero(np.isfinite(sand.surface) & (sand.above > LIMITS.foot))
     owner = np.zeros(sand.surface.size, np.int64)
     true_from_sandbox = true @ localised["A"].sandbox_from_left.inverse()
     points = np.column_stack([sand.grid.centres().reshape(-1, 2)[cells], sand.top.ravel()[cells]])
-    owner[cells] = _nearest_rocks(folder / "truth/meshes", true_from_sandbox, points)
-    rocks = pd.read_parquet(folder / "truth/rocks.parquet")
+    owner[cells] = _nearest_rocks(truth / "meshes", true_from_sandbox, points)
+    rocks = pd.read_parquet(truth / "rocks.parquet")
     sizes = dict(zip(rocks["rock"].tolist(), rocks["size_m"].tolist(), strict=True))
     return Scene(folder.name, sand, owner.reshape(sand.surface.shape), sizes)
 

@@ -1,6 +1,6 @@
 """The simulated sandbox: photos, scans, calibration and seeds of a terrain in NASA's formats, and the ground truth.
 
-1. presets, ground (`noise`), rocks, placement: sand and rocks of a terrain; sandbox: walls, hall and materials;
+1. presets, ground, rocks, placement: sand and rocks of a terrain; sandbox: walls, hall and materials;
    terrain combines them.
 2. stations: rig, calibration with errors, tripod positions and lamps.
 3. scanner: range maps and clouds with noise and mixed pixels.

@@ -11,9 +11,8 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
 from polarsim.analog.light import SURFACE_OFFSET, DiscLamp, towards
-from polarsim.analog.noise import fibonacci_sphere
 from polarsim.analog.rays import RayCaster, rays_from
-from polarsim.analog.rocks import icosphere
+from polarsim.analog.rocks import fibonacci_sphere, icosphere
 from polarsim.analog.sandbox import HALL_OBJECT, SandboxScene
 from polarsim.analog.view import GBuffer, strips
 

@@ -12,11 +12,13 @@ from polarsim.analog import scanner
 from polarsim.analog.options import AnalogOptions
 from polarsim.analog.photographs import empty_labels, take_photos
 from polarsim.analog.presets import PRESETS
+from polarsim.analog.rocks import carve, icosphere
 from polarsim.analog.terrain import AnalogTerrain, build_terrain
 from polarsim.analog.truth import AlbedoMap, write_truth
 from polarsim.errors import ConfigError
-from polarsim.formats import nasa, tables
+from polarsim.formats import nasa, obj, tables
 from polarsim.formats.files import write_json, writing_folder
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, camera_pose, yaw_pitch_roll
 from polarsim.geometry.stereo import RectifiedGrid, StereoRig, rectified_left
 from polarsim.photo import PhotoKey, positions
@@ -24,27 +26,19 @@ from polarsim.randomness import generator
 from polarsim.survey import terrain_folder
 
 _SCANNER_OFFSET = 0.06  # metres, standard deviation: offset of the scanner from the left camera
+_CARVED_SIZE_M = (0.06, 0.4)  # longest extent of rocks without a sandbox, log-uniform
+_CARVED_DETAIL = 5  # subdivisions: 20,480 triangles per rock
 _CAMERA_FROM_UPRIGHT = Pose(np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]), np.zeros(3))  # x ahead, y left, z up
 
 
 def generate_terrain(
-    *, terrain: int, keys: Sequence[PhotoKey], raw: Path, ranges: Path, seeds: Path, truth: Path,
-    options: AnalogOptions, threads: int,
-) -> None:  # fmt: skip
-    """Generate a terrain and write four folders in the layout of docs/formats.md.
+    *, root: Path, receipt: Path, terrain: int, keys: Sequence[PhotoKey], options: AnalogOptions, threads: int
+) -> None:
+    """Generate a terrain in the layout of docs/formats.md below `root`; the receipt is written last.
 
-    Parameters
-    ----------
-    keys : list[PhotoKey]
-        Photos to render. With `options.photos` false, no photos and no labels are written.
-    raw, ranges, seeds, truth : Path
-        Folders `TerrainTT_Name` (calibration, clouds, photos), `TerrainTT` of range maps, of seed labels and of ground
-        truth. Existing folders are replaced at the end.
-    threads : int
-        Threads for ray casting and for writing photos.
+    Photos are rendered for `keys`. With `options.photos` false, no photos and no labels are written. Existing folders
+    of the terrain are replaced at the end.
 
-    Notes
-    -----
     `truth/labels.parquet` has a row for every rock and cast shadow with at least 12 visible pixels, lit or not.
     `contrast` is the mean of the region minus the mean of the surroundings in the photo, DN; scoring uses it to exclude
     regions that are not visible.
@@ -59,21 +53,24 @@ def generate_terrain(
     mismatched = [key for key in keys if key.terrain != terrain or key.position not in positions(terrain)]
     if mismatched:
         raise ConfigError(f"{mismatched[0]}: not a photo of terrain {terrain:02d}")
+    receipt.unlink(missing_ok=True)
     made = build_terrain(terrain, options)
+    name = f"Terrain{terrain:02d}"
+    places = (terrain_folder(terrain), f"{nasa.RANGE_FOLDER}/{name}", f"Labels/{name}", f"truth/{name}")
     with ExitStack() as stack:
-        folders = {
-            name: stack.enter_context(writing_folder(folder))
-            for name, folder in (("raw", raw), ("ranges", ranges), ("seeds", seeds), ("truth", truth))
-        }
-        nasa.write_calibration(folders["raw"] / nasa.CALIBRATION_NAME, made.stations.calibration)
-        calibration = nasa.read_calibration(folders["raw"] / nasa.CALIBRATION_NAME)  # with the rounding of the file
-        _write_scans(made, calibration, folders["raw"], folders["ranges"], options, threads)
-        write_truth(made, folders["truth"], options)
+        raw, ranges, seeds, truth = (stack.enter_context(writing_folder(root / place)) for place in places)
+        nasa.write_calibration(raw / nasa.CALIBRATION_NAME, made.stations.calibration)
+        calibration = nasa.read_calibration(raw / nasa.CALIBRATION_NAME)  # with the rounding of the file
+        _write_scans(made, calibration, raw, ranges, options, threads)
+        write_truth(made, truth, options)
         labels, albedo = empty_labels(), AlbedoMap()
         if options.photos:
-            labels = take_photos(made, sorted(keys), folders["raw"], folders["seeds"], albedo, options, threads)
-        tables.write_parquet(folders["truth"] / "labels.parquet", labels)
-        tables.write_parquet(folders["truth"] / "albedo.parquet", albedo.table())
+            labels = take_photos(made, sorted(keys), raw, seeds, albedo, options, threads)
+        tables.write_parquet(truth / "labels.parquet", labels)
+        tables.write_parquet(truth / "albedo.parquet", albedo.table())
+    photos = sum(1 for _ in (root / places[0]).rglob("Cam?_*.png"))
+    content = {"terrain": terrain, "folder": places[0], "photos": photos, "options": options.model_dump(mode="json")}
+    write_json(receipt, content)
 
 
 def _write_scans(
@@ -115,28 +112,12 @@ def _write_map(
     nasa.write_range_map(nasa.range_map_path(folder, position), points)
 
 
-def generate_terrain_at(
-    *, root: Path, receipt: Path, terrain: int, keys: list[PhotoKey], options: AnalogOptions, threads: int
-) -> None:
-    """Generate a terrain in the layout of `docs/formats.md`; the receipt is written last."""
-    receipt.unlink(missing_ok=True)
-    raw = root / terrain_folder(terrain)
-    generate_terrain(
-        terrain=terrain,
-        keys=keys,
-        raw=raw,
-        ranges=root / "GroundTruth_RectifiedRangeMaps" / f"Terrain{terrain:02d}",
-        seeds=root / "Labels" / f"Terrain{terrain:02d}",
-        truth=root / "truth" / f"Terrain{terrain:02d}",
-        options=options,
-        threads=threads,
-    )
-    write_json(
-        receipt,
-        {
-            "terrain": terrain,
-            "folder": raw.name,
-            "photos": sum(1 for _ in raw.rglob("Cam?_*.png")),
-            "options": options.model_dump(mode="json"),
-        },
-    )
+def carve_rocks(*, number: int, terrain: int, seed: int, meshes: Path) -> None:
+    """Write a folder of closed rock meshes, metres, centred at the origin; each depends only on seed and number."""
+    _, faces = icosphere(_CARVED_DETAIL)
+    with writing_folder(meshes) as folder:
+        for rock in range(number):
+            random = generator(seed, "analog", "carved", rock)
+            size = float(np.exp(random.uniform(*np.log(_CARVED_SIZE_M))))
+            vertices = carve(random, rock, size, _CARVED_DETAIL).vertices
+            obj.write_obj(folder / obj.rock_name(terrain, rock), Mesh(vertices, faces), f"rock{rock}")

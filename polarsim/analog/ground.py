@@ -8,7 +8,6 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.special import expit
 
-from polarsim.analog.noise import fractal_field
 from polarsim.analog.presets import Preset
 from polarsim.analog.rays import grid_faces
 
@@ -58,8 +57,8 @@ def make_ground(preset: Preset, step: float, rng: np.random.Generator) -> Height
     count = round(2 * half / step) + 1
     axis = np.linspace(-half, half, count)
     step = float(axis[1] - axis[0])
-    heights = preset.relief * 0.004 * fractal_field(rng, count, step, 0.04, 1.2)
-    heights += preset.relief * 0.012 * fractal_field(rng, count, step, 0.7, 4.0)
+    heights = preset.relief * 0.004 * _fractal_field(rng, count, step, 0.04, 1.2)
+    heights += preset.relief * 0.012 * _fractal_field(rng, count, step, 0.7, 4.0)
     heights += _bumps(axis, rng, preset.mounds, 0.02, 0.05, 0.12, 0.35)
     heights -= _bumps(axis, rng, preset.pits, 0.012, 0.04, 0.03, 0.10)
     if preset.crater:
@@ -74,6 +73,17 @@ def make_ground(preset: Preset, step: float, rng: np.random.Generator) -> Height
         window, _, _ = _window(axis, np.zeros(2), 0.1)
         heights -= heights[window].mean()
     return HeightField(axis, heights)
+
+
+def _fractal_field(rng: np.random.Generator, size: int, step: float, shortest: float, longest: float) -> np.ndarray:
+    """Return a periodic field (size, size) of unit variance with power proportional to frequency^-3.4; metres."""
+    frequency = np.fft.fftfreq(size, step)
+    radius = np.hypot(frequency[:, None], frequency[None, :])
+    band = (radius > 1 / longest) & (radius < 1 / shortest)
+    amplitude = np.where(band, np.maximum(radius, 1e-9) ** -1.7, 0.0)
+    phases = np.fft.fft2(rng.standard_normal((size, size)))
+    field = np.real(np.fft.ifft2(phases * amplitude))
+    return field / field.std()
 
 
 def pile_sand(ground: HeightField, rng: np.random.Generator, points: np.ndarray, radii: np.ndarray) -> HeightField:

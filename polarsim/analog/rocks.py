@@ -8,8 +8,6 @@ from functools import cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from polarsim.analog.noise import fibonacci_sphere, octaves
-
 
 @dataclass(frozen=True)
 class SimulatedRock:
@@ -81,9 +79,9 @@ def carve(rng: np.random.Generator, rock: int, size: float, detail: int) -> Simu
         radius = np.minimum(radius, _cut(directions, towards[None], np.array([reach * rng.uniform(0.82, 0.94)])))
     stretch = np.array([1.0, rng.uniform(0.62, 0.95), rng.uniform(0.45, 0.80)])
     points = directions * radius[:, None] * stretch
-    lumps = octaves(rng, points, (1.5, 3.0), 1.0)
-    rough = octaves(rng, points, (6.0, 12.0, 24.0), 0.8)
-    pitted = -np.clip(octaves(rng, points, (9.0,), 0.0) - 1.0, 0, 1)  # vesicles
+    lumps = _octaves(rng, points, (1.5, 3.0), 1.0)
+    rough = _octaves(rng, points, (6.0, 12.0, 24.0), 0.8)
+    pitted = -np.clip(_octaves(rng, points, (9.0,), 0.0) - 1.0, 0, 1)  # vesicles
     points *= (1 + 0.05 * lumps + rng.uniform(0.03, 0.10) * rough + rng.uniform(0, 0.05) * pitted)[:, None]
     tilt = Rotation.from_rotvec(rng.normal(0, 0.25, 3) * [1, 1, 0])
     rotated = (Rotation.from_rotvec([0, 0, rng.uniform(0, 2 * np.pi)]) * tilt).apply(points)
@@ -109,3 +107,37 @@ def _spread_directions(rng: np.random.Generator, count: int) -> np.ndarray:
     lattice += rng.normal(0, 0.22, lattice.shape)
     lattice /= np.linalg.norm(lattice, axis=1, keepdims=True)
     return Rotation.from_rotvec(rng.normal(0, 2, 3)).apply(lattice)
+
+
+def fibonacci_sphere(count: int) -> np.ndarray:
+    """Return unit vectors (count, 3) distributed evenly over the sphere, from +z to -z."""
+    k = np.arange(count) + 0.5
+    z = 1 - 2 * k / count
+    longitude, level = np.pi * (1 + 5**0.5) * k, np.sqrt(1 - z * z)
+    return np.stack([level * np.cos(longitude), level * np.sin(longitude), z], axis=1)
+
+
+def _lattice_noise(points: np.ndarray, table: np.ndarray) -> np.ndarray:
+    """Return smooth noise (n,) at points (n, 3) in lattice steps, interpolated from a periodic table (m, m, m)."""
+    size = len(table)
+    floor = np.floor(points)
+    fraction = points - floor
+    fraction = fraction * fraction * (3 - 2 * fraction)
+    low = floor.astype(int) % size
+    high = (low + 1) % size
+    total = np.zeros(len(points))
+    for corner in range(8):
+        bits = [(corner >> axis) & 1 for axis in range(3)]
+        index = [(high if bit else low)[:, axis] for axis, bit in enumerate(bits)]
+        weight = np.prod([fraction[:, a] if bit else 1 - fraction[:, a] for a, bit in enumerate(bits)], axis=0)
+        total += weight * table[index[0], index[1], index[2]]
+    return total
+
+
+def _octaves(rng: np.random.Generator, points: np.ndarray, cells: tuple[float, ...], falloff: float) -> np.ndarray:
+    """Return the sum (n,) of lattice noises at points (n, 3) with `cells` steps per unit; amplitudes cells^-falloff."""
+    total = np.zeros(len(points))
+    for count in cells:
+        table = rng.standard_normal((32, 32, 32))
+        total += count**-falloff * _lattice_noise(points * count + rng.uniform(0, 32, 3), table)
+    return total

@@ -12,18 +12,14 @@ from polarsim.geometry.boxes import iou
 from polarsim.geometry.stereo import rectified_left
 from polarsim.photo import PhotoKey, photo_grid
 from polarsim.run_files.rigs import read_localised
-from polarsim.survey import terrain_folder
 
 TERRAIN = 11
 KEYS = [PhotoKey.parse(text) for text in ("11_A_off_30_L_0064", "11_A_off_30_L_0256", "11_A_on_no_L_8192")]
 
 
 def generate(root, options, keys=KEYS, terrain=TERRAIN):
-    generate_terrain(
-        terrain=terrain, keys=keys, raw=root / terrain_folder(terrain),
-        ranges=root / nasa.RANGE_FOLDER / f"Terrain{terrain:02d}", seeds=root / "Labels" / f"Terrain{terrain:02d}",
-        truth=root / "truth" / f"Terrain{terrain:02d}", options=options, threads=1,
-    )  # fmt: skip
+    receipt = root.with_suffix(".json")
+    generate_terrain(root=root, receipt=receipt, terrain=terrain, keys=keys, options=options, threads=1)
 
 
 def files_of(root):

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.analog.carved import carve_rocks
+from polarsim.analog.generate import carve_rocks
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):

@@ -2,13 +2,13 @@
 
 from pathlib import Path
 
-from polarsim.analog.generate import generate_terrain_at
+from polarsim.analog.generate import generate_terrain
 from polarsim.analog.options import AnalogOptions
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
-    generate_terrain_at(
+    generate_terrain(
         root=Path(snakemake.output.receipt).parent.parent,
         receipt=Path(snakemake.output.receipt),
         terrain=int(snakemake.wildcards.terrain),
