@@ -13,7 +13,7 @@ from polarsim.errors import DetectError, LabelError, with_path
 from polarsim.formats.files import writing_folder
 from polarsim.photo import PhotoKey
 from polarsim.randomness import generator
-from polarsim.scenes.names import SCENE_NAME
+from polarsim.scenes.options import SCENE_NAME
 
 DOMAIN = "covers"  # domain of the data sets
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 from pydantic import BaseModel, Field
@@ -9,6 +10,7 @@ from pydantic import BaseModel, Field
 from polarsim.render.options import Model
 
 Range = tuple[float, float]  # minimum and maximum of a uniform distribution
+SCENE_NAME = re.compile(r"t(\d\d)_s(\d+)_l\d+")  # name of an image: terrain, scene, lamp
 
 
 class SceneOptions(BaseModel, extra="forbid", frozen=True):

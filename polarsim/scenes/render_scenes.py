@@ -11,6 +11,7 @@ import numpy as np
 from polarsim.errors import DetectError
 from polarsim.formats import obj, png, yolo
 from polarsim.formats.files import writing_folder
+from polarsim.geometry.heightfields import smooth_noise
 from polarsim.geometry.images import resize
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, HEIGHT, ROCK, SHADOW, WHITE_LEVEL, WIDTH
 from polarsim.progress import track
@@ -23,12 +24,11 @@ from polarsim.render.sensor import expose
 from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files import class_masks
 from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS, SHADOW_IDS
-from polarsim.scenes.background import add_background
 from polarsim.scenes.layout import RandomScene, RockShape, draw_scene
-from polarsim.scenes.names import scene_name
-from polarsim.scenes.options import SceneOptions, SceneRanges
+from polarsim.scenes.options import Range, SceneOptions, SceneRanges
 from polarsim.scenes.strokes import augment_with_annotations
 from polarsim.scenes.viewpoints import coarse_sand, draw_lamp
+from polarsim.tone import encode_tone
 
 _BRIGHT_SAND = 90  # percentile of the sand radiance that defines the exposure, independent of walls and lamps
 _SEAM_PX = 2  # width of the seam around an object that is included in the contrast
@@ -64,16 +64,7 @@ def render_scenes(
     NAME consists of terrain, scene and lamp, such as `t01_s007_l2`. Images are rendered at `options.scale` and stored
     with a width of `stored_px`.
 
-    Parameters
-    ----------
-    meshes : Path
-        Folder with closed rock meshes of the terrain.
-    pictures : Path
-        Output folder.
-    number : int
-        Number of scenes.
-    ranges : SceneRanges, optional
-        Ranges of the random parameters; `scale` is replaced by `options.scale`.
+    `meshes`: folder with closed rock meshes. `ranges`: ranges of the random parameters; `scale` is that of the options.
 
     Raises
     ------
@@ -92,7 +83,7 @@ def render_scenes(
             random = generator(options.seed, "covers", "scene", terrain, scene)
             images = render_random_scene(shapes, stored_px, options.lamps, ranges, random, threads)
             for lamp, rendered in enumerate(images):
-                name = scene_name(terrain, scene, lamp)
+                name = f"t{terrain:02d}_s{scene:03d}_l{lamp}"
                 png.write_png(folder / "images" / f"{name}.png", rendered.image)
                 class_masks.write_class_mask(folder / "masks" / f"{name}.png", rendered.mask)
                 size = round(WIDTH * options.scale), round(HEIGHT * options.scale)
@@ -146,6 +137,25 @@ def _rendered(
         yield add_background(radiance, bare, ranges.background, random), rendering.ids[name]
 
 
+def add_background(
+    radiance: np.ndarray, bare: np.ndarray, brightness: Range, random: np.random.Generator
+) -> np.ndarray:
+    """Return the radiance (h, w) float32, relative to lit sand, with a dark hall at the unlit pixels `bare`.
+
+    The hall has folds of cloth and vertical and horizontal bars; detectors trained without it report rocks in it. Cards
+    and lens glare had no effect on the results on photos (docs/notes/detect.md).
+    """
+    if not bare.any():
+        return np.asarray(radiance, np.float32)
+    level, (height, width) = random.uniform(*brightness), bare.shape
+    hall = np.exp(0.5 * smooth_noise((height, width), height / 4, width / 200, np.pi / 2, random))
+    for _ in range(random.integers(8)):
+        row, column = random.integers(height), random.integers(width)
+        high, wide = random.integers(2, 60, 2)
+        hall[row : row + high, column : column + wide] *= random.uniform(0, 4)
+    return np.asarray(radiance + np.where(bare, level * (hall / hall.mean()), 0), np.float32)
+
+
 def rock_contrast(
     ids: np.ndarray, number: int, box: np.ndarray, radiance: np.ndarray, light: float, curve: np.ndarray
 ) -> float:
@@ -167,8 +177,7 @@ def rock_contrast(
 
 def tone_curve(gamma: float) -> np.ndarray:
     """Return the tone curve (4096,) uint8 from 12 to 8 bits with exponent 1 / gamma."""
-    light = np.clip((np.arange(WHITE_LEVEL + 1) - BLACK_LEVEL) / (WHITE_LEVEL - BLACK_LEVEL), 0, 1)
-    return np.rint(_WHITE * light ** (1 / gamma)).astype(np.uint8)
+    return encode_tone(np.arange(WHITE_LEVEL + 1) - BLACK_LEVEL, WHITE_LEVEL - BLACK_LEVEL, gamma)
 
 
 def _stored(image: np.ndarray, width: int) -> np.ndarray:

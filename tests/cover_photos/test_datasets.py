@@ -9,14 +9,13 @@ from polarsim.cover_photos.datasets import make_cover_dataset
 from polarsim.detect.dataset import dataset_images
 from polarsim.errors import DetectError, LabelError
 from polarsim.formats import png, yolo
-from polarsim.scenes.names import scene_name
 from tests.cover_photos.conftest import KEY
 
 
 def make_scenes(folder, terrain, scenes, lamps=3):
     for scene in range(scenes):
         for lamp in range(lamps):
-            name = scene_name(terrain, scene, lamp)
+            name = f"t{terrain:02d}_s{scene:03d}_l{lamp}"
             png.write_png(folder / "images" / f"{name}.png", np.full((80, 128), scene, np.uint8))
             yolo.write_boxes(folder / "labels" / f"{name}.txt", [0], [[20, 20, 40, 40]], (128, 80))
     return folder

@@ -9,7 +9,7 @@ from polarsim.photo import BLACK_LEVEL, HEIGHT, WHITE_LEVEL, WIDTH
 from polarsim.run_files import class_masks
 from polarsim.run_files.instances import GROUND, ROCK_IDS
 from polarsim.scenes.options import SceneOptions, SceneRanges
-from polarsim.scenes.render_scenes import render_scenes, rock_contrast, tone_curve
+from polarsim.scenes.render_scenes import add_background, render_scenes, rock_contrast, tone_curve
 from tests.scenes.conftest import block
 
 STRAIGHT = tone_curve(1)
@@ -140,3 +140,12 @@ def test_a_folder_without_rocks_is_reported(tmp_path):
             options=SceneOptions(), threads=1,
         )  # fmt: skip
     assert error.value.path == tmp_path / "meshes"
+
+
+def test_the_hall_is_added_to_unlit_pixels_only(rng):
+    bare = np.zeros((60, 90), bool)
+    bare[:10] = True
+    found = add_background(np.where(bare, 0, 1).astype(np.float32), bare, (0.3, 0.3), rng)
+    assert found.min() >= 0
+    assert 0 < found[:10].mean() < 1
+    assert (found[10:] == 1).all()
