@@ -10,11 +10,11 @@ import numpy as np
 import pandas as pd
 
 from polarsim.cover_photos.scores import ALL
-from polarsim.cover_photos.widths import WidthPredictions, merge_widths, read_folds, together, widths_for
+from polarsim.cover_photos.widths import WidthPredictions, read_folds, together, widths_for
 from polarsim.detect import detectors
 from polarsim.detect.calibration import Calibration, calibrate_boxes, calibration_error, fit_calibration
 from polarsim.detect.grouping import labels_by_photo
-from polarsim.detect.inference_widths import ClassInferenceWidths
+from polarsim.detect.inference_widths import ClassInferenceWidths, merge
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
 from polarsim.formats import tables
@@ -82,7 +82,7 @@ def _chosen(
     labels: pd.DataFrame, by_photo: WidthPredictions, imgsz: int, options: PredictionOptions
 ) -> tuple[ClassInferenceWidths, Calibration]:
     sizes = widths_for(labels, by_photo, imgsz, options)
-    boxes = [merge_widths(rows, sizes, options.nms_iou) for rows in by_photo.values()]
+    boxes = [merge(rows, sizes, options.nms_iou) for rows in by_photo.values()]
     return sizes, fit_calibration(labels_by_photo(labels, list(by_photo)), boxes)
 
 
@@ -98,7 +98,7 @@ def _check(
     after: list[np.ndarray] = []
     for fold, photos in by_fold.items():
         sizes, calibration = _chosen(labels, together(by_fold, but=fold), imgsz, options)
-        boxes = [merge_widths(rows, sizes, options.nms_iou) for rows in photos.values()]
+        boxes = [merge(rows, sizes, options.nms_iou) for rows in photos.values()]
         before += boxes
         after += [calibrate_boxes(rows, calibration) for rows in boxes]
     truth = labels_by_photo(labels, list(together(by_fold)))

@@ -1,4 +1,4 @@
-"""Inference widths for cover photos, selected by cross-validation over folds."""
+"""Predictions in cover photos: inference widths selected by cross-validation over folds, fusion of training seeds."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ import pandas as pd
 from polarsim.detect import detectors
 from polarsim.detect.dataset import dataset_images
 from polarsim.detect.frame import read_picture
+from polarsim.detect.fusion import fuse
 from polarsim.detect.grouping import BOX_COLUMNS, detection_rows, detections_by_photo, labels_by_photo
 from polarsim.detect.inference_widths import ClassInferenceWidths, InferenceWidths, choose_sizes, merge
 from polarsim.detect.options import PredictionOptions
-from polarsim.detect.predict import predict_images
+from polarsim.detect.predict import predict_images, prediction_table
 from polarsim.detect.sand_filter import SandFilter
 from polarsim.detect.split import TEST
 from polarsim.errors import DetectError, with_path
@@ -29,13 +30,7 @@ WidthPredictions = dict[str, dict[int, np.ndarray]]  # photo -> width, px -> box
 def predict_multiscale(
     *, weights: Path, dataset: Path, found: Path, widths: Sequence[int], options: PredictionOptions, threads: int
 ) -> None:
-    """Write the predictions of a detector in the test photos of a data set at several inference widths, px.
-
-    Raises
-    ------
-    PolarsimError
-        Invalid weights, image or data set.
-    """
+    """Write the predictions of a detector in the test photos of a data set at several inference widths, px."""
     detector = detectors.read_detector(weights)
     with with_path(weights):
         loaded = detectors.load_detector(detector, found.parent, options, threads)
@@ -71,10 +66,8 @@ def choose_widths(
 
     Parameters
     ----------
-    found : mapping of fold to Path
-        Tables of `predict_multiscale`.
-    datasets : mapping of fold to Path
-        Data sets of the folds, with the photos as test part.
+    found, datasets : mapping of fold to Path
+        Tables of `predict_multiscale`, and data sets with the photos as test part.
     sizes : Path
         CSV to write: fold, kind, widths, gates_px (separated by spaces), width_of_training.
     imgsz : int
@@ -83,18 +76,18 @@ def choose_widths(
         Folders of camera poses and meshes, one per terrain. Boxes outside the sand are dropped before the selection.
     """
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
-    sand = SandFilter.read(cameras, meshes)
-    by_fold = {fold: kept_on_sand(boxes, sand) for fold, boxes in read_folds(found, datasets).items()}
-    parts, rows = [], []
+    by_fold = read_folds(found, datasets, SandFilter.read(cameras, meshes))
+    found_rows, rows = [], []
     for fold, boxes in by_fold.items():
         chosen = widths_for(truth, together(by_fold, but=fold), imgsz, options)
-        parts.append(_table(boxes, chosen, options.nms_iou))
+        for key, by_width in boxes.items():
+            found_rows += detection_rows(key, merge(by_width, chosen, options.nms_iou))
         rows += [
             (fold, kind, _joined(sizes_of_class.widths), _joined(sizes_of_class.gates_px), imgsz)
             for kind, sizes_of_class in zip(BOX_CLASSES, chosen.by_class, strict=True)
         ]
-    table = pd.concat(parts, ignore_index=True).astype(PREDICTIONS.dtypes)
-    tables.write_parquet(predictions, table[list(PREDICTIONS.columns)])
+    table = pd.DataFrame(found_rows, columns=list(PREDICTIONS.columns)).astype(PREDICTIONS.dtypes)
+    tables.write_parquet(predictions, table)
     tables.write_csv(sizes, pd.DataFrame(rows, columns=["fold", "kind", "widths", "gates_px", "width_of_training"]))
 
 
@@ -108,17 +101,18 @@ def widths_for(
         return ClassInferenceWidths.same(InferenceWidths((imgsz,)))
     widths = sorted(next(iter(photos.values())))
     by_width = {width: [by_photo_width[width] for by_photo_width in photos.values()] for width in widths}
-    return choose_sizes(labels_by_photo(labels, list(photos)), by_width, options.nms_iou, detectors.MAX_BOXES)
+    return choose_sizes(labels_by_photo(labels, list(photos)), by_width, options.nms_iou)
 
 
-def read_folds(found: Mapping[str, Path], datasets: Mapping[str, Path]) -> dict[str, WidthPredictions]:
-    """Read the predictions of each fold, see `read_found`."""
-    return {fold: read_found(path, dataset_images(datasets[fold], TEST)) for fold, path in found.items()}
-
-
-def kept_on_sand(found: WidthPredictions, sand: SandFilter) -> WidthPredictions:
-    """Return the predictions on the sand."""
-    return {key: {w: sand.keep(key, rows) for w, rows in by_width.items()} for key, by_width in found.items()}
+def read_folds(
+    found: Mapping[str, Path], datasets: Mapping[str, Path], sand: SandFilter | None = None
+) -> dict[str, WidthPredictions]:
+    """Read the predictions of each fold on the sand, see `read_found`."""
+    by_fold = {fold: read_found(path, dataset_images(datasets[fold], TEST)) for fold, path in found.items()}
+    for photos in by_fold.values() if sand else ():
+        for key, by_width in photos.items():
+            photos[key] = {width: sand.keep(key, rows) for width, rows in by_width.items()}
+    return by_fold
 
 
 def together(by_fold: Mapping[str, WidthPredictions], but: str = "") -> WidthPredictions:
@@ -136,16 +130,13 @@ def read_found(path: Path, keys: Sequence[str]) -> WidthPredictions:
     return {key: {width: by_width[width][key] for width in widths} for key in keys}
 
 
-def merge_widths(by_width: Mapping[int, np.ndarray], sizes: ClassInferenceWidths, nms_iou: float) -> np.ndarray:
-    """Merge the boxes (n, 6) of a photo at the selected widths."""
-    return merge(by_width, sizes, nms_iou, detectors.MAX_BOXES)
-
-
-def _table(found: WidthPredictions, sizes: ClassInferenceWidths, nms_iou: float) -> pd.DataFrame:
-    rows = [
-        row for key, by_width in found.items() for row in detection_rows(key, merge_widths(by_width, sizes, nms_iou))
-    ]
-    return pd.DataFrame(rows, columns=list(PREDICTIONS.columns))
+def merge_seeds(*, predictions: Sequence[Path], merged: Path, options: PredictionOptions) -> None:
+    """Merge prediction tables of several training seeds on the same photos, see `fusion.fuse`."""
+    parts = [tables.read_parquet(path, PREDICTIONS.columns) for path in predictions]
+    keys = sorted(set().union(*(table["key"] for table in parts)))
+    boxes = [detections_by_photo(table, keys) for table in parts]
+    fused = {key: fuse([of_seed[key] for of_seed in boxes], options.nms_iou) for key in keys}
+    tables.write_parquet(merged, prediction_table([row for key in keys for row in detection_rows(key, fused[key])]))
 
 
 def _joined(numbers: Sequence[float]) -> str:

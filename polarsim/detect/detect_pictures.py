@@ -155,7 +155,7 @@ def _segmenter(path: Path, detector: detectors.Detector, options: PredictionOpti
 
 
 def _merged(parts: Sequence[np.ndarray], nms_iou: float) -> np.ndarray:
-    return fuse(parts, nms_iou, detectors.MAX_BOXES) if len(parts) > 1 else parts[0]
+    return fuse(parts, nms_iou) if len(parts) > 1 else parts[0]
 
 
 def prediction_options(

@@ -26,7 +26,6 @@ from polarsim.detect.grouping import BOX_COLUMNS
 from polarsim.detect.ipd import (
     ROCK_COLUMNS,
     IpdRules,
-    instance_performance,
     instance_performance_difference,
     pair_rock_labels,
     rock_means,

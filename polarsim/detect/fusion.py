@@ -11,8 +11,8 @@ from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES
 
 
-def fuse(found: Sequence[np.ndarray], nms_iou: float, most: int) -> np.ndarray:
-    """Merge the boxes of several detectors by weighted boxes fusion (Solovyev et al., IVC 107, 2021).
+def fuse(found: Sequence[np.ndarray], nms_iou: float) -> np.ndarray:
+    """Merge the boxes (n, 6) of several detectors by weighted boxes fusion (Solovyev et al., IVC 107, 2021).
 
     In descending order of confidence, each ungrouped box forms a group with all ungrouped boxes of its class that
     overlap it by more than `nms_iou`. The merged box is the mean of the group, weighted by confidence. The merged
@@ -21,19 +21,6 @@ def fuse(found: Sequence[np.ndarray], nms_iou: float, most: int) -> np.ndarray:
     confident box, not around a running mean, and merged boxes that overlap by more than `nms_iou` are suppressed.
 
     The result does not depend on the order of the detectors. Merging a suppressed list with itself returns the list.
-
-    Parameters
-    ----------
-    found : sequence of (n, 6)
-        x0, y0, x1, y1, confidence (above 0) and class for each detector. Detectors without boxes count as well.
-    nms_iou : float
-        Minimum IoU of boxes of the same object.
-    most : int
-        Maximum number of returned boxes.
-
-    Returns
-    -------
-    (m, 6), in descending order of confidence
     """
     rows = np.concatenate(found)
     detector = np.repeat(np.arange(len(found)), [len(detections) for detections in found])
@@ -44,7 +31,7 @@ def fuse(found: Sequence[np.ndarray], nms_iou: float, most: int) -> np.ndarray:
     for kind in range(len(BOX_CLASSES)):
         detections = rows[:, 5] == kind
         fused.append(_merged(rows[detections], detector[detections], len(found), nms_iou))
-    return suppress_by_class(np.concatenate(fused), nms_iou, most)
+    return suppress_by_class(np.concatenate(fused), nms_iou)
 
 
 def _merged(rows: np.ndarray, detector: np.ndarray, detectors: int, nms_iou: float) -> np.ndarray:

@@ -29,19 +29,15 @@ class InferenceWidths:
     widths: tuple[int, ...]
     gates_px: tuple[float, ...] = ()
 
-    def scaled(self, factor: float) -> InferenceWidths:
-        """Return a copy with gates in pixels of an image with `factor` times the width of a photo."""
-        return InferenceWidths(self.widths, tuple(factor * gate for gate in self.gates_px))
-
     def within(self, widest: int) -> InferenceWidths:
         """Return a copy with `widest` in place of all wider widths, since upscaling adds no detail."""
         fewer = sum(width < widest for width in self.widths)
         widths = (*self.widths[:fewer], widest) if fewer < len(self.widths) else self.widths
         return InferenceWidths(widths, self.gates_px[: len(widths) - 1])
 
-    def ranges_px(self) -> list[tuple[float, float]]:
-        """Return the minimum and maximum longer side of the boxes used at each width."""
-        edges = [np.inf, *self.gates_px, 0.0]
+    def ranges_px(self, factor: float) -> list[tuple[float, float]]:
+        """Return the minimum and maximum longer side of boxes at each width, px of an image as in `merge`."""
+        edges = [np.inf, *(factor * gate for gate in self.gates_px), 0.0]
         return [(low / _OVERLAP, high * _OVERLAP) for high, low in pairwise(edges)]
 
 
@@ -66,47 +62,32 @@ class ClassInferenceWidths:
         """All inference widths, ascending."""
         return sorted({width for sizes in self.by_class for width in sizes.widths})
 
-    def scaled(self, factor: float) -> ClassInferenceWidths:
-        """Return a copy, see `InferenceWidths.scaled`."""
-        return ClassInferenceWidths(tuple(sizes.scaled(factor) for sizes in self.by_class))
-
     def within(self, widest: int) -> ClassInferenceWidths:
         """Return a copy, see `InferenceWidths.within`."""
         return ClassInferenceWidths(tuple(sizes.within(widest) for sizes in self.by_class))
 
 
-def merge(found: Mapping[int, np.ndarray], sizes: ClassInferenceWidths, nms_iou: float, most: int) -> np.ndarray:
-    """Merge the boxes of one image at all `sizes.widths`.
+def merge(
+    found: Mapping[int, np.ndarray], sizes: ClassInferenceWidths, nms_iou: float, factor: float = 1.0
+) -> np.ndarray:
+    """Merge the boxes (n, 6) of one image at each width.
 
-    Parameters
-    ----------
-    found : mapping of width to (n, 6)
-        x0, y0, x1, y1 in pixels of a photo 1936 px wide, confidence, class.
-    nms_iou
-        IoU threshold of non-maximum suppression.
-    most
-        Maximum number of returned boxes.
-
-    Returns
-    -------
-    (m, 6), in descending order of confidence
+    Boxes are x0, y0, x1, y1 in pixels of an image with `factor` times the width of a photo, confidence, class; the
+    result is in descending order of confidence.
     """
     if len(sizes.widths) == 1:
         return found[sizes.widths[0]]
     selected = []
     for kind, class_sizes in enumerate(sizes.by_class):
-        for width, (smallest, largest) in zip(class_sizes.widths, class_sizes.ranges_px(), strict=True):
+        for width, (smallest, largest) in zip(class_sizes.widths, class_sizes.ranges_px(factor), strict=True):
             rows = found[width]
             side = (rows[:, 2:4] - rows[:, :2]).max(axis=1, initial=0)
             selected.append(rows[(rows[:, 5] == kind) & (side >= smallest) & (side < largest)])
-    return suppress_by_class(np.concatenate(selected), nms_iou, most)
+    return suppress_by_class(np.concatenate(selected), nms_iou)
 
 
 def choose_sizes(
-    labels: Sequence[tuple[np.ndarray, np.ndarray]],
-    found: Mapping[int, Sequence[np.ndarray]],
-    nms_iou: float,
-    most: int,
+    labels: Sequence[tuple[np.ndarray, np.ndarray]], found: Mapping[int, Sequence[np.ndarray]], nms_iou: float
 ) -> ClassInferenceWidths:
     """Return the widths and gates with the maximum AP@0.5 of each class.
 
@@ -137,7 +118,7 @@ def choose_sizes(
             dict(zip(sizes.widths, rows, strict=True))
             for rows in zip(*(found[width] for width in sizes.widths), strict=True)
         )
-        merged = [merge(by_width, ClassInferenceWidths.same(sizes), nms_iou, most) for by_width in of_pictures]
+        merged = [merge(by_width, ClassInferenceWidths.same(sizes), nms_iou) for by_width in of_pictures]
         ranked = metrics.rank_classes(labels, merged, np.array([0.5]))
         return np.array([metrics.precision_at_recalls(of_class).mean() for of_class in ranked])
 

@@ -8,23 +8,14 @@ import numpy as np
 
 from polarsim.photo import BOX_CLASSES
 
+MAX_BOXES = 300  # maximum number of boxes per image, as in the validation of YOLOv5
+
 
 def suppress(boxes: np.ndarray, scores: np.ndarray, iou_threshold: float) -> np.ndarray:
-    """Return the indices of boxes after greedy non-maximum suppression, in descending order of confidence.
+    """Return the indices (k,) int64 of boxes (n, 4) after greedy suppression, by descending scores (n,), all above 0.
 
     The compiled loop of OpenCV is 50 times faster than the torch implementation of Ultralytics, which dominates the
     inference time.
-
-    Parameters
-    ----------
-    boxes : (n, 4)
-        x0, y0, x1, y1.
-    scores : (n,)
-        Above 0.
-
-    Returns
-    -------
-    (k,) int64
     """
     import cv2
 
@@ -33,26 +24,17 @@ def suppress(boxes: np.ndarray, scores: np.ndarray, iou_threshold: float) -> np.
     return np.asarray(cv2.dnn.NMSBoxes(sides, scores.astype(float).tolist(), 0.0, iou_threshold), np.int64).reshape(-1)
 
 
-def suppress_by_class(rows: np.ndarray, iou_threshold: float, most: int) -> np.ndarray:
-    """Apply non-maximum suppression to boxes (n, 6) of each class.
+def suppress_by_class(rows: np.ndarray, iou_threshold: float) -> np.ndarray:
+    """Return at most `MAX_BOXES` boxes (k, 6) x0, y0, x1, y1, confidence, class after suppression in each class.
 
-    Parameters
-    ----------
-    rows : (n, 6)
-        x0, y0, x1, y1, confidence, class.
-    most
-        Maximum number of returned boxes.
-
-    Returns
-    -------
-    (k, 6), in descending order of confidence
+    Boxes are in descending order of confidence.
     """
     kept = [rows[:0]]
     for kind in range(len(BOX_CLASSES)):
         of_class = rows[rows[:, 5] == kind]
         kept.append(of_class[suppress(of_class[:, :4], of_class[:, 4], iou_threshold)] if len(of_class) else of_class)
     table = np.concatenate(kept)
-    return table[np.argsort(-table[:, 4], kind="stable")[:most]]
+    return table[np.argsort(-table[:, 4], kind="stable")[:MAX_BOXES]]
 
 
 def nms(boxes: Any, scores: Any, iou_threshold: float) -> Any:

@@ -133,9 +133,8 @@ def predict_images(
         raise DetectError(f"images of sizes {sorted({picture.shape for picture in pictures})}, expected equal sizes")
     widths = sizes.widths
     by_width = [_detect_at(loaded, pictures, width, full) for width in widths]
-    in_full = sizes.scaled(full[0] / WIDTH)  # from pixels of a photo
     for results in zip(*by_width, strict=True):
-        yield merge(dict(zip(widths, results, strict=True)), in_full, nms_iou, detectors.MAX_BOXES)
+        yield merge(dict(zip(widths, results, strict=True)), sizes, nms_iou, full[0] / WIDTH)
 
 
 def _detect_at(

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.cover_photos.merging import merge_seeds
 from polarsim.cover_photos.scores import cover_metrics, cross_calibrated, score_covers
+from polarsim.cover_photos.widths import merge_seeds
 from polarsim.detect.options import ComparisonOptions, PredictionOptions, TrainingOptions
 from polarsim.formats import png, tables, yolo
 from polarsim.photo import PhotoKey

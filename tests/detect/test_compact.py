@@ -297,7 +297,7 @@ def test_suppression_is_per_class_and_limits_the_number_of_boxes(monkeypatch):
     rows = decode_boxes(logits, boxes, PREDICTION)[0]
     assert rows[:, 5].tolist() == [0, 1]  # the second rock duplicates the first rock
     np.testing.assert_allclose(rows[:, 4], [1 / (1 + math.exp(-2)), 0.5], rtol=1e-6)
-    monkeypatch.setattr("polarsim.detect.detectors.compact.weights.MAX_BOXES", 1)
+    monkeypatch.setattr("polarsim.detect.nms.MAX_BOXES", 1)
     assert len(decode_boxes(logits, boxes, PREDICTION)[0]) == 1
 
 

@@ -21,39 +21,37 @@ def at(narrow, wide):
 
 
 def test_small_boxes_come_from_the_wide_image_and_large_boxes_from_the_narrow_image():
-    found = merge(at(rows(20, 200), rows(20, 200, left=1000)), BOTH, 0.5, 300)
+    found = merge(at(rows(20, 200), rows(20, 200, left=1000)), BOTH, 0.5)
     assert sorted(found[:, 0].tolist()) == [30.0, 1000.0]  # 200 px of the narrow image, 20 px of the wide image
 
 
 def test_a_rock_at_the_gate_is_found_at_both_widths_and_kept_once():
-    found = merge(at(rows(64, confidence=0.4), rows(64, confidence=0.6)), BOTH, 0.5, 300)
+    found = merge(at(rows(64, confidence=0.4), rows(64, confidence=0.6)), BOTH, 0.5)
     assert found[:, 4].tolist() == [0.6]
-    other = merge(at(rows(64, confidence=0.4), rows(64, confidence=0.6, kind=1)), BOTH, 0.5, 300)
+    other = merge(at(rows(64, confidence=0.4), rows(64, confidence=0.6, kind=1)), BOTH, 0.5)
     assert other[:, 5].tolist() == [1, 0]  # a rock and its shadow do not suppress each other
 
 
 def test_gates_follow_the_size_of_the_picture():
-    found = merge(at(rows(18), rows(18, left=500)), BOTH.scaled(0.25), 0.5, 300)
+    found = merge(at(rows(18), rows(18, left=500)), BOTH, 0.5, 0.25)
     assert found[:, 0].tolist() == [0.0, 500.0]  # the gate of a quarter photo is 16 px, so 18 px is in both ranges
 
 
-@given(st.lists(st.floats(1, 500), min_size=1, max_size=8), st.integers(1, 5))
-def test_merging_keeps_the_most_confident_boxes(sides, most):
+@given(st.lists(st.floats(1, 500), min_size=1, max_size=8))
+def test_every_box_is_in_the_range_of_a_width(sides):
     wide = rows(*sides, confidence=0.3)
-    found = merge(at(rows(*sides, confidence=0.2), wide), BOTH, 0.5, most)
-    assert len(found) <= most
+    found = merge(at(rows(*sides, confidence=0.2), wide), BOTH, 0.5)
+    assert len(found) == len(sides)
     assert (np.diff(found[:, 4]) <= 0).all()
-    assert set(map(tuple, found[:, :4])) <= set(map(tuple, wide[:, :4]))
-    if most >= len(sides):
-        assert len(found) == len(sides)  # every box is in the range of at least one width
+    assert set(map(tuple, found[:, :4])) == set(map(tuple, wide[:, :4]))
 
 
 def test_widths_are_chosen_by_average_precision():
     """Both widths are needed if small rocks are found only in wide images and large rocks only in narrow images."""
     labels = [(np.array([0, 0]), rows(20, 300)[:, :4])]
     found = {512: [rows(20, 300)[1:]], 896: [rows(20, 300)[:1]]}
-    assert choose_sizes(labels, found, 0.5, 300).widths == [512, 896]
-    assert choose_sizes(labels, {512: [rows(20, 300)], 896: [rows(5)]}, 0.5, 300) == ClassInferenceWidths.same(
+    assert choose_sizes(labels, found, 0.5).widths == [512, 896]
+    assert choose_sizes(labels, {512: [rows(20, 300)], 896: [rows(5)]}, 0.5) == ClassInferenceWidths.same(
         InferenceWidths((512,))
     )
 
@@ -65,9 +63,9 @@ def test_each_class_has_separate_widths():
     shadow[5] = 1
     wrong = rows(250, left=5000, confidence=0.9, kind=1)
     found = {512: [np.vstack([shadow])], 896: [np.vstack([rock, wrong])]}
-    sizes = choose_sizes(labels, found, 0.5, 300)
+    sizes = choose_sizes(labels, found, 0.5)
     assert sizes == ClassInferenceWidths((InferenceWidths((896,)), InferenceWidths((512,))))
-    merged = merge({width: rows[0] for width, rows in found.items()}, sizes, 0.5, 300)
+    merged = merge({width: rows[0] for width, rows in found.items()}, sizes, 0.5)
     assert sorted(merged[:, 5]) == [0, 1]
     assert wrong[0, 0] not in merged[:, 0]
 
@@ -78,12 +76,6 @@ def test_each_class_has_separate_widths():
 def test_inconsistent_widths_and_gates_are_an_error(given):
     with pytest.raises(ValidationError):
         PredictionOptions.model_validate(given)
-
-
-def test_widths_of_the_options_apply_to_every_class():
-    named = ClassInferenceWidths.named(PredictionOptions(widths=[512, 1024], gates_px=[48]))
-    assert named == ClassInferenceWidths.same(InferenceWidths((512, 1024), (48.0,)))
-    assert ClassInferenceWidths.named(PredictionOptions()) is None
 
 
 def test_images_are_not_upscaled():

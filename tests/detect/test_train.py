@@ -13,9 +13,9 @@ import pytest
 from polarsim.detect import detectors
 from polarsim.detect import train as train_module
 from polarsim.detect.dataset import dataset_images, make_dataset
-from polarsim.detect.detectors.families import MAX_BOXES
 from polarsim.detect.detectors.yolo.library import ultralytics
 from polarsim.detect.evaluate import Evaluation, evaluate
+from polarsim.detect.nms import MAX_BOXES
 from polarsim.detect.options import (
     ComparisonOptions,
     PicturesOptions,

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.cover_photos.merging import merge_seeds
+from polarsim.cover_photos.widths import merge_seeds
 from polarsim.detect.options import PredictionOptions
 from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting

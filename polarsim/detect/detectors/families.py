@@ -19,7 +19,6 @@ LoadedDetector = Callable[[np.ndarray], list[np.ndarray]]
 # The same images -> probability of each class of `class_masks` in each cell, (b, classes, h / n, w / n) float32; a cell
 # has n x n px.
 LoadedMasks = Callable[[np.ndarray], np.ndarray]
-MAX_BOXES = 300  # maximum number of boxes per image, as in the validation of YOLOv5
 
 
 @dataclass(frozen=True)

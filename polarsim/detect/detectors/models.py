@@ -12,7 +12,7 @@ from polarsim.detect.calibration import calibrate_boxes
 from polarsim.detect.detectors.devices import choose_device, has_bfloat16, load_torch
 from polarsim.detect.detectors.families import Family, LoadedDetector, LoadedMasks
 from polarsim.detect.detectors.files import Detector
-from polarsim.detect.mirrored import detect_with_mirror, segment_with_mirror
+from polarsim.detect.fusion import fuse
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
 
@@ -81,6 +81,30 @@ def _without_tf32(loaded: Callable[[np.ndarray], Predicted]) -> Callable[[np.nda
             return loaded(pictures)
 
     return predict
+
+
+def detect_with_mirror(loaded: LoadedDetector, nms_iou: float) -> LoadedDetector:
+    """Return a detector that merges the boxes of an image and the image mirrored left to right, see `fuse`."""
+
+    def detect(pictures: np.ndarray) -> list[np.ndarray]:
+        both = []
+        for boxes, turned in zip(loaded(pictures), loaded(_mirrored(pictures)), strict=True):
+            mirrored = turned.copy()
+            mirrored[:, [0, 2]] = pictures.shape[2] - turned[:, [2, 0]]
+            both.append(fuse([boxes, mirrored], nms_iou))
+        return both
+
+    return detect
+
+
+def segment_with_mirror(loaded: LoadedMasks) -> LoadedMasks:
+    """Return mask inference that averages the probabilities of an image and the mirrored image."""
+    return lambda pictures: (loaded(pictures) + _mirrored(loaded(_mirrored(pictures)))) / np.float32(2)
+
+
+def _mirrored(pictures: np.ndarray) -> np.ndarray:
+    """Reverse the columns of images (..., w)."""
+    return np.ascontiguousarray(pictures[..., ::-1])
 
 
 def detector_name(model: str) -> str:

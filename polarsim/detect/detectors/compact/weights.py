@@ -13,7 +13,7 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from polarsim.detect.detectors.compact.network import WIDTHS, Compact
 from polarsim.detect.detectors.devices import choose_device
-from polarsim.detect.detectors.families import MAX_BOXES, LoadedDetector, LoadedMasks
+from polarsim.detect.detectors.families import LoadedDetector, LoadedMasks
 from polarsim.detect.detectors.files import Detector
 from polarsim.detect.nms import suppress_by_class
 from polarsim.detect.options import PredictionOptions
@@ -117,5 +117,5 @@ def decode_boxes(logits: Tensor, boxes: Tensor, options: PredictionOptions) -> l
             likely = surest > options.confidence
             surest, corners = surest[likely], box[kind][:, index[likely]].T
             rows.append(np.column_stack([corners, surest, np.full(len(surest), kind)]).astype(float))
-        pictures.append(suppress_by_class(np.concatenate(rows), options.nms_iou, MAX_BOXES))
+        pictures.append(suppress_by_class(np.concatenate(rows), options.nms_iou))
     return pictures

@@ -12,9 +12,10 @@ import pandas as pd
 
 from polarsim.detect.dataset import dataset_images
 from polarsim.detect.detectors.devices import choose_device, computes_bfloat16
-from polarsim.detect.detectors.families import MAX_BOXES, Trained, Training
+from polarsim.detect.detectors.families import Trained, Training
 from polarsim.detect.detectors.yolo.library import ultralytics
 from polarsim.detect.detectors.yolo.weights import load_start
+from polarsim.detect.nms import MAX_BOXES
 from polarsim.detect.split import TRAIN, VAL
 from polarsim.errors import DetectError, with_path
 from polarsim.formats import tables

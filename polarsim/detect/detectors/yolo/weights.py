@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from polarsim.detect.detectors.devices import choose_device, load_torch
-from polarsim.detect.detectors.families import MAX_BOXES, LoadedDetector, LoadedMasks
+from polarsim.detect.detectors.families import LoadedDetector, LoadedMasks
 from polarsim.detect.detectors.files import Detector, read_detector
 from polarsim.detect.detectors.yolo.library import ultralytics
+from polarsim.detect.nms import MAX_BOXES
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
 from polarsim.formats.readers import reason_of
