@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from polarsim.formats.tables import read_parquet
-from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks, write_table
+from polarsim.report.layout import MISSING, write_blocks, write_table
 from polarsim.schemas.rover import AUTONOMY, AUTONOMY_DETECTORS, AUTONOMY_EFFECTS, AUTONOMY_RANK
 
 CAPTION = (
@@ -49,12 +49,11 @@ def tabulate_autonomy(
     *, together: Path, effects: Path, stem: Path, effects_stem: Path, origin: Mapping[str, str]
 ) -> None:
     """Write the table of autonomous drives and the table of effects as CSV, Parquet, Markdown and LaTeX."""
-    notes = [INTERVALS, origin_note(origin)]
     table = read_parquet(together, AUTONOMY.columns)
-    write_table(stem, with_origin(table, origin), CAPTION, layout=format_autonomy(table), notes=notes)
+    write_table(stem, table, CAPTION, layout=format_autonomy(table), notes=[INTERVALS], origin=origin)
     changed = read_parquet(effects, AUTONOMY_EFFECTS.columns)
     layout = format_effects(changed)
-    write_table(effects_stem, with_origin(changed, origin), EFFECTS_CAPTION, layout=layout, notes=notes)
+    write_table(effects_stem, changed, EFFECTS_CAPTION, layout=layout, notes=[INTERVALS], origin=origin)
 
 
 def tabulate_rank(*, by_detector: Path, ranks: Path, stem: Path, origin: Mapping[str, str]) -> None:
@@ -62,7 +61,7 @@ def tabulate_rank(*, by_detector: Path, ranks: Path, stem: Path, origin: Mapping
     table = read_parquet(ranks, AUTONOMY_RANK.columns)
     detectors = read_parquet(by_detector, AUTONOMY_DETECTORS.columns)
     blocks = {DETECTORS_CAPTION: detectors, RANK_CAPTION: format_rank(table)}
-    write_blocks(stem, with_origin(table, origin), blocks, [*RANK_NOTES, origin_note(origin)])
+    write_blocks(stem, table, blocks, RANK_NOTES, origin)
 
 
 def format_autonomy(table: pd.DataFrame) -> pd.DataFrame:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -10,7 +10,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import paper
-from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks
+from polarsim.report.layout import MISSING, write_blocks
 from polarsim.report.training_seeds import SEED, over_seeds, seed_notes
 from polarsim.schemas import detect
 from polarsim.schemas.report import DETECTION
@@ -35,12 +35,11 @@ def tabulate_detection(*, detection: Path, stem: Path, origin: dict[str, str], o
     notes += seed_notes(table)
     if table["paper_map50"].notna().any():
         notes.append("Paper: YOLOv5 from pre-trained weights, 200 epochs, 1,730 test photos, rocks only.")
-    notes.append(origin_note(origin))
     blocks = {CAPTION: format_detection(table)}
     if not seed_notes(table):
         unit = "/".join(sorted(set(table["unit"].astype(str)))) or "view"
         blocks[INTERVAL_CAPTION.format(unit)] = format_intervals(table)
-    write_blocks(stem, with_origin(table, origin), blocks, notes)
+    write_blocks(stem, table, blocks, notes, origin)
 
 
 def tidy_detection(detection: pd.DataFrame, source: str) -> pd.DataFrame:
@@ -133,7 +132,6 @@ def notes_below(
     table: pd.DataFrame,
     notes: Sequence[str],
     detection: Path | None,
-    origin: Mapping[str, str],
     domains: Sequence[str] = ("trained", "evaluated"),
 ) -> list[str]:
     """Return all notes below a table of detectors: `notes` and the notes common to all such tables.
@@ -142,4 +140,4 @@ def notes_below(
     names the analog, the first note says so.
     """
     detectors = [] if detection is None else detector_notes(read_parquet(detection, detect.DETECTION.columns))
-    return [*paper.analog_notes(table, domains), *notes, *seed_notes(table), *detectors, origin_note(origin)]
+    return [*paper.analog_notes(table, domains), *notes, *seed_notes(table), *detectors]

@@ -10,9 +10,8 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.report import paper
 from polarsim.report.detection_table import KINDS, notes_below, tabulate_detection
-from polarsim.report.ipd_rocks_table import tabulate_ipd_rocks
-from polarsim.report.ipd_table import tabulate_ipd
-from polarsim.report.layout import MISSING, with_origin, write_blocks, write_table
+from polarsim.report.ipd_table import tabulate_ipd, tabulate_ipd_rocks
+from polarsim.report.layout import MISSING, write_blocks, write_table
 from polarsim.report.training_seeds import SEED, by_splits, metric_cell, over_seeds
 from polarsim.schemas.detect import BREAKDOWN, DIFFERENCES, FALSE_POSITIVES
 
@@ -84,9 +83,9 @@ def tabulate_false_positives(
     table = paper.sorted_rows(
         table, table["region"], *(table[name].map(paper.domain_rank) for name in ("trained", "evaluated"))
     )
-    notes = notes_below(table, FALSE_POSITIVE_NOTES, detection, origin)
+    notes = notes_below(table, FALSE_POSITIVE_NOTES, detection)
     shown_table = format_false_positives(table)
-    write_table(stem, with_origin(table, origin), FALSE_POSITIVE_CAPTION, layout=shown_table, notes=notes)
+    write_table(stem, table, FALSE_POSITIVE_CAPTION, layout=shown_table, notes=notes, origin=origin)
 
 
 def format_false_positives(table: pd.DataFrame) -> pd.DataFrame:
@@ -113,9 +112,9 @@ def format_false_positives(table: pd.DataFrame) -> pd.DataFrame:
 def tabulate_breakdown(*, breakdown: Path, stem: Path, origin: dict[str, str], detection: Path | None = None) -> None:
     """Write tables/detection_breakdown.{csv,md,tex,parquet} from detect/breakdown.parquet."""
     table = tidy_breakdown(read_parquet(breakdown, BREAKDOWN.columns), origin["source"])
-    notes = notes_below(table, BREAKDOWN_NOTES, detection, origin)
+    notes = notes_below(table, BREAKDOWN_NOTES, detection)
     blocks = {BREAKDOWN_CAPTIONS[str(by)]: format_breakdown(part) for by, part in table.groupby("by", sort=False)}
-    write_blocks(stem, with_origin(table, origin), blocks or {BREAKDOWN_CAPTIONS["all"]: table}, notes)
+    write_blocks(stem, table, blocks or {BREAKDOWN_CAPTIONS["all"]: table}, notes, origin)
 
 
 def tidy_breakdown(breakdown: pd.DataFrame, source: str) -> pd.DataFrame:
@@ -150,9 +149,9 @@ def tabulate_differences(*, differences: Path, detection: Path, stem: Path, orig
     """Write tables/differences.{csv,md,tex,parquet} from detect/differences.parquet."""
     table = tidy_differences(read_parquet(differences, DIFFERENCES.columns), origin["source"])
     resampled = [f"Resampled: {unit}s." for unit in sorted(set(table["unit"].astype(str)))]
-    notes = notes_below(table, [DIFFERENCE_NOTE, *resampled], detection, origin, domains=())
+    notes = notes_below(table, [DIFFERENCE_NOTE, *resampled], detection, domains=())
     shown_table = format_differences(table)
-    write_table(stem, with_origin(table, origin), DIFFERENCE_CAPTION, layout=shown_table, notes=notes)
+    write_table(stem, table, DIFFERENCE_CAPTION, layout=shown_table, notes=notes, origin=origin)
 
 
 def tidy_differences(differences: pd.DataFrame, source: str) -> pd.DataFrame:

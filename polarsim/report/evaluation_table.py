@@ -12,7 +12,7 @@ import pandas as pd
 
 from polarsim.errors import PolarsimError
 from polarsim.formats.tables import read_csv
-from polarsim.report.layout import MISSING, format_value, origin_note, with_origin, write_table
+from polarsim.report.layout import MISSING, format_value, write_table
 from polarsim.scoring.consistency_warnings import warnings_of
 from polarsim.scoring.metrics import BOX_METRICS, COLUMNS, STAGES, metrics_table
 
@@ -37,8 +37,8 @@ def gather_evaluation(*, parts: list[Path], stem: Path, origin: dict[str, str]) 
     Notes below the table list the disagreements that the run's checks of consistency found.
     """
     table = join_metrics([read_csv(path, COLUMNS) for path in parts])
-    notes = ["The CSV file contains n.", *warnings_of(table), origin_note(origin)]
-    write_table(stem, with_origin(table, origin), CAPTION, layout=format_evaluation(table), notes=notes)
+    notes = ["The CSV file contains n.", *warnings_of(table)]
+    write_table(stem, table, CAPTION, layout=format_evaluation(table), notes=notes, origin=origin)
 
 
 def join_metrics(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:

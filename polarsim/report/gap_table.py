@@ -10,7 +10,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import paper
-from polarsim.report.layout import MISSING, origin_note, with_origin, write_blocks
+from polarsim.report.layout import MISSING, write_blocks
 from polarsim.report.training_seeds import by_splits, over_seeds, seed_notes
 from polarsim.schemas.detect import ABLATION
 from polarsim.schemas.report import GAP
@@ -38,8 +38,8 @@ def tabulate_gap(*, ablation: Path, stem: Path, origin: dict[str, str]) -> None:
     }
     blocks["Replaced components."] = table[["component", "replaced"]].drop_duplicates().reset_index(drop=True)
     analog = [paper.ANALOG_PICTURES_NOTE] if origin["source"] == paper.ANALOG else []
-    notes = [*analog, *NOTES, *ablation_notes(table), *seed_notes(table), origin_note(origin)]
-    write_blocks(stem, with_origin(table, origin), blocks, notes)
+    notes = [*analog, *NOTES, *ablation_notes(table), *seed_notes(table)]
+    write_blocks(stem, table, blocks, notes, origin)
 
 
 def tidy_gap(ablation: pd.DataFrame, source: str) -> pd.DataFrame:

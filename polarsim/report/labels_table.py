@@ -10,7 +10,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import AZIMUTHS, BOX_CLASSES
-from polarsim.report.layout import MISSING, grid, origin_note, with_origin, write_blocks, write_table
+from polarsim.report.layout import MISSING, grid, write_blocks, write_table
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.schemas.report import LABELS
 from polarsim.scoring.labels import ALL, ANNOTATED, PROPAGATION_TASKS
@@ -46,12 +46,12 @@ def tabulate_labels(
     rows = label_scores(all_pairs)
     compared = " and ".join(TRUTH_NAMES[name] for name in sorted(set(all_pairs["against"]))) or "no reference"
     started = f"Seeds: {seeds}."
-    notes = [f"{started} Reference: {compared}. {NOTE}", origin_note(origin)]
-    write_blocks(table, with_origin(rows.assign(seeds=seeds), origin), format_labels(rows), notes)
+    notes = [f"{started} Reference: {compared}. {NOTE}"]
+    write_blocks(table, rows.assign(seeds=seeds), format_labels(rows), notes, origin)
     bins = reliability_table(all_pairs)
     shown = bins.assign(labels=bins["labels"].round().astype("int64"))
-    marked = with_origin(bins.assign(seeds=seeds), origin)
-    write_table(reliability, marked, RELIABILITY_CAPTION, layout=shown, notes=[started, origin_note(origin)])
+    bins = bins.assign(seeds=seeds)
+    write_table(reliability, bins, RELIABILITY_CAPTION, layout=shown, notes=[started], origin=origin)
 
 
 def label_scores(pairs: pd.DataFrame) -> pd.DataFrame:

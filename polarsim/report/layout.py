@@ -14,6 +14,7 @@ from polarsim.formats.files import write_text
 from polarsim.formats.tables import write_csv, write_parquet
 
 ORIGIN_COLUMNS = ("run", "source", "config")  # name of the run, kind of its source, hash of its configuration
+ORIGIN_NOTE = "Run {run}, source {source}, configuration {config}."
 MISSING = "–"  # a cell without a value
 
 # Decimals by the suffix of the column name; three for all other columns.
@@ -34,26 +35,36 @@ def with_origin(table: pd.DataFrame, origin: Mapping[str, str]) -> pd.DataFrame:
     return pd.concat([pd.DataFrame(columns), table.reset_index(drop=True)], axis=1)
 
 
-def origin_note(origin: Mapping[str, str]) -> str:
-    """Return the origin as a sentence for Markdown and LaTeX."""
-    return "Run {run}, source {source}, configuration {config}.".format(**origin)
-
-
 def write_table(
-    stem: Path, table: pd.DataFrame, caption: str, *, layout: pd.DataFrame | None = None, notes: Sequence[str] = ()
+    stem: Path,
+    table: pd.DataFrame,
+    caption: str,
+    *,
+    layout: pd.DataFrame | None = None,
+    notes: Sequence[str] = (),
+    origin: Mapping[str, str] | None = None,
 ) -> None:
     """Write stem.csv, stem.parquet, stem.md and stem.tex.
 
     CSV (six digits) and Parquet (all digits) contain `table`, Markdown and LaTeX contain `layout` (default: the same
     rows) and the notes below.
     """
-    write_blocks(stem, table, {caption: table if layout is None else layout}, notes)
+    write_blocks(stem, table, {caption: table if layout is None else layout}, notes, origin)
 
 
 def write_blocks(
-    stem: Path, table: pd.DataFrame, blocks: Mapping[str, pd.DataFrame], notes: Sequence[str] = ()
+    stem: Path,
+    table: pd.DataFrame,
+    blocks: Mapping[str, pd.DataFrame],
+    notes: Sequence[str] = (),
+    origin: Mapping[str, str] | None = None,
 ) -> None:
-    """Write the four files of `write_table`; Markdown and LaTeX contain several tables by caption, then the notes."""
+    """Write the four files of `write_table`; Markdown and LaTeX contain several tables by caption, then the notes.
+
+    With an `origin`, the first columns and the last note name the run, the source and the configuration.
+    """
+    if origin:
+        table, notes = with_origin(table, origin), [*notes, ORIGIN_NOTE.format(**origin)]
     write_csv(_form(stem, ".csv"), table)
     write_parquet(_form(stem, ".parquet"), table)
     notes_of = dict.fromkeys(blocks, ()) | dict.fromkeys(list(blocks)[-1:], tuple(notes))

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats.tables import read_csv, read_parquet
-from polarsim.report.layout import MISSING, grid, origin_note, with_origin, write_blocks
+from polarsim.report.layout import MISSING, grid, write_blocks
 from polarsim.schemas.evaluation import TWIN_PAIRS
 from polarsim.schemas.report import RENDER
 from polarsim.scoring.metrics import COLUMNS as METRIC_COLUMNS
@@ -33,8 +33,8 @@ def tabulate_render(
     boxes = box_rows(scores)
     rows = pd.concat([similarity_rows(likeness), boxes], ignore_index=True).astype(COLUMNS)
     against = " and ".join(TRUTH_NAMES[name] for name in TRUTH_NAMES if name in set(scores["against"]))
-    notes = [NOTE, *([f"Boxes against {against}."] if len(boxes) else []), origin_note(origin)]
-    write_blocks(table, with_origin(rows, origin), format_table(rows), notes)
+    notes = [NOTE, *([f"Boxes against {against}."] if len(boxes) else [])]
+    write_blocks(table, rows, format_table(rows), notes, origin)
 
 
 def similarity_rows(pairs: pd.DataFrame) -> pd.DataFrame:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pandas as pd
 
 from polarsim.formats.tables import read_parquet
-from polarsim.report.layout import origin_note, with_origin, write_table
+from polarsim.report.layout import write_table
 from polarsim.schemas.rover import DRIVE_METRICS, DRIVES, ONBOARD
 
 DRIVES_CAPTION = (
@@ -22,19 +22,12 @@ ONBOARD_CAPTION = (
 )
 
 
-def tabulate_rover(
-    *,
-    drives: Path,
-    each: Path,
-    stem: Path,
-    each_stem: Path,
-    origin: Mapping[str, str],
-) -> None:
+def tabulate_rover(*, drives: Path, each: Path, stem: Path, each_stem: Path, origin: Mapping[str, str]) -> None:
     """Write the table of means over drives and the table of single drives as CSV, Parquet, Markdown and LaTeX."""
     wide = drive_rows(read_parquet(each, DRIVE_METRICS.columns))
     note = f"{_ends(wide)} Intervals: 95 %, Student's t over seeds."
-    _write(stem, read_parquet(drives, DRIVES.columns), DRIVES_CAPTION, origin, note)
-    _write(each_stem, wide, EACH_CAPTION, origin)
+    write_table(stem, read_parquet(drives, DRIVES.columns), DRIVES_CAPTION, notes=[note], origin=origin)
+    write_table(each_stem, wide, EACH_CAPTION, origin=origin)
 
 
 def tabulate_onboard(*, onboard: Path, stem: Path, origin: Mapping[str, str]) -> None:
@@ -42,11 +35,7 @@ def tabulate_onboard(*, onboard: Path, stem: Path, origin: Mapping[str, str]) ->
     note = "Intervals: 95 %, bootstrap over rides (one drive under one Sun)."
     # In report tables, `source` is the source of the run's photos.
     table = read_parquet(onboard, ONBOARD.columns).rename(columns={"source": "boxes"})
-    _write(stem, table, ONBOARD_CAPTION, origin, note)
-
-
-def _write(stem: Path, table: pd.DataFrame, caption: str, origin: Mapping[str, str], *notes: str) -> None:
-    write_table(stem, with_origin(table, origin), caption, layout=table, notes=[*notes, origin_note(origin)])
+    write_table(stem, table, ONBOARD_CAPTION, notes=[note], origin=origin)
 
 
 def drive_rows(each: pd.DataFrame) -> pd.DataFrame:

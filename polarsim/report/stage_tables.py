@@ -12,7 +12,7 @@ import pandas as pd
 from polarsim.formats.tables import read_csv, read_parquet
 from polarsim.geometry.poses import yaw_pitch_roll
 from polarsim.photo import CAMERAS
-from polarsim.report.layout import origin_note, with_origin, write_table
+from polarsim.report.layout import write_table
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.schemas import report
 from polarsim.schemas.table import Table
@@ -123,4 +123,4 @@ def _write(stem: Path, rows: list[dict[str, Any]], schema: Table, caption: str, 
 
 def _write_frame(stem: Path, table: pd.DataFrame, caption: str, origin: Mapping[str, str]) -> None:
     shown = table.dropna(axis="columns", how="all")
-    write_table(stem, with_origin(table, origin), caption, layout=shown, notes=[origin_note(origin)])
+    write_table(stem, table, caption, layout=shown, origin=origin)

@@ -8,7 +8,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.report import paper
-from polarsim.report.layout import origin_note, with_origin, write_blocks
+from polarsim.report.layout import write_blocks
 from polarsim.report.training_seeds import interval_text
 from polarsim.schemas.detect import BAD_DEPTH_MM, BAD_DEPTH_PERCENT, STEREO_IPD
 from polarsim.schemas.report import STEREO
@@ -29,10 +29,9 @@ def tabulate_stereo(*, stereo: Path, instances: Path, ipd: Path, stem: Path, ori
         "Over pixels visible in both cameras. bad_share: share without depth or with an error above "
         f"{BAD_DEPTH_MM:g} mm; bad_relative_share: above {BAD_DEPTH_PERCENT:g} %.",
         f"Performance of a rock: share of the rock's pixels with a depth error of at most {BAD_DEPTH_MM:g} mm.",
-        origin_note(origin),
     ]
     differences = format_ipd(read_parquet(ipd, STEREO_IPD.columns), origin["source"])
-    write_blocks(stem, with_origin(table, origin), {CAPTION: _shown(table), IPD_CAPTION: differences}, notes)
+    write_blocks(stem, table, {CAPTION: _shown(table), IPD_CAPTION: differences}, notes, origin)
 
 
 def tidy_stereo(pairs: pd.DataFrame, rocks: pd.DataFrame, source: str) -> pd.DataFrame:

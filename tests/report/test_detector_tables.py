@@ -1,7 +1,7 @@
 import pandas as pd
 
 from polarsim.formats.tables import read_csv, read_parquet, write_parquet
-from polarsim.report import detectors, ipd_rocks_table
+from polarsim.report import detectors, ipd_table
 from polarsim.schemas.detect import BREAKDOWN, FALSE_POSITIVES, IPD_ROCKS
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
@@ -56,9 +56,9 @@ def test_the_rocks_with_the_largest_difference_are_shown_and_pairs_are_in_the_or
     ]
     table = pd.DataFrame(rows, columns=list(IPD_ROCKS.columns))
     write_parquet(tmp_path / "r.parquet", table)
-    ipd_rocks_table.tabulate_ipd_rocks(rocks=tmp_path / "r.parquet", stem=tmp_path / "t", origin=ORIGIN)
+    ipd_table.tabulate_ipd_rocks(rocks=tmp_path / "r.parquet", stem=tmp_path / "t", origin=ORIGIN)
     lines = [line for line in (tmp_path / "t.md").read_text().splitlines() if line.startswith("| Hapke")]
-    assert len(lines) == ipd_rocks_table.SHOWN
+    assert len(lines) == ipd_table.SHOWN
     assert lines[0] == "| Hapke | Principled - Hapke | 1 | 8 | 4 | 0.580 | 0.500 | 0.080 |"
     assert len(read_csv(tmp_path / "t.csv")) == 8
 
@@ -67,7 +67,7 @@ def test_tables_without_rows_are_written_with_all_columns(tmp_path):
     for columns, name, write in (
         (BREAKDOWN.columns, "breakdown", detectors.tabulate_breakdown),
         (FALSE_POSITIVES.columns, "false_positives", detectors.tabulate_false_positives),
-        (IPD_ROCKS.columns, "rocks", ipd_rocks_table.tabulate_ipd_rocks),
+        (IPD_ROCKS.columns, "rocks", ipd_table.tabulate_ipd_rocks),
     ):
         write_parquet(tmp_path / "e.parquet", pd.DataFrame(columns=list(columns)))
         write(**{name: tmp_path / "e.parquet"}, stem=tmp_path / name, origin=ORIGIN)

@@ -8,7 +8,7 @@ from polarsim.formats import yolo
 from polarsim.formats.release import polygon_folder
 from polarsim.formats.tables import read_csv, read_parquet
 from polarsim.photo import HEIGHT, POLYGON_CLASSES, WIDTH, PhotoKey
-from polarsim.report.masks_table import tabulate_masks
+from polarsim.report.covers_table import tabulate_masks
 from polarsim.run_files import class_masks
 from polarsim.schemas.covers import MASK_SCORES
 from polarsim.scoring.masks import score_masks

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.report.masks_table import tabulate_masks
+from polarsim.report.covers_table import tabulate_masks
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):

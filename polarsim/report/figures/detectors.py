@@ -13,7 +13,7 @@ from polarsim.photo import BOX_CLASSES, ROCK
 from polarsim.report import paper
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, figure_title, legend_line, note, page
 from polarsim.report.figures.matrices import draw_detection, draw_ipd
-from polarsim.report.ipd_rocks_table import tidy_ipd_rocks
+from polarsim.report.ipd_table import tidy_ipd_rocks
 from polarsim.report.training_seeds import SEED, seed_means, split_panels, title_suffix
 from polarsim.schemas.detect import CURVES, IPD_ROCKS
 
