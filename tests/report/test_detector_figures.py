@@ -5,7 +5,7 @@ import pytest
 from polarsim.formats import png
 from polarsim.formats.tables import key_columns, label_table, write_parquet
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
-from polarsim.report.figures.detection_grid import draw_predictions, read_detector_results, shown_keys
+from polarsim.report.figures.detections import draw_predictions, read_detector_results, shown_keys
 from polarsim.report.figures.detections import draw_gap_rocks, most_different
 from polarsim.report.figures.detectors import draw_curves, draw_ipd_histogram
 from polarsim.report.training_seeds import seed_means, split_panels, title_suffix

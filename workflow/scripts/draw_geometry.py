@@ -3,22 +3,31 @@
 from pathlib import Path
 
 from polarsim.job_files import optional_path
-from polarsim.report.figures.geometry import draw_geometry
+from polarsim.report.figures.offsets import draw_offsets
+from polarsim.report.figures.residuals import draw_residuals
+from polarsim.report.figures.terrain import draw_terrain
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
-    draw_geometry(
+    draw_terrain(
         terrain=int(snakemake.wildcards.terrain),
         rocks=Path(snakemake.input.rocks),
         meshes=Path(snakemake.input.meshes),
+        meshes_figure=Path(snakemake.output.meshes_figure),
+        crops_figure=Path(snakemake.output.crops_figure),
+    )
+    draw_residuals(
+        terrain=int(snakemake.wildcards.terrain),
         cameras=Path(snakemake.input.cameras),
+        meshes=Path(snakemake.input.meshes),
         seeds=Path(snakemake.input.seeds),
         photos=Path(snakemake.input.photos),
         inventory=Path(snakemake.input.inventory),
         twins=optional_path(snakemake.input.twins),
+        figure=Path(snakemake.output.residuals_figure),
+    )
+    draw_offsets(
+        terrain=int(snakemake.wildcards.terrain),
         offsets=optional_path(snakemake.input.offsets),
-        meshes_figure=Path(snakemake.output.meshes_figure),
-        crops_figure=Path(snakemake.output.crops_figure),
-        residuals_figure=Path(snakemake.output.residuals_figure),
-        offsets_figure=optional_path(snakemake.output.offsets_figure),
+        figure=optional_path(snakemake.output.offsets_figure),
     )

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from polarsim.grid import GridOptions
 from polarsim.job_files import list_of_paths
-from polarsim.report.figures.photos import draw_photos
+from polarsim.report.figures.contact import draw_photos
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):

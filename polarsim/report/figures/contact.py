@@ -1,4 +1,4 @@
-"""Contact sheet of all exposure brackets of a station with labels, for the search for wrong labels."""
+"""Contact sheet of all exposure brackets of a station with labels, and all figures of the photos of a terrain."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from itertools import groupby
+from math import log2
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,21 @@ from polarsim.annotate.show import rows_of
 from polarsim.formats import png
 from polarsim.formats.files import writing
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
-from polarsim.photo import AZIMUTHS, BOX_CLASSES, CAMERAS, COLOURS, HEIGHT, LIGHTS, ROCK, SHADOW, WIDTH, PhotoKey
+from polarsim.grid import GridOptions, selected_grid
+from polarsim.photo import (
+    AZIMUTHS,
+    BOX_CLASSES,
+    CAMERAS,
+    COLOURS,
+    HEIGHT,
+    LIGHTS,
+    REFERENCE_EXPOSURE_MS,
+    ROCK,
+    SHADOW,
+    WIDTH,
+    PhotoKey,
+)
+from polarsim.report.figures.comparison import draw_comparison
 from polarsim.run_files.pictures import pictures_at
 from polarsim.tone import to_8bit
 
@@ -159,3 +174,45 @@ def _palette(count: int) -> np.ndarray:
     return np.round(
         np.concatenate([greys, *(steps * colour for colour in (COLOURS[ROCK], COLOURS[SHADOW], LINK))])
     ).astype(int)
+
+
+def draw_photos(
+    *,
+    terrain: int,
+    positions: Sequence[str],
+    grid: GridOptions,
+    photos: Path,
+    inventory: Path,
+    twins: Mapping[str, Path],
+    stand_ins: Sequence[str],
+    labels: Path,
+    rendered: Path,
+    comparisons: Sequence[Path],
+    contacts: Sequence[Path],
+) -> None:
+    """Draw a comparison of a photo with the twins and a contact sheet for each position.
+
+    `stand_ins` are reflectance models whose twins replace missing photos. Figures are in the order of `positions`.
+    """
+    sources = [photos, *(twins[model] for model in stand_ins)]
+    for position, comparison, contact in zip(positions, comparisons, contacts, strict=True):
+        keys = selected_grid(terrain, [position], grid)
+        draw_comparison(
+            key=shown_photo(keys),
+            photos=photos,
+            inventory=inventory,
+            twins=twins,
+            labels=labels,
+            rendered=rendered,
+            figure=comparison,
+        )
+        draw_contact(keys=keys, labels=labels, pictures=sources, figure=contact)
+
+
+def shown_photo(keys: Sequence[PhotoKey]) -> PhotoKey:
+    """Return the photo of a position with Sun azimuth 30, rover light off, camera L and near 256 ms, if available."""
+
+    def rank(key: PhotoKey) -> tuple[bool, str, str, float]:
+        return key.azimuth != "30", key.light, key.camera, abs(log2(key.exposure_ms / REFERENCE_EXPOSURE_MS))
+
+    return min(keys, key=rank)

@@ -1,4 +1,4 @@
-"""Histograms of the edge errors of propagated boxes."""
+"""Accuracy of labels: histograms of the edge errors of propagated boxes, and reliability of the confidence."""
 
 from __future__ import annotations
 
@@ -11,18 +11,20 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
-from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, SERIES, figure_title, legend_line, note, page
-from polarsim.report.figures.reliability import draw_reliability
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, figure_title, legend_line, note, page
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.label_pairs import EDGES, TRUE_EDGES
 from polarsim.scoring.labels import EXPOSURES, LIGHT, PROPAGATION_TASKS
 from polarsim.scoring.metrics import TRUTH_NAMES
+from polarsim.scoring.reliability import ANY_SOURCE, COLUMNS, binned_calibration_error, brier_score
 
 SIDES = ("left", "top", "right", "bottom")
 REACH = 20  # maximum error shown in the histograms, px
 COPIED = (EXPOSURES, LIGHT)  # tasks excluded from the printed medians if there are other tasks; errors are mostly 0
 _TICKS = (0, 0.01, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1)  # of the axis of shares
 _SD_OF_MAD = 1.4826  # standard deviation over median absolute deviation of a normal distribution
+_END = 0.01  # offset of the logarithmic axis at a share of 1
+TICKS = (0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1)
 
 
 def draw_label_scores(
@@ -102,3 +104,64 @@ def _draw_edge(axes: Any, parts: Mapping[str, np.ndarray]) -> None:
     spread = _SD_OF_MAD * float(np.median(np.abs(errors - median)))
     text = f"n {len(errors)}\nmedian {median:+.1f}\nrobust sd {spread:.1f}"
     axes.text(0.98, 0.97, text, transform=axes.transAxes, ha="right", va="top", color=FAINT, fontsize="small")
+
+
+def draw_reliability(*, reliability: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
+    """Write the reliability diagram from tables/reliability.parquet, a panel per kind."""
+    bins = read_parquet(reliability, list(COLUMNS))
+    with page(figure, width, round(width * 0.7)) as sheet:
+        if not len(bins):
+            note(sheet, "no label was compared with a true box")
+            return
+        sources = sorted(set(bins["label_source"]) - {ANY_SOURCE})
+        colours = dict(zip(sources, SERIES * len(sources), strict=False)) | {ANY_SOURCE: INK}
+        figure_title(sheet, f"Reliability of the labels' confidence with 95 % intervals, source {origin['source']}")
+        for axes, kind in zip(sheet.subplots(1, len(BOX_CLASSES)), BOX_CLASSES, strict=True):
+            _draw_kind(axes, bins[bins["kind"] == kind], colours)
+            axes.set_title(kind)
+        sheet.axes[0].set_ylabel("share of correct labels")
+        lines = [legend_line(color=colours[name], **_style(name)) for name in (*sources, ANY_SOURCE)]
+        sheet.legend(lines, [*sources, "all sources"], loc="outside lower center", ncols=len(lines))
+
+
+def stretched(share: np.ndarray) -> np.ndarray:
+    """Return the axis coordinate of a share: logarithmic towards 1, where most labels are."""
+    return -np.log10(np.maximum(1 + _END - share, 1e-6))
+
+
+def _unstretched(value: np.ndarray) -> np.ndarray:
+    return 1 + _END - 10.0**-value
+
+
+def _draw_kind(axes: Any, bins: pd.DataFrame, colours: dict[str, str]) -> None:
+    axes.plot([0, 1], [0, 1], color=FAINT, linewidth=0.8, linestyle="--")
+    for axis, scale, limit in (
+        (axes.xaxis, axes.set_xscale, axes.set_xlim),
+        (axes.yaxis, axes.set_yscale, axes.set_ylim),
+    ):
+        scale("function", functions=(stretched, _unstretched))
+        limit(0, 1.002)
+        axis.set_ticks(TICKS)
+    axes.set_box_aspect(1)
+    axes.grid(visible=True)
+    texts = []
+    for name, colour in colours.items():
+        chosen = bins[bins["label_source"] == name].sort_values("confidence")
+        if not len(chosen):
+            continue
+        correct = chosen["right"].to_numpy(float)
+        errors = np.stack([correct - chosen["right_low"], chosen["right_high"] - correct]).clip(0)
+        style = {**_style(name), "capsize": 3, "elinewidth": 1.2}
+        axes.errorbar(chosen["confidence"], correct, yerr=errors, color=colour, **style)
+        texts.append(
+            f"{name}: n {round(chosen['labels'].sum())}, ECE {binned_calibration_error(chosen):.3f}, "
+            f"Brier {brier_score(chosen):.3f}"
+        )
+    axes.set_xlabel("confidence\n" + "\n".join(texts), fontsize="small")
+
+
+def _style(name: str) -> dict[str, Any]:
+    """Return the style of a source: points; all sources together have a line and larger, open points."""
+    if name == ANY_SOURCE:
+        return {"marker": "o", "markersize": 10, "markerfacecolor": "none", "linewidth": 1.2}
+    return {"marker": "o", "markersize": 6, "linewidth": 0, "linestyle": "none"}

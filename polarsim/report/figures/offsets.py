@@ -19,8 +19,13 @@ SHOWN_SHARE = 95  # minimum percentage of the points within the limit
 COLOURS = "RdBu_r"  # red outside the true surface, blue inside
 
 
-def draw_offsets(*, terrain: int, offsets: Path, figure: Path, width: int = FIGURE_WIDTH) -> None:
-    """Write a map of the visible mesh points, coloured by the distance from the true surface, and its distribution."""
+def draw_offsets(*, terrain: int, offsets: Path | None, figure: Path | None, width: int = FIGURE_WIDTH) -> None:
+    """Write a map of the visible mesh points, coloured by the distance from the true surface, and its distribution.
+
+    Without ground truth there are no `offsets` and there is no figure.
+    """
+    if offsets is None or figure is None:
+        return
     table = read_parquet(offsets, OFFSETS.columns)
     with page(figure, width, round(width * 0.5)) as sheet:
         if not len(table):
