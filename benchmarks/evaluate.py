@@ -5,13 +5,12 @@
 Each photo has 14 labels and 300 predictions of each kind, twice the maximum of a detector. CPU seconds on one thread
 for one detector in one domain; a run has 9 such pairs per split and seed. The reference uses a tenth of the samples.
 
-Last metrics (AMD EPYC, Zen 4, busy machine): bootstrap 12.2 s, compiled 1.5 s (8.1 times); matching 0.56 ms per photo
-and kind, compiled 0.04 ms (14 times); all metrics of a detector in a domain 13.0 s (with the reference 55 s).
+Last metrics (AMD EPYC, Zen 4, busy machine): bootstrap 12.2 s, compiled 1.5 s (8.1 times); all metrics of a
+detector in a domain 13.0 s (with the reference 55 s).
 """
 
 from __future__ import annotations
 
-import itertools
 import sys
 import time
 from collections.abc import Callable
@@ -21,10 +20,10 @@ import pandas as pd
 
 from polarsim import intervals
 from polarsim.detect import bootstrap_numba, metrics
-from polarsim.detect.breakdown import SIZES, breakdown, match_predictions
+from polarsim.detect.breakdown import breakdown, match_predictions
 from polarsim.detect.grouping import BOX_COLUMNS, units_of
 from polarsim.detect.ipd import instance_performance
-from polarsim.geometry import boxes, matching, matching_numba
+from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, photo_grid
 
 LABELS, PREDICTIONS, RESAMPLES = 14, 300, 1000
@@ -80,29 +79,8 @@ def main(photos: int) -> None:
         f"{reference / compiled:.1f} times"
     )
 
-    overlaps = _overlaps(keys[:100], labels, found)
-    other = np.zeros((1 + len(SIZES), LABELS), bool)
-    spent = [
-        cpu_seconds(lambda match=match: [match(overlap, metrics.IOU_THRESHOLDS, other) for overlap in overlaps])
-        for match in (
-            matching_numba.match_predictions_of_photo,
-            matching.match_predictions_of_photo,
-            matching_numba.match_predictions_of_photo,
-        )
-    ]
-    print(f"matching, ms a photo: {10 * spent[1]:.2f}, compiled {10 * spent[2]:.2f}: "
-          f"{spent[1] / spent[2]:.1f} times")  # fmt: skip
     whole = cpu_seconds(lambda: breakdown(match_predictions(keys, labels, found, performance)))
     print(f"all figures of a detector in a domain: {whole:.1f} s; {PAIRS} pairs: {PAIRS * whole / 60:.1f} minutes")
-
-
-def _overlaps(keys: list[str], labels: pd.DataFrame, found: pd.DataFrame) -> list[np.ndarray]:
-    """Return overlaps (predictions, labels) of the first kind in each photo."""
-    sides = []
-    for table in (found, labels):
-        own = table[(table["kind"] == BOX_CLASSES[0]) & table["key"].isin(keys)]
-        sides.append([part[list(BOX_COLUMNS)].to_numpy(float) for _, part in own.groupby("key")])
-    return list(itertools.starmap(boxes.iou, zip(*sides, strict=True)))
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from typer.models import ArgumentInfo, OptionInfo
 
 _MARK = re.compile(r"^<!-- generated: (\w+)(?: ([\w.]+))? -->$", re.MULTILINE)
 _CODE = re.compile(r"(``?[^`]+``?)")
-_ENGINE = re.compile(r"embree|taichi|numba|kernels|float_mode|device")  # fast implementations of other modules
+_ENGINE = re.compile(r"embree|taichi|numba|kernels|device")  # fast implementations of other modules
 _BOUNDS = (("exclusiveMinimum", "> "), ("minimum", "≥ "), ("exclusiveMaximum", "< "), ("maximum", "≤ "))
 
 Schema = dict[str, Any]

@@ -11,9 +11,8 @@ import numpy as np
 
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import png
-from polarsim.geometry.epipolar import epipolar_distances, triangulated_depth
 from polarsim.geometry.features import Features, match_features, sift_features
-from polarsim.geometry.stereo import StereoRig
+from polarsim.geometry.stereo import StereoRig, epipolar_distances, triangulated_depth
 from polarsim.photo import SUNS, PhotoKey
 from polarsim.tone import to_8bit
 

@@ -44,7 +44,7 @@ class Localisations:
 def localise_all(
     seen: Mapping[str, np.ndarray], outlines: Outlines, lens: Lens, options: LocalisationOptions
 ) -> Localisations:
-    """Localise positions by rock boxes (b, 4) of left photos; too few boxes or meshes are neither localised nor refused."""
+    """Localise positions by rock boxes (b, 4) of left photos; skip positions with too few boxes or meshes."""
     usable = [position for position, boxes in seen.items() if min(len(boxes), len(outlines)) >= MIN_BOXES]
     result = Localisations({}, no_translations(outlines, options.rock_translation_sd_mm / 1000), {})
     separately = {

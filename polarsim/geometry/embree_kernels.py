@@ -13,7 +13,6 @@ import numba as nb
 import numpy as np
 
 from polarsim.geometry.embree_library import embree
-from polarsim.geometry.float_mode import denormals_as_zero, restore
 from polarsim.kernels import njit
 
 ORIGIN, NEAR, DIRECTION, TIME, FAR, MASK, NUMBER, FLAGS = 0, 3, 4, 7, 8, 9, 10, 11  # rows of a packet
@@ -72,7 +71,6 @@ def intersect(  # type: ignore[no-untyped-def]
     rays, integers, valid = _packet(size)
     arguments = COHERENT.copy()
     stored = 0
-    mode = denormals_as_zero()
     for first in range(0, len(directions), size):
         count = _fill(rays, integers, valid, origins, directions, first, mask)
         rays[FAR, :] = np.inf
@@ -92,7 +90,6 @@ def intersect(  # type: ignore[no-untyped-def]
             for axis in range(3):
                 normal[stored, axis] = rays[NORMAL + axis, k]
             stored += 1
-    restore(mode)
     return stored
 
 
@@ -102,7 +99,6 @@ def occluded(size, scene, mask, origins, directions, far, near_metres, hit):  # 
     rays, integers, valid = _packet(size)
     arguments = COHERENT.copy()
     each = 1 if len(far) == len(directions) else 0
-    mode = denormals_as_zero()
     for first in range(0, len(directions), size):
         count = _fill(rays, integers, valid, origins, directions, first, mask)
         for k in range(count):
@@ -117,4 +113,3 @@ def occluded(size, scene, mask, origins, directions, far, near_metres, hit):  # 
             _occluded8(valid.ctypes.data, scene, rays.ctypes.data, arguments.ctypes.data)
         for k in range(count):
             hit[first + k] = valid[k] != 0 and rays[FAR, k] < 0  # Embree marks a hit by a negative distance
-    restore(mode)

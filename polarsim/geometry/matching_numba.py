@@ -1,4 +1,7 @@
-"""Compiled version of `matching.match_predictions_of_photo`."""
+"""Matching of predictions with labels in the order of confidence, as in COCO's evaluation.
+
+The most confident prediction first gets the unmatched label with the largest IoU. Tests compare with pycocotools.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Outlines of rocks: the few points of a mesh that determine its box in a photo."""
+"""Outlines of rocks: the few points of a mesh that determine its box in a photo, and points of its foot."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from polarsim.geometry.planes import robust_plane
 from polarsim.geometry.topology import largest_island
 
 RIM_SECTORS = 24  # number of sectors with a rim point, the lowest outer vertex
+OUTER_SHARE = 0.75  # of the half sides of a rock's cuboid; its foot is farther out
 EDGES = 4  # left, top, right, bottom edge of a box
 # Scanned rocks have skirts of sand that people do not annotate: left and right edges are computed from vertices this
 # far above the rim, metres, or above this share of the rock's height, whichever is lower.
@@ -105,16 +106,32 @@ def spread_directions(count: int) -> np.ndarray:
     return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
 
 
+def rim(mesh: Mesh) -> np.ndarray:
+    """Return points (n, 3) of a rock's foot, where it touches the ground: the lowest outer vertex of each sector.
+
+    Single low vertices are outliers: heights are medians over three neighbouring sectors.
+    """
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    offset = (mesh.vertices - (low + high) / 2)[:, :2] / np.maximum((high - low)[:2] / 2, 1e-9)
+    outer = np.flatnonzero(np.abs(offset).max(axis=1) > OUTER_SHARE)
+    angle = np.arctan2(offset[outer, 1], offset[outer, 0]) / (2 * np.pi) + 0.5
+    sector = (angle * RIM_SECTORS).astype(int) % RIM_SECTORS
+    order = outer[np.lexsort((mesh.vertices[outer, 2], sector))]
+    first = np.unique(np.sort(sector), return_index=True)[1]
+    points = mesh.vertices[order[first]].copy()
+    points[:, 2] = np.median([np.roll(points[:, 2], step) for step in (-1, 0, 1)], axis=0)
+    return points
+
+
 def _rim_height(vertices: np.ndarray) -> np.ndarray:
     """Return the height (n,) of the plane through the rock's rim at each vertex, by a robust fit to its rim points."""
     low, high = vertices[:, :2].min(axis=0), vertices[:, :2].max(axis=0)
     share = (2 * vertices[:, :2] - low - high) / np.maximum(high - low, 1e-9)  # -1 to 1 over the rock's extent
-    outer = np.flatnonzero(np.abs(share).max(axis=1) > 0.75)
+    outer = np.flatnonzero(np.abs(share).max(axis=1) > OUTER_SHARE)
     sector = np.floor((np.arctan2(share[outer, 1], share[outer, 0]) / (2 * np.pi) + 0.5) * RIM_SECTORS).astype(int)
     order = np.lexsort((vertices[outer, 2], sector))
     _, first = np.unique(sector[order], return_index=True)
-    rim = vertices[outer[order[first]]]
-    plane = robust_plane(rim, scale=0.003)
+    plane = robust_plane(vertices[outer[order[first]]], scale=0.003)
     return np.asarray(vertices[:, :2] @ plane[:2] + plane[2])
 
 

@@ -34,10 +34,10 @@ class Caster(Protocol):
     """Triangles that can be hit by rays."""
 
     def nearest(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return distance (n,) and number (n,) int64 of the nearest triangle along rays (n, 3); directions are not zero.
+        """Return distance (n,) and number (n,) int64 of the nearest triangle along rays (n, 3).
 
-        The distance is in units of the direction's length: origins + distance * directions is the point. Rays without a
-        hit have distance inf and `NO_FACE`.
+        The distance is in units of the direction's length, which is not zero: the point is origins + distance *
+        directions. Rays without a hit have distance inf and `NO_FACE`.
         """
         ...
 

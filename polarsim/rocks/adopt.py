@@ -12,7 +12,7 @@ from polarsim.errors import FormatError, with_path
 from polarsim.formats import obj, tables
 from polarsim.geometry.casters import make_caster
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.rims import rim
+from polarsim.geometry.outlines import rim
 from polarsim.geometry.topology import largest_island
 from polarsim.geometry.vectors import cross
 from polarsim.photo import NO_ROCK

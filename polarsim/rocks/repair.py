@@ -14,8 +14,8 @@ from polarsim.formats import obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.ply import Cloud
 from polarsim.geometry.meshes import Mesh
+from polarsim.geometry.outlines import rim
 from polarsim.geometry.planes import robust_plane
-from polarsim.geometry.rims import rim
 from polarsim.geometry.topology import is_watertight, largest_island, open_edges, part_of_face, part_of_vertex
 from polarsim.progress import track
 from polarsim.rocks.fitted_ground import FITTED_GROUND_CELL

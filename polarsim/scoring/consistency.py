@@ -24,9 +24,8 @@ from polarsim.formats import obj
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.casters import make_caster
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.outlines import outlines_of
+from polarsim.geometry.outlines import outlines_of, rim
 from polarsim.geometry.poses import Pose, angle_between
-from polarsim.geometry.rims import rim
 from polarsim.photo import NO_ROCK
 from polarsim.run_files.best_photos import best_pictures
 from polarsim.run_files.inventory import read_inventory

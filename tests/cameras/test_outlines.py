@@ -8,7 +8,6 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import outlines_of, rock_outline, spread_directions
 from polarsim.geometry.planes import level_from, robust_plane, tracked_plane
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.topology import largest_island
 
 CUBE = np.array([[x, y, z] for x in (-0.05, 0.05) for y in (-0.05, 0.05) for z in (0.0, 0.1)])
 FACES = np.array([[0, 1, 2], [1, 3, 2], [4, 6, 5], [5, 6, 7], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6]])
@@ -22,12 +21,6 @@ def skirted_cube(skirt: float) -> Mesh:
     vertices = np.concatenate([CUBE, np.column_stack([ring, np.full(48, 0.001)])])
     faces = np.column_stack([np.zeros(48, int), 8 + np.arange(48), 8 + (np.arange(48) + 1) % 48])
     return Mesh(vertices, np.concatenate([FACES, faces]))
-
-
-def test_small_components_and_unused_vertices_are_ignored():
-    crumb = np.array([[1.0, 1, 1], [1.1, 1, 1], [1, 1.1, 1]])
-    mesh = Mesh(np.concatenate([CUBE, crumb, [[9.0, 9, 9]]]), np.concatenate([FACES, [[8, 9, 10]]]))
-    np.testing.assert_array_equal(largest_island(mesh).vertices, CUBE)
 
 
 def test_a_skirt_of_sand_does_not_widen_a_rock():

@@ -48,10 +48,6 @@ def test_a_box_inside_a_larger_box_is_covered():
     assert largest_covered_share(boxes, label[:0]).tolist() == [0, 0, 0, 0]
 
 
-def test_no_boxes_give_an_empty_table():
-    assert iou(np.zeros((0, 4)), SQUARE).shape == (0, 1)
-
-
 OVERLAP = np.array([[1.0, 0.6], [0.6, 0.0]])  # the best pair leaves row 1 unmatched
 
 
@@ -119,10 +115,6 @@ def test_boxes_are_cut_at_the_border_of_the_photo():
     cut = clip(np.array([[-5.0, -5, 10, 10], [1930, 1200, 1950, 1230], [2000, 0, 2010, 5]]))
     np.testing.assert_array_equal(cut, [[0, 0, 10, 10], [1930, 1200, 1936, 1216], [1936, 0, 1936, 5]])
     np.testing.assert_array_equal(area(cut), [100, 96, 0])
-
-
-def test_a_box_around_points_holds_them_tightly():
-    np.testing.assert_array_equal(box_around_points(np.array([[3.0, 7], [1, 9], [2, 8]])), [1, 7, 3, 9])
 
 
 def test_the_box_of_one_pixel_is_one_pixel_wide():

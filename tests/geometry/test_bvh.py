@@ -67,15 +67,6 @@ def test_too_deep_trees_are_halved(monkeypatch):
     assert shallow <= 8 < deep
 
 
-def test_a_cut_separates_distant_triangles():
-    near = np.random.default_rng(0).uniform(0, 1, (30, 3))
-    vertices = np.concatenate([near, near + np.array([100, 0, 0])])
-    faces = np.random.default_rng(1).permutation(np.arange(60).reshape(-1, 3))
-    tree = bvh.build_tree(vertices, faces)
-    assert sorted(tree.boxes[0, [0, 2], 0] > 50) == [False, True]
-    assert sorted(tree.boxes[0, [1, 3], 0] > 50) == [False, True]
-
-
 def test_an_empty_mesh_is_refused():
     with pytest.raises(ValueError, match="triangles"):
         bvh.build_tree(np.zeros((0, 3)), np.zeros((0, 3), int))

@@ -13,7 +13,7 @@ CAMERA = Camera(camera_pose(np.array([-3.0, 0.2, 1.4]), 0.1, 0.4, 0.05), default
 def test_directions_and_projection_are_inverse(u, v, depth):
     pixel = np.array([[u, v]])
     position = CAMERA.centre + depth * CAMERA.directions(pixel)
-    np.testing.assert_allclose(CAMERA.project(position), pixel, atol=1e-7)
+    np.testing.assert_allclose(CAMERA.project(position), pixel, atol=1e-8)
     np.testing.assert_allclose(CAMERA.world_from_camera.inverse().apply(position)[0, 2], depth)  # along the axis
 
 
@@ -26,13 +26,6 @@ def test_the_optical_axis_projects_to_the_principal_point():
 def test_inside_the_photo():
     pixels = np.array([[0.5, 0.5], [1935.5, 1215.5], [1936.5, 600], [900, -0.5], [np.nan, 3]])
     assert CAMERA.inside(pixels).tolist() == [True, True, False, False, False]
-
-
-def test_pixel_directions_pass_through_pixel_centres():
-    small = CAMERA.scaled(1 / 16)
-    directions = small.pixel_directions()
-    assert directions.shape == (76, 121, 3)
-    np.testing.assert_allclose(directions[3, 5], small.directions(np.array([5.5, 3.5])), atol=1e-12)
 
 
 def test_a_box_contains_the_visible_points():

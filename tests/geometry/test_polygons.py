@@ -61,20 +61,6 @@ def test_simplified_outlines_keep_98_percent_of_any_mask(mask, simplify_px):
         assert (back & mask).sum() >= 0.98 * (back | mask).sum()
 
 
-@settings(deadline=None)
-@given(mask=slivers(), simplify_px=st.sampled_from([0.0, 0.6]))
-def test_every_ring_has_pixels(mask, simplify_px):
-    assert all(rasterised(ring, mask.shape).any() for ring in outlines(mask, simplify_px))
-
-
-@pytest.mark.parametrize("radius", [5, 12, 35])
-def test_a_simplified_disc_keeps_its_pixels(radius):
-    mask = disc(radius)
-    (ring,) = outlines(mask, 0.6)
-    back = rasterised(ring, mask.shape)
-    assert (back & mask).sum() / (back | mask).sum() >= 0.98
-
-
 def test_simplifying_a_large_disc_halves_its_points():
     mask = disc(35)
     assert len(outlines(mask, 0.6)[0]) < len(outlines(mask)[0]) / 2

@@ -1,7 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from polarsim.geometry.stereo import default_rig, rectified_left
+from polarsim.geometry.poses import Pose
+from polarsim.geometry.stereo import StereoRig, default_rig, epipolar_distances, rectified_left, triangulated_depth
 
 
 def test_the_rectified_grid_of_the_stated_calibration():
@@ -22,17 +27,31 @@ def test_the_baseline_is_parallel_to_the_rectified_rows():
     np.testing.assert_allclose(baseline, [0.301560, 0, 0], atol=2e-6)  # the length of T
 
 
-def test_a_far_point_has_nearly_the_same_direction_in_both_cameras():
-    rig = default_rig()
-    point = np.array([0.0, 0.0, 1000.0])
-    in_right = rig.left_from_right.inverse().apply(point)
-    angle = np.degrees(np.arccos(in_right[2] / np.linalg.norm(in_right)))
-    assert angle < 0.2  # R and T of the calibration rotate by 0.16 degrees
+def images_of(points, rig):
+    """Return pixels of points (n, 3), left frame, in both images."""
+    return rig.left.project(points), rig.right.project(rig.left_from_right.inverse().apply(points))
 
 
-def test_cameras_are_selected_by_letter():
+@settings(max_examples=30)
+@given(seed=st.integers(0, 2**32 - 1), rotvec=st.tuples(*[st.floats(-0.05, 0.05)] * 3))
+def test_images_of_a_point_are_on_its_epipolar_lines_and_give_its_depth(seed, rotvec):
+    rng = np.random.default_rng(seed)
+    rig = replace(default_rig(), left_from_right=Pose.from_rotvec(np.array(rotvec), np.array([0.3, 0.01, -0.005])))
+    points = rng.uniform((-1, -0.6, 2), (1, 0.6, 6), (50, 3))
+    left, right = images_of(points, rig)
+    np.testing.assert_allclose(epipolar_distances(rig, left, right), 0, atol=1e-6)
+    np.testing.assert_allclose(triangulated_depth(rig, left, right), points[:, 2], rtol=1e-6)
+
+
+def test_the_distance_of_a_pinhole_pair_is_the_vertical_offset_over_the_root_of_two():
+    lens = replace(default_rig().left, distortion=(0.0,) * 5, fx=2000.0, fy=2000.0)
+    rig = StereoRig(lens, lens, Pose(np.eye(3), np.array([0.3, 0, 0])))
+    left, right = images_of(np.array([[0.2, 0.1, 3.0]]), rig)
+    distance = epipolar_distances(rig, left, right + np.array([0, 4]))
+    assert distance == pytest.approx(4 / np.sqrt(2))  # Sampson: half of the squared offset for each image
+
+
+def test_exchanged_images_have_negative_depth():
     rig = default_rig()
-    assert rig.lens("L") is rig.left
-    assert rig.lens("R") is rig.right
-    np.testing.assert_array_equal(rig.left_from("L").matrix, np.eye(4))
-    assert rig.left_from("R") is rig.left_from_right
+    left, right = images_of(np.random.default_rng(0).uniform((-1, -0.6, 2), (1, 0.6, 6), (50, 3)), rig)
+    assert (triangulated_depth(rig, right, left) < 0).all()

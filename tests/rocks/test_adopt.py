@@ -5,8 +5,9 @@ import trimesh
 
 from polarsim.errors import FormatError
 from polarsim.formats import obj
+from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.rims import rim
+from polarsim.geometry.outlines import rim
 from polarsim.geometry.topology import remove_unused_vertices
 from polarsim.rocks.adopt import adopt_rocks, volume_above
 from polarsim.rocks.fitted_ground import FOOT_SD, fit_ground
@@ -46,7 +47,7 @@ def half_ball(x, y, z, radius=0.06):
 
 
 @pytest.mark.release
-@pytest.mark.parametrize("terrain", [4, 11])
+@pytest.mark.parametrize("terrain", [11])
 def test_published_rocks_are_cleaned_and_get_a_ground_at_their_feet(release_root, tmp_path, terrain):
     paths = obj.rock_files(release_root / "TerrainMeshes" / f"Terrain{terrain:02d}")
     table, shape_metrics = adopt(tmp_path, terrain, {str(rock): str(path) for rock, path in paths.items()})
@@ -71,29 +72,14 @@ def test_a_terrain_without_meshes_is_level_ground_and_an_empty_table(tmp_path):
     assert not obj.read_obj(tmp_path / "meshes" / "terrain06_ground.obj").vertices[:, 2].any()
 
 
-def test_a_published_ground_is_used(tmp_path):
-    obj.write_obj(
-        tmp_path / "ground.obj", Mesh(np.array([[-2, -2, 1], [2, -2, 1], [0, 2, 1.0]]), np.array([[0, 1, 2]])), "g"
-    )
-    _, shape_metrics = adopt(tmp_path, 4, {}, ground=str(tmp_path / "ground.obj"))
-    assert shape_metrics.loc["terrain04_ground.obj", "faces"] == 1
-
-
 def wavy_ground(lift=0.0, half=2.0, step=0.05):
     """Return a published ground with a pit of 12 cm in its centre and waves of 2 cm."""
     x, y = np.meshgrid(np.arange(-half, half + step / 2, step), np.arange(-half, half + step / 2, step))
-    return height_mesh_of(x, y, wavy(x, y) + lift)
+    return grid_mesh(x, y, wavy(x, y) + lift)
 
 
 def wavy(x, y):
     return 0.1 + 0.02 * np.sin(3 * x) - 0.12 * np.exp(-(x**2 + y**2) / 0.4**2)
-
-
-def height_mesh_of(x, y, z):
-    number = np.arange(z.size).reshape(z.shape)
-    a, b, c, d = (part.ravel() for part in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]))
-    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    return Mesh(np.stack([x, y, z], axis=-1).reshape(-1, 3), faces)
 
 
 PLACES = {3: (0.9, 0.8), 5: (-1.1, 0.4), 8: (0.2, -1.3)}

@@ -33,11 +33,6 @@ def test_basins_meet_at_the_pass_between_them():
     assert len(np.unique(basins(values, labels, 4.5))) == 1  # the right basin is only 4 deep
 
 
-def test_separate_regions_have_separate_basins():
-    values, labels = np.zeros((1, 5)), np.array([[1, 1, 0, 1, 1]])
-    assert basins(values, labels, 10.0).tolist() in ([[1, 1, 0, 2, 2]], [[2, 2, 0, 1, 1]])
-
-
 def test_a_crease_separates_pieces_without_two_peaks():
     # A gentle slab against a steep flank: heights decrease monotonically, so that a merge tree of heights fails.
     steep, gentle = 0.14 - 2.0 * np.maximum(X - 0.1, 0), 0.06 - 0.2 * (X - 0.14)

@@ -7,8 +7,8 @@ from scipy.spatial import KDTree
 
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.rims import rim
-from polarsim.geometry.topology import is_watertight, open_edges, part_of_face, remove_unused_vertices
+from polarsim.geometry.outlines import rim
+from polarsim.geometry.topology import is_watertight, part_of_face, remove_unused_vertices
 from polarsim.rocks.adopt import cleaned, volume_above
 from polarsim.rocks.fitted_ground import fit_ground
 from polarsim.rocks.heights import FloorGrid
@@ -68,13 +68,6 @@ def test_defects_are_counted():
     assert {name: found[name] for name in expected} == expected
 
 
-def test_a_closed_mesh_has_no_open_edge():
-    ball = trimesh.creation.icosphere(subdivisions=2)
-    faces = np.array(ball.faces)
-    assert len(open_edges(faces)) == 0
-    assert len(open_edges(faces[1:])) == 3
-
-
 def test_the_table_has_a_row_for_each_rock():
     table = defect_table({3: half_ball(), 7: with_skirt(half_ball())})
     assert list(table.columns) == list(DEFECTS.columns)
@@ -94,7 +87,7 @@ def test_a_closed_copy_keeps_the_surface_and_loses_the_skirt():
 
 
 @pytest.mark.release
-@pytest.mark.parametrize("terrain", [8, 11])
+@pytest.mark.parametrize("terrain", [8])
 def test_published_rocks_become_closed_solids(release_root, terrain):
     rocks = {
         k: obj.read_obj(p) for k, p in obj.rock_files(release_root / "TerrainMeshes" / f"Terrain{terrain:02d}").items()

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.formats import obj
-from polarsim.geometry.rims import rim
+from polarsim.geometry.outlines import rim
 from polarsim.rocks.adopt import cleaned
 from polarsim.rocks.fitted_ground import FOOT_SD, MAX_SLOPE_DEG, QUADRIC_FROM, fit_ground
 from polarsim.rocks.folder import height_mesh
@@ -30,7 +30,7 @@ def steepest_deg(grid, heights):
     return np.degrees(np.arctan2(np.linalg.norm(normal[:, :2], axis=1), np.abs(normal[:, 2]))).max()
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(
     feet=st.lists(
         st.tuples(SIDE, SIDE, st.floats(-2, 2), st.floats(0, 0.2), st.integers(1, 24)), max_size=QUADRIC_FROM + 2
@@ -42,7 +42,7 @@ def test_no_ground_is_steeper_than_the_angle_of_repose(feet):
     assert steepest_deg(GRID, heights) <= MAX_SLOPE_DEG
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(
     feet=st.lists(st.tuples(SIDE, SIDE, st.integers(3, 9)), min_size=3, max_size=QUADRIC_FROM + 2, unique=True),
     plane=st.tuples(st.floats(-0.4, 0.4), st.floats(-0.4, 0.4), st.floats(-1, 1)),
@@ -56,7 +56,7 @@ def test_feet_on_a_plane_give_this_plane(feet, plane):
     np.testing.assert_allclose(fit_ground(rims, GRID), a * x + b * y + c, atol=1e-6)
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(data=st.data(), feet=st.lists(st.tuples(SIDE, SIDE, st.floats(-0.2, 0.2)), min_size=1, max_size=8, unique=True))
 def test_order_and_copies_of_rocks_and_points_do_not_matter(data, feet):
     rims = [foot(*one) for one in feet]
@@ -77,7 +77,7 @@ def test_a_slope_within_the_bound_is_kept():
 
 
 @pytest.mark.release
-@pytest.mark.parametrize("terrain", [1, 12])
+@pytest.mark.parametrize("terrain", [12])
 def test_published_rocks_stand_on_a_ground_without_cliffs(release_root, terrain):
     """With inverse distances, the steepest triangles had 76 and 70 degrees."""
     paths = obj.rock_files(release_root / "TerrainMeshes" / f"Terrain{terrain:02d}").values()

@@ -33,10 +33,6 @@ def groups(rock, *annotated, boxes=None, touching=None):
     return {frozenset(np.flatnonzero(found == number).tolist()) for number in found}
 
 
-def test_without_boxes_shape_decides():
-    assert groups([1, 1, 2]) == {frozenset({0, 1}), frozenset({2})}
-
-
 def test_a_rock_that_was_annotated_as_two_is_two():
     assert groups([1, 1, 1], [span(0, 1), span(2, 2)]) == {frozenset({0, 1}), frozenset({2})}
 

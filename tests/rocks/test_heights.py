@@ -80,10 +80,6 @@ def test_a_filled_hole_is_between_the_heights_of_its_rim():
     assert result.min() >= heights[known].min()
 
 
-def test_unknown_heights_are_filled_with_zero():
-    assert not filled(np.ones((5, 7)), np.zeros((5, 7), bool)).any()
-
-
 def test_smoothing_ignores_values_without_weight():
     values, weights = np.full(GRID.shape, 2.0), np.ones(GRID.shape)
     values[10, 10], weights[10, 10] = 1e6, 0

@@ -132,13 +132,6 @@ def test_small_components_doubled_and_unused_vertices_are_removed():
     assert is_watertight(clean.faces)
 
 
-def test_an_open_or_twisted_surface_is_not_watertight():
-    box = as_mesh(trimesh.creation.box())
-    assert is_watertight(box.faces)
-    assert not is_watertight(box.faces[1:])
-    assert not is_watertight(np.concatenate([box.faces[:1, ::-1], box.faces[1:]]))
-
-
 def test_a_hull_is_outward(rng):
     hull = hull_mesh(rng.normal(size=(50, 3)))
     assert is_watertight(hull.faces)

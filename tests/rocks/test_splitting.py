@@ -39,14 +39,6 @@ def test_two_peaks_of_one_rock_are_two_pieces():
     assert pieces.numbers[40, 45] != pieces.numbers[40, 75]
 
 
-def test_a_rock_of_one_peak_is_one_piece():
-    assert len(pieces_of(dome(60, 40, 30, 0.12))[0].rock) == 1
-
-
-def test_separate_rocks_remain_separate():
-    assert count(dome(25, 40, 15, 0.10) + dome(90, 40, 15, 0.02)) == 2
-
-
 def test_a_hidden_strip_does_not_cut_a_rock_in_two():
     above = dome(60, 40, 30, 0.12)
     seen = np.ones_like(above, bool)

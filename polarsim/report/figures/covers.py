@@ -10,7 +10,7 @@ import pandas as pd
 from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.geometry import boxes
-from polarsim.geometry.matching import match_predictions_of_photo
+from polarsim.geometry.matching_numba import match_predictions_of_photo
 from polarsim.photo import COLOURS, HEIGHT, ROCK, WIDTH
 from polarsim.report.figures.canvas import FIGURE_WIDTH, boxed, page, show_image
 from polarsim.schemas.detect import PREDICTIONS
