@@ -1,11 +1,11 @@
 """The wheel without extras and clone: every command works or names the missing extra or file in one line."""
 
+import json
 import os
 import subprocess
 import sys
 import tempfile
 import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,26 +16,26 @@ from polarsim.geometry.meshes import Mesh
 
 CHECKOUT = Path(__file__).parent.parent
 EXTRAS = (
-    "torch",
-    "torchvision",
-    "ultralytics",
-    "av",
-    "gymnasium",
-    "mcap",
-    "mcap_ros2",
-    "mujoco",
-    "rasterio",
-    "rosbags",
-)
-BLOCKED = f"""
-import sys
+    "torch", "torchvision", "ultralytics", "av", "gymnasium", "mcap", "mcap_ros2", "mujoco", "rasterio", "rosbags",
+)  # fmt: skip
+# Calls of the command without modules of extras, as JSON: [exit code, stdout, stderr] of each call.
+PROGRAM = f"""
+import contextlib, io, json, sys
 class Absent:
     def find_spec(self, name, path=None, target=None):
         if name.partition(".")[0] in {EXTRAS}:
             raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
 sys.meta_path.insert(0, Absent())
 from polarsim.cli import main
-main()
+results = []
+for arguments in json.loads(sys.argv[1]):
+    sys.argv = ["polarsim", *arguments]
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as errors:
+        try:
+            main()
+        except SystemExit as ended:
+            results.append([ended.code or 0, out.getvalue(), errors.getvalue()])
+print(json.dumps(results))
 """
 SQUARE = Mesh(np.array([[-2.0, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
 
@@ -56,26 +56,6 @@ def installed(tmp_path_factory) -> Path:
     return folder / "site"
 
 
-@pytest.fixture
-def tmp_path() -> Iterator[Path]:
-    """Folder outside the checkout, whose parents may contain a demo."""
-    with tempfile.TemporaryDirectory() as folder:
-        yield Path(folder)
-
-
-@pytest.fixture
-def call(installed, tmp_path):
-    """Call the command of the wheel without modules of extras in an empty folder."""
-
-    def run(*arguments: object) -> subprocess.CompletedProcess:
-        return subprocess.run(
-            [sys.executable, "-P", "-c", BLOCKED, *map(str, arguments)], cwd=tmp_path, capture_output=True, text=True,
-            env=os.environ | {"PYTHONPATH": str(installed)}, check=False,
-        )  # fmt: skip
-
-    return run
-
-
 def test_configurations_are_in_the_wheel(installed):
     there = {path.name for path in (CHECKOUT / "config").glob("*.*")}
     assert there <= {path.name for path in (installed / "polarsim/configs").glob("*.*")}
@@ -91,31 +71,39 @@ def test_configurations_are_in_the_wheel(installed):
         assert field in text
 
 
-def test_commands_work_without_extras_and_clone(call, tmp_path):
-    done = call("brdf", "hapke", "--plot", "curves.png")
-    assert done.returncode == 0, done.stderr
-    assert "pi f_r" in done.stdout
-    assert png.read_png(tmp_path / "curves.png").shape[1] == 1600
+WITHOUT = {  # calls that fail, each with the text of the error
+    ("detect", "picture.png", "--weights", "x.pt", "--out", "new"): "polarsim[detect]",
+    (
+        "drive",
+        "--results",
+        "runs",
+        "--configfile",
+        "config/overlays/rover.yaml",
+    ): "polarsim[rover]",  # configuration in the wheel
+    ("drive", "--results", "runs"): "no stored configuration",
+    ("report",): "results: no such folder",
+    ("render", "config/views.yaml", "out"): "the ground mesh is missing",  # of a run
+}
 
 
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        (("detect", "picture.png", "--weights", "x.pt", "--out", "new"), "polarsim[detect]"),
-        (("drive", "--configfile", "config/overlays/rover.yaml"), "polarsim[rover]"),  # configuration in the wheel
-        (("drive",), "no stored configuration"),
-        (("report",), "results: no such folder"),
-        (("render", "config/views.yaml", "out"), "the ground mesh is missing"),  # of a run
-    ],
-)
-def test_missing_extras_and_files_are_named_in_one_line(call, tmp_path, arguments, named):
-    png.write_png(tmp_path / "picture.png", np.zeros((48, 64), np.uint8))
-    if arguments[0] == "drive":
-        for terrain in range(1, 14):
-            name = obj.ground_name(terrain)
-            obj.write_obj(tmp_path / f"results/demo/meshes/Terrain{terrain:02d}" / name, SQUARE, "ground")
-    done = call(*arguments)
-    assert done.returncode == 1
-    (line,) = done.stderr.splitlines()
-    assert line.startswith("error: ")
-    assert named in line
+def test_commands_work_or_name_missing_extras_and_files_in_one_line(installed):
+    with tempfile.TemporaryDirectory() as name:  # outside the checkout, whose parents may contain a demo
+        folder = Path(name)
+        png.write_png(folder / "picture.png", np.zeros((48, 64), np.uint8))
+        for terrain in (1, 3, 6, 11):
+            mesh = folder / f"runs/demo/meshes/Terrain{terrain:02d}" / obj.ground_name(terrain)
+            obj.write_obj(mesh, SQUARE, "ground")
+        calls = [("brdf", "hapke", "--plot", "curves.png"), *WITHOUT]
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", PROGRAM, json.dumps(calls)], cwd=folder, capture_output=True, text=True,
+            env=os.environ | {"PYTHONPATH": str(installed)}, check=True,
+        )  # fmt: skip
+        (code, printed, errors), *refused = json.loads(done.stdout)
+        assert (code, errors) == (0, "")
+        assert "pi f_r" in printed
+        assert png.read_png(folder / "curves.png").shape[1] == 1600
+    for (code, _, errors), named in zip(refused, WITHOUT.values(), strict=True):
+        assert code == 1
+        (line,) = errors.splitlines()
+        assert line.startswith("error: ")
+        assert named in line
