@@ -5,27 +5,11 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from graphlib import TopologicalSorter
 from pathlib import Path
 
 from polarsim import digest
-
-
-def test_the_digest_includes_imports_inside_functions():
-    assert "polarsim.geometry.rays_taichi" in digest.imported_modules("polarsim.geometry.casters")
-
-
-def test_docstrings_and_comments_are_ignored():
-    plain = ast.parse("def area(r):\n    return 3 * r * r\n")
-    documented = ast.parse('"""Areas."""\n\ndef area(r):\n    """Of a disc."""\n    return 3 * r * r  # nearly\n')
-    assert ast.dump(digest._without_docstrings(documented)) == ast.dump(plain)
-
-
-def test_meshing_does_not_depend_on_the_renderer():
-    assert not any("render" in name for name in digest._reached(("polarsim.rocks.mesh",)))
-    assert digest.code_digest("polarsim.rocks.mesh") != digest.code_digest("polarsim.render.twins")
-
 
 FLOORS = (  # from bottom to top: a package or module imports only lower floors
     {"errors", "digest", "progress", "public", "randomness", "survey", "user_path"},
@@ -62,23 +46,26 @@ def all_imports(folder: str = "") -> dict[str, tuple[str, ...]]:
     return {name: digest.imported_modules(name) for name in names}
 
 
-def upwards(imports: dict[str, Iterable[str]]) -> list[str]:
-    """Return the imports that violate `FLOORS`."""
-    floor = {part: number for number, parts in enumerate(FLOORS) for part in parts}
-    found = []
-    for module, imported in imports.items():
-        for other in imported:
-            package, part = (name.split(".")[1] if "." in name else "" for name in (module, other))
-            if part and package != part:  # polarsim itself contains only the version
-                stage = floor[part] == floor["lint"] and part not in TALLER.get(package, FLOORS[floor["lint"]])
-                found += [f"{module} imports {other}"] if floor[part] >= floor[package] or stage else []
-    return found
+def between(imports: dict[str, Iterable[str]], depth: int) -> Iterator[tuple[str, str, str]]:
+    """Yield importing part, imported part and a description of imports between parts of a package at a depth."""
+    for module, others in imports.items():
+        for other in others:
+            one, two = module.split("."), other.split(".")
+            if min(len(one), len(two)) > depth and one[:depth] == two[:depth] and one[depth] != two[depth]:
+                yield one[depth], two[depth], f"{module} imports {other}"
+
+
+def floor_of(floors: Sequence[set[str]]) -> dict[str, int]:
+    return {part: number for number, parts in enumerate(floors) for part in parts}
 
 
 def test_imports_point_downwards_without_cycles():
-    imports = all_imports()
-    assert {name.split(".")[1] for name in imports if "." in name} == set().union(*FLOORS)
-    assert upwards(imports) == []
+    imports, floor = all_imports(), floor_of(FLOORS)
+    assert {name.split(".")[1] for name in imports if "." in name} == set(floor)
+    stages = FLOORS[floor["lint"]]
+    for own, seen, text in between(imports, 1):
+        assert floor[seen] < floor[own], text
+        assert seen not in stages or seen in TALLER.get(own, stages), text
     TopologicalSorter(imports).prepare()  # raises an error for a cycle
 
 
@@ -107,37 +94,15 @@ ROVER_FLOORS = (  # from bottom to top: a subpackage imports only lower floors
 ROVER_BLIND = {"soil", "world", "vehicle", "drive"}  # a drive requires neither images nor detectors
 
 
-def room_of(module: str) -> str | None:
-    """Return the subpackage of the rover that contains a module; None for other modules."""
-    parts = module.split(".")
-    return parts[2] if parts[:2] == ["polarsim", "rover"] and len(parts) > 2 else None
-
-
-def against_the_floors(imports: dict[str, Iterable[str]]) -> list[str]:
-    """Return the imports that violate `ROVER_FLOORS`, or import rendering or detection into a drive.
-
-    Modules of the top floor may import each other.
-    """
-    floor = {room: number for number, rooms in enumerate(ROVER_FLOORS) for room in rooms}
-    top, found = len(ROVER_FLOORS) - 1, []
-    for module, seen in imports.items():
-        own = room_of(module)
-        if own is None:
-            continue
-        for other in seen:
-            room = room_of(other)
-            if room is None:
-                wrong = own in ROVER_BLIND and other.split(".")[1] in {"render", "detect"}
-            else:
-                wrong = room != own and floor[room] >= floor[own] and floor[own] < top
-            found += [f"{module} imports {other}"] if wrong else []
-    return found
-
-
 def test_imports_of_the_rover_point_downwards():
-    imports = all_imports("rover")
-    assert {room_of(name) for name in imports} - {None} == set().union(*ROVER_FLOORS)
-    assert against_the_floors(imports) == []
+    """Modules of the top floor may import each other."""
+    imports, floor = all_imports("rover"), floor_of(ROVER_FLOORS)
+    assert {name.split(".")[2] for name in imports if name != "polarsim.rover"} == set(floor)
+    for own, seen, text in between(imports, 2):
+        assert floor[seen] < floor[own] or floor[own] == len(ROVER_FLOORS) - 1, text
+    for module, others in imports.items():
+        if ROVER_BLIND & set(module.split(".")[2:3]):
+            assert not {"render", "detect"} & {other.split(".")[1] for other in others if "." in other}, module
 
 
 SCRIPTS = Path(digest.__file__).parent.parent / "workflow/scripts"
@@ -251,15 +216,6 @@ def test_only_one_script_imports_the_module_of_a_figure():
         assert drawing
         assert all(name.startswith(("draw_", "report_")) for name in drawing), f"{figure.stem}: {drawing}"
         assert len(drawing) == 1 or figure.stem in shared, f"{figure.stem}: {drawing}"
-
-
-def test_an_edit_of_a_figure_changes_the_digest_of_its_script_and_of_no_scoring_script(monkeypatch):
-    scripts = {path.stem: path for path in sorted(SCRIPTS.glob("*.py"))}
-    before = {name: digest.script_digest(path) for name, path in scripts.items()}
-    parsed, figure = digest._module, "polarsim.report.figures.contact"
-    monkeypatch.setattr(digest, "_module", lambda name: ("edited", parsed(name)[1]) if name == figure else parsed(name))
-    after = {name: digest.script_digest(path) for name, path in scripts.items()}
-    assert {name for name in scripts if before[name] != after[name]} == {"draw_photos"}
 
 
 def test_scripts_read_declared_files_and_contain_no_path_of_results():
