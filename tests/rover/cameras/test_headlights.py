@@ -4,12 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
-from polarsim.errors import ConfigError
 from polarsim.geometry.poses import Pose
-from polarsim.geometry.vectors import length
-from polarsim.render.lamps import Spotlight
 from polarsim.render.olat import NO_LAMP
 from polarsim.rover.cameras.bodywork import body_of
 from polarsim.rover.cameras.lights import SUN_IN_BAND_W_M2, headlights
@@ -21,21 +17,21 @@ from polarsim.run_files.instances import GROUND, ROCK_IDS, SHADOW_IDS
 from tests.rover import driven
 
 FORE = ("hazlight_fore_port", "hazlight_fore_starboard")
-SMALL = {"views": (FRONT,), "scale": 0.1, "finer": 2, "models": ("hapke",), "stars": "none"}
+SMALL = {"views": (FRONT,), "scale": 0.1, "finer": 1, "models": ("hapke",), "stars": "none"}
 
 
 def light(**changes):
     return LightPart(**{"name": "lamp", "position_m": (0, 0, 0), "beam_deg": 90, "power_w": 12, **changes})
 
 
-@given(beam_deg=st.floats(5, 170), power_w=st.floats(0.1, 500))
-def test_the_flux_through_a_sphere_is_the_radiated_power(beam_deg, power_w):
+@given(beam_deg=st.floats(5, 170), power_w=st.floats(0.1, 500), radius=st.floats(0.5, 20))
+def test_the_flux_through_any_sphere_is_the_radiated_power(beam_deg, power_w, radius):
     here = {"base_link": Pose.identity()}
     lamp = headlights([light(beam_deg=beam_deg, power_w=power_w, yaw_deg=90)], here)["lamp"]
     off = np.radians(np.linspace(0, 90, 20_001))
-    points = 2.5 * np.stack([np.zeros_like(off), np.cos(off), np.sin(off)], axis=1)  # about +y
+    points = radius * np.stack([np.zeros_like(off), np.cos(off), np.sin(off)], axis=1)  # about +y
     _, irradiance = lamp.light_at(points, falloff=True)
-    through = np.trapezoid(irradiance * 2 * np.pi * 2.5**2 * np.sin(off), off) * SUN_IN_BAND_W_M2
+    through = np.trapezoid(irradiance * 2 * np.pi * radius**2 * np.sin(off), off) * SUN_IN_BAND_W_M2
     assert through == pytest.approx(power_w, rel=1e-4)
 
 
@@ -53,15 +49,6 @@ def test_light_is_half_at_half_the_beam_angle_and_zero_behind(beam_deg, yaw_deg,
     to_lamp, irradiance = lamp.light_at(np.add(part.position_m, 3 * towards), falloff=True)
     np.testing.assert_allclose(to_lamp, -3 * towards, atol=1e-12)
     np.testing.assert_allclose(irradiance / irradiance[0], [1, 0.5, 0], atol=1e-9)
-
-
-def test_a_spot_falls_off_with_the_square_of_the_distance():
-    lamp = Spotlight(np.zeros(3), axis=np.array([0.0, 0, -1]), beam_deg=60)
-    points = np.array([[0.1, 0, -1], [0.2, 0, -2]], np.float32)
-    to_lamp, irradiance = lamp.light_at(points, falloff=True)
-    assert irradiance.dtype == np.float32
-    np.testing.assert_allclose(length(to_lamp)[1] / length(to_lamp)[0], 2, rtol=1e-6)
-    np.testing.assert_allclose(irradiance[0] / irradiance[1], 4, rtol=1e-5)
 
 
 def test_no_light_of_the_table_is_inside_the_body():
@@ -125,13 +112,3 @@ def test_at_night_there_are_labels_of_rocks_but_not_of_shadows(both):
     assert (ids >= ROCK_IDS).any()
     assert not (ids >= SHADOW_IDS).any()
     assert (both.olat_images["hapke", "night"][ids == GROUND] > 0).mean() > 0.5
-
-
-def test_a_night_without_lights_is_an_error():
-    with pytest.raises(ValidationError, match="suns"):
-        CameraSuiteOptions(suns=("night",))
-
-
-def test_an_unknown_light_is_an_error(drive):
-    with pytest.raises(ConfigError, match="torch"):
-        CameraSuite(drive, driven.vehicle(), CameraSuiteOptions(lights=("torch",)))

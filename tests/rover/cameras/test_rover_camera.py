@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from polarsim.render.options import RenderOptions
+from polarsim.rover.cameras import rover_camera
 from polarsim.rover.cameras.options import ROVER_RENDER, CameraSuiteOptions, ImagingCondition, rover_render
+from polarsim.rover.cameras.render_scene import RenderScene
 from polarsim.rover.cameras.rover_camera import RoverCamera, near_path
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.control import Command, ReferencePath
@@ -40,8 +42,23 @@ OTHERS = {
 @pytest.fixture(scope="module")
 def trace() -> Trace:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(driven, "CELL", 0.04)  # a coarse ground, since each case builds three scenes
+        patch.setattr(driven, "CELL", 0.04)  # a coarse ground is enough for small pictures
         return driven.trace(seconds=0.5)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_scene_per_caller():
+    """Build each scene once: options of pictures do not change it, except for `skirt_m`."""
+    scenes = {}
+
+    def kept(tracks, *others, **options):
+        if len(tracks.tiles) not in scenes:
+            scenes[len(tracks.tiles)] = RenderScene(tracks, *others, **options)
+        return scenes[len(tracks.tiles)]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rover_camera, "RenderScene", kept)
+        yield
 
 
 CAMERAS = CameraSuiteOptions(

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from polarsim.errors import ConfigError
 from polarsim.render.olat import NO_LAMP
@@ -24,14 +25,17 @@ def suite(drive):
     return result
 
 
-def test_the_vehicle_has_the_papers_seven_views():
-    assert len(PAPER_VIEWS) == 7
-    assert set(PAPER_VIEWS) <= {camera.name for camera in driven.vehicle().cameras}
-
-
-def test_an_unknown_camera_is_an_error(drive):
-    with pytest.raises(ConfigError, match="eye"):
-        CameraSuite(drive, driven.vehicle(), options(views=("eye",)))
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"views": ("eye",)}, ConfigError, "eye"),
+        ({"lights": ("torch",)}, ConfigError, "torch"),
+        ({"suns": ("night",)}, ValidationError, "suns"),  # no light at all
+    ],
+)
+def test_unknown_cameras_and_lights_and_a_night_without_lights_are_errors(drive, changes, error, message):
+    with pytest.raises(error, match=message):
+        CameraSuite(drive, driven.vehicle(), options(**changes))
 
 
 def test_the_front_camera_sees_the_rock_ahead_at_its_projection(suite):
@@ -68,6 +72,7 @@ def test_the_wheel_is_in_view_of_its_camera(suite):
     wheel = suite.trace.pose_at(2.0, "lr").translation
     camera = suite.camera("WheelCam_LeftBack", 10)
     assert camera.inside(camera.project(wheel))
+    assert set(PAPER_VIEWS) <= {part.name for part in driven.vehicle().cameras}
 
 
 def test_ruts_are_behind_the_wheels_only(suite):
@@ -82,24 +87,24 @@ def test_ruts_are_behind_the_wheels_only(suite):
     np.testing.assert_allclose((z - driven.level(x, y))[ahead], 0, atol=1e-4)
 
 
-def test_a_frame_does_not_depend_on_earlier_frames(drive):
-    one, other = (CameraSuite(drive, driven.vehicle(), options(views=(FRONT,), models=("hapke",))) for _ in range(2))
-    for frame in (2, 9):
+def test_a_frame_does_not_depend_on_earlier_frames_and_threads(drive):
+    chosen = options(views=(FRONT,), models=("hapke",), finer=1)
+    one, other = (CameraSuite(drive, driven.vehicle(), chosen) for _ in range(2))
+    one.show(2)
+    for frame in (9, 4):
         one.show(frame)
-    other.show(9)
-    olat_images = [own.render(FRONT, ["2"]).olat_images["hapke", "2"] for own in (one, other)]
-    np.testing.assert_array_equal(*olat_images)
-    one.show(4)
-    other.show(4)
-    olat_images = [
-        own.render(FRONT, ["2"], threads).olat_images["hapke", "2"] for own, threads in ((one, 1), (other, 3))
-    ]
-    np.testing.assert_array_equal(*olat_images)
+        other.show(frame)
+        images = [
+            own.render(FRONT, ["2"], threads).olat_images["hapke", "2"] for own, threads in ((one, 1), (other, 3))
+        ]
+        np.testing.assert_array_equal(*images)
 
 
 def test_stars_appear_in_the_sky_only_and_scale_with_their_brightness(drive):
     dark, plain, bright = (
-        CameraSuite(drive, driven.vehicle(), options(views=("ncl",), stars=stars, scale=0.06, models=("hapke",)))
+        CameraSuite(
+            drive, driven.vehicle(), options(views=("ncl",), stars=stars, scale=0.06, models=("hapke",), finer=1)
+        )
         for stars in ("none", "physical", "bright")
     )
     olat_images, ids = [], None

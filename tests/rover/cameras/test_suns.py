@@ -34,11 +34,7 @@ def test_the_real_sun_near_the_pole_is_low_and_has_the_direction_of_the_ephemeri
     np.testing.assert_allclose(np.degrees(np.arcsin(towards[2])), elevation, atol=1e-6)
 
 
-def test_the_real_sun_at_night_is_an_error():
-    with pytest.raises(RoverError, match="2026-12-06"):
-        suns_of(CameraSuiteOptions(suns=(), real_sun=real_sun(6)))
-
-
-def test_no_sun_is_an_error():
-    with pytest.raises(RoverError, match=r"rover\.cameras"):
-        suns_of(CameraSuiteOptions(suns=()))
+@pytest.mark.parametrize(("real", "message"), [(real_sun(6), "2026-12-06"), (None, r"rover\.cameras")])
+def test_a_real_sun_below_the_horizon_and_no_sun_are_errors(real, message):
+    with pytest.raises(RoverError, match=message):
+        suns_of(CameraSuiteOptions(suns=(), real_sun=real))
