@@ -101,31 +101,32 @@ def amodal_masks(ids: np.ndarray, hidden: Mapping[int, np.ndarray], options: Ren
     return amodal
 
 
+def annotate_view(surfaces: Surfaces, camera: Camera, ids: np.ndarray, options: RenderOptions) -> list[coco.Annotation]:
+    """Return the labels of an id map (h, w) of a view, with amodal masks."""
+    return annotate_ids(ids, options, amodal_masks(ids, occluded_pixels(surfaces, camera, ids), options))
+
+
 def label_view(
     keys: Sequence[PhotoKey],
     ids: Mapping[str, np.ndarray],
-    hidden: Mapping[int, np.ndarray],
+    surfaces: Surfaces,
+    camera: Camera,
     boxes: Path,
     instances: Path,
     options: RenderOptions,
 ) -> dict[PhotoKey, list[coco.Annotation]]:
-    """Write and return the labels of the twins of a view.
-
-    Labels are equal for all models and all exposures of an exposure bracket.
+    """Write and return the labels of the twins of a view, equal for all models and exposures of a bracket.
 
     Parameters
     ----------
     ids : lamp -> (h, w) uint16
         `Rendering.ids` of the view.
-    hidden : rock -> (n,) int
-        Result of `occluded_pixels` for the view.
     boxes : Path
         Folder for `KEY.txt`; the file is empty if no lamp is on, because the image is black.
     instances : Path
         Folder for `TT_P_light_az_C.png`, the id map of an exposure bracket.
     """
-    occluded = amodal_masks(ids[NO_LAMP], hidden, options)
-    rocks = annotate_ids(ids[NO_LAMP], options, occluded)
+    rocks = annotate_view(surfaces, camera, ids[NO_LAMP], options)
     by_lamp = {NO_LAMP: rocks}
     for name, id_map in ids.items():
         shadows = id_map * (id_map >= SHADOW_IDS)  # the rocks of a view are equal under every lamp

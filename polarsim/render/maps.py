@@ -5,7 +5,7 @@ Files are 16-bit PNGs; depth is also written as TIFF with 32-bit floats.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,17 +16,23 @@ from polarsim.formats.files import write_bytes, writing, writing_folder
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.vectors import normalise
 from polarsim.photo import PhotoKey
-from polarsim.render.hits import Hits, between_deg, cast_strip, for_strips
+from polarsim.render.hits import between_deg, cast_strip, for_strips
 from polarsim.render.lamps import Lamp, lamps_on
 from polarsim.render.lighting import visible_lamp_share
 from polarsim.render.options import RenderOptions
 from polarsim.render.shadows import SHADOW_BELOW, shading_of
 from polarsim.render.surfaces import Surfaces
 
-MM, CENTIDEGREES, SHARES = 1000.0, 100.0, 10_000.0
 NO_VALUE = 0xFFFF  # file value of undefined pixels; larger values are clipped to NO_VALUE - 1
-_ANGLES = ("emergence", "incidence", "phase")
-_BY_LAMP = {"angles", "shading", "lit"}
+# Field of each scaled map and file value of one unit: metres to mm, degrees to 0.01 degrees, shares to 0.0001.
+_SCALED = {
+    "depth": ("depth_m", 1000.0),
+    "emergence": ("emergence_deg", 100.0),
+    "incidence": ("incidence_deg", 100.0),
+    "phase": ("phase_deg", 100.0),
+    "lit": ("lit", 10_000.0),
+}
+_OF_VIEW, _OF_LAMP = ("depth", "emergence", "normal"), ("incidence", "lit", "phase", "shading")
 
 
 @dataclass(frozen=True)
@@ -99,23 +105,15 @@ def compute_maps(
         put(maps.emergence_deg, between_deg(hits.normal, hits.to_viewer))
         put(maps.ids, surfaces.id_of_face[hits.face])
         for name, lamp in lamps.items():
-            for field, values in _lamp_values(surfaces, hits, lamp, options).items():
-                put(getattr(by_lamp[name], field), values)
+            to_lamp = normalise(lamp.light_at(hits.point, falloff=False)[0])
+            share = visible_lamp_share(surfaces, hits, lamp, options.lamp_samples)
+            put(by_lamp[name].incidence_deg, between_deg(hits.normal, to_lamp))
+            put(by_lamp[name].phase_deg, between_deg(hits.to_viewer, to_lamp))
+            put(by_lamp[name].lit, share)
+            put(by_lamp[name].shading, shading_of(surfaces, hits, lamp, share < SHADOW_BELOW, options.lamp_samples))
 
     for_strips(camera.lens.height, threads, work)
     return maps
-
-
-def _lamp_values(surfaces: Surfaces, hits: Hits, lamp: Lamp, options: RenderOptions) -> dict[str, np.ndarray]:
-    """Return the values of the fields of `LampMaps` at the hits."""
-    to_lamp = normalise(lamp.light_at(hits.point, falloff=False)[0])
-    share = visible_lamp_share(surfaces, hits, lamp, options.lamp_samples)
-    return {
-        "incidence_deg": between_deg(hits.normal, to_lamp),
-        "phase_deg": between_deg(hits.to_viewer, to_lamp),
-        "lit": share,
-        "shading": shading_of(surfaces, hits, lamp, share < SHADOW_BELOW, options.lamp_samples),
-    }
 
 
 def write_maps(folder: Path, maps: Maps) -> None:
@@ -127,34 +125,39 @@ def write_maps(folder: Path, maps: Maps) -> None:
     """
     with writing_folder(folder) as out:
         png.write_png(out / "ids.png", maps.ids)
-        for name in ("depth", "normal", "emergence"):
-            png.write_png(out / f"{name}.png", _of_view(maps, name))
-        for lamp in list(maps.by_lamp.values())[:1]:
-            for name in ("incidence", "phase", "lit", "shading"):
-                png.write_png(out / f"{name}.png", _of_lamp(lamp, name))
+        of_first_lamp = [(lamp, name) for lamp in list(maps.by_lamp.values())[:1] for name in _OF_LAMP]
+        for shown, name in [*((maps, name) for name in _OF_VIEW), *of_first_lamp]:
+            png.write_png(out / f"{name}.png", _file_values(shown, name))
 
 
-def lamps_for_maps(names: Collection[str], shadow_lamps: Collection[str]) -> list[str]:
-    """Return the sorted names of the lamps for which maps are computed; empty if no selected map depends on light."""
-    return sorted(shadow_lamps) if _BY_LAMP & set(names) else []
-
-
-def write_view_maps(folder: Path, keys: Sequence[PhotoKey], maps: Maps, names: Collection[str]) -> None:
-    """Write the selected maps (`RenderOptions.maps`) of one view, each kind into a separate folder.
+def write_view_maps(
+    folder: Path,
+    keys: Sequence[PhotoKey],
+    surfaces: Surfaces,
+    camera: Camera,
+    lamps: Mapping[str, Lamp],
+    options: RenderOptions,
+    threads: int = 1,
+) -> None:
+    """Compute the maps of one view that `options.maps` selects, and write each kind into a separate folder.
 
     Maps of a view are named `TT_P_C.png`. Maps that depend on light are named `TT_P_light_az_C.png`, one per exposure
     bracket, for the lamp that casts the labelled shadows; exposure brackets without lamp have no such maps.
     """
-    selected = {single for name in names for single in (_ANGLES if name == "angles" else (name,))}
+    if not keys or not options.maps:
+        return
+    angles = ("emergence", "incidence", "phase")
+    selected = {single for name in options.maps for single in (angles if name == "angles" else (name,))}
     brackets = {str(key).rpartition("_")[0]: lamps_on(key)[0] for key in keys if lamps_on(key)}
-    for key in keys[:1]:
-        view = f"{key.terrain:02d}_{key.position}_{key.camera}"
-        if "depth_float" in selected:
-            _write_floats(folder / "depth_float" / f"{view}.tif", maps.depth_m)
-        for name in sorted(selected & {"depth", "normal", "emergence"}):
-            png.write_png(folder / name / f"{view}.png", _of_view(maps, name))
-    for name in sorted(selected & {"incidence", "phase", "lit", "shading"}):
-        content = {lamp: png.encode_png(_of_lamp(maps.by_lamp[lamp], name)) for lamp in set(brackets.values())}
+    needed = sorted(set(brackets.values())) if selected & set(_OF_LAMP) else []
+    maps = compute_maps(surfaces, camera, {name: lamps[name] for name in needed}, options, threads)
+    view = f"{keys[0].terrain:02d}_{keys[0].position}_{keys[0].camera}"
+    if "depth_float" in selected:
+        _write_floats(folder / "depth_float" / f"{view}.tif", maps.depth_m)
+    for name in sorted(selected & set(_OF_VIEW)):
+        png.write_png(folder / name / f"{view}.png", _file_values(maps, name))
+    for name in sorted(selected & set(_OF_LAMP)):
+        content = {lamp: png.encode_png(_file_values(maps.by_lamp[lamp], name)) for lamp in needed}
         for bracket, lamp in brackets.items():
             write_bytes(folder / name / f"{bracket}.png", content[lamp])
 
@@ -169,19 +172,13 @@ def _write_floats(path: Path, values: np.ndarray) -> None:
         )
 
 
-def _of_view(maps: Maps, name: str) -> np.ndarray:
-    """Return a map of a view in the units of the PNG file."""
+def _file_values(maps: Maps | LampMaps, name: str) -> np.ndarray:
+    """Return a map in the units of the PNG file, uint16."""
     if name == "normal":
-        return np.nan_to_num((maps.normal + 1) / 2 * NO_VALUE + 0.5).astype(np.uint16)
-    return _scaled(maps.depth_m, MM) if name == "depth" else _scaled(maps.emergence_deg, CENTIDEGREES)
-
-
-def _of_lamp(maps: LampMaps, name: str) -> np.ndarray:
+        return np.nan_to_num((getattr(maps, name) + 1) / 2 * NO_VALUE + 0.5).astype(np.uint16)
     if name == "shading":
-        return maps.shading
-    return _scaled(maps.lit, SHARES) if name == "lit" else _scaled(getattr(maps, f"{name}_deg"), CENTIDEGREES)
-
-
-def _scaled(values: np.ndarray, factor: float) -> np.ndarray:
+        return np.asarray(getattr(maps, name))
+    field, factor = _SCALED[name]
+    values = getattr(maps, field)
     steps = np.minimum(np.nan_to_num(values * factor, nan=0.0) + 0.5, NO_VALUE - 1)
     return np.where(np.isnan(values), NO_VALUE, steps).astype(np.uint16)

@@ -12,7 +12,6 @@ import numpy as np
 
 from polarsim.formats import png
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.lens import Lens
 from polarsim.photo import PhotoKey, by_bracket
 from polarsim.render.gain import calibrate, default_gain, with_fitted_intensities
 from polarsim.render.indirect import OlatImages
@@ -31,14 +30,7 @@ log = logging.getLogger("polarsim.render")
 def input_digests(terrain: int, meshes: Path, lamps: Path, materials: Path | None) -> dict[str, str]:
     """Return the digests of the inputs common to all twins of a terrain, for `sources` of the sidecars.
 
-    Parameters
-    ----------
-    meshes : Path
-        Folder of the meshes.
-    lamps : Path
-        Folder of `lamps.json`, which exists if the lamps were localised on photos.
-    materials : Path or None
-        Folder of the materials fitted to photos: albedo by vertex and brightness of the lamps.
+    `lamps`: folder of `lamps.json`, which exists if the lamps were localised on photos.
     """
     lamp_file = lamps / lamp_files.FILE
     return {
@@ -53,28 +45,17 @@ class TwinWriter:
     """Writer of the twins of a terrain, view by view.
 
     In addition to `sources`, sidecars record `camera` (`PosX.json` of the position) and `photos` (the photos on which
-    the gain of the model was calibrated, if any).
-
-    Parameters
-    ----------
-    twins : model -> Path
-        Output folders, created if missing.
-    cameras : Path
-        Folder with the `PosX.json` of the terrain.
-    references : key -> Path
-        Photos for the calibration of models without a gain; the view of the photos must be written first.
+    the gain of the model was calibrated, if any). The view of the photos `references` must be written first.
     """
 
     terrain: int
     twins: Mapping[Model, Path]
     cameras: Path
     sources: Mapping[str, str]
-    references: Mapping[PhotoKey, Path]
+    references: Mapping[PhotoKey, Path]  # photos for the calibration of models without a gain
     fitted: FittedMaterials | None
     options: RenderOptions
-    _gains: dict[Model, tuple[float, dict[str, str]]] = field(
-        default_factory=dict
-    )  # and the digest of the calibration photos
+    _gains: dict[Model, tuple[float, dict[str, str]]] = field(default_factory=dict)  # and digest of the photos
 
     def __post_init__(self) -> None:
         for folder in self.twins.values():
@@ -117,11 +98,14 @@ class TwinWriter:
         gain: float,
         sources: Mapping[str, str],
     ) -> None:
-        folder = self.twins[model]
-        write_photos(folder, bracket, olat_images, camera.lens, gain, self.options)
+        folder, options = self.twins[model], self.options
+        radiance = sum((olat_images[name] for name in lamps_on(bracket[0])), np.zeros(camera.lens.shape, np.float32))
+        active_lamps = {name: lamps[name] for name in lamps_on(bracket[0])}
         for key in bracket:
-            shot = Shot(camera, {name: lamps[name] for name in lamps_on(key)}, float(key.exposure_ms), model)
-            sidecar = Sidecar(shot, self.terrain, self.options, gain, sources, noise_seed(self.options, key))
+            photo = expose(radiance, key.exposure_ms * gain, options, noise_generator(options, key))
+            png.write_png(folder / f"{key}.png", photo)
+            shot = Shot(camera, active_lamps, float(key.exposure_ms), model)
+            sidecar = Sidecar(shot, self.terrain, options, gain, sources, noise_seed(options, key))
             write_sidecar(folder / f"{key}.json", sidecar.content())
 
     def _gain(self, model: Model, olat_images: OlatImages) -> tuple[float, dict[str, str]]:
@@ -134,19 +118,3 @@ class TwinWriter:
             log.info("terrain %02d, %s: gain %.6g (%s)", self.terrain, model, gain, origin)
             self._gains[model] = gain, {"photos": digest_of(self.references.values())} if calibrated else {}
         return self._gains[model]
-
-
-def write_photos(
-    folder: Path,
-    bracket: Sequence[PhotoKey],
-    olat_images: Mapping[str, np.ndarray],
-    lens: Lens,
-    gain: float,
-    options: RenderOptions,
-) -> None:
-    """Expose the photos of an exposure bracket from OLAT images by lamp and write `folder/KEY.png`."""
-    dark = np.zeros(lens.shape, np.float32)
-    radiance = sum((olat_images[name] for name in lamps_on(bracket[0])), dark)
-    for key in bracket:
-        noise = noise_generator(options, key)
-        png.write_png(folder / f"{key}.png", expose(radiance, key.exposure_ms * gain, options, noise))

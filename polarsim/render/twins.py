@@ -12,17 +12,16 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats import coco, tables
-from polarsim.geometry.camera import Camera
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey, PositionCamera
 from polarsim.progress import track
 from polarsim.render.gain import calibration_photos, with_fit
-from polarsim.render.ground_truth import label_row, label_view, occluded_pixels
+from polarsim.render.ground_truth import label_row, label_view
 from polarsim.render.lamps import Lamp, lamps_of_rig, lamps_on
-from polarsim.render.maps import compute_maps, lamps_for_maps, write_view_maps
-from polarsim.render.olat import NO_LAMP, render_view
+from polarsim.render.maps import write_view_maps
+from polarsim.render.olat import render_view
 from polarsim.render.optics import apply_lens_to_olat_images
 from polarsim.render.options import Model, RenderOptions
-from polarsim.render.surfaces import Surfaces, build_surfaces
+from polarsim.render.surfaces import build_surfaces
 from polarsim.render.twin_writer import TwinWriter, input_digests
 from polarsim.run_files.lamps import read_suns
 from polarsim.run_files.materials import read_materials
@@ -34,18 +33,13 @@ log = logging.getLogger("polarsim.render")
 
 @dataclass(frozen=True)
 class LabelPaths:
-    """Output paths of the rendered labels of a terrain.
+    """Output paths of the rendered labels of a terrain."""
 
-    boxes, instances : folders of `KEY.txt` and of id maps
-    annotations, table : COCO file and label table
-    maps : folder of the maps selected by `RenderOptions.maps`
-    """
-
-    boxes: Path
-    instances: Path
-    annotations: Path
+    boxes: Path  # folder of `KEY.txt`
+    instances: Path  # folder of id maps
+    annotations: Path  # COCO file
     table: Path
-    maps: Path | None = None
+    maps: Path | None = None  # folder of the maps selected by `RenderOptions.maps`
 
 
 def keys_by_view(
@@ -85,28 +79,17 @@ def render_twins(
 
     Parameters
     ----------
-    cameras : Path
-        Folder with the `PosX.json` of the terrain; positions without a file are skipped with a warning.
-    meshes : Path
-        Folder with the meshes of the terrain.
+    cameras, meshes : Path
+        Folders of the terrain. Positions without a proven pose are skipped with a warning.
     photos : Path or None
         `photos.parquet`; the gain is calibrated on the photos. Without usable photos, the gain is derived from NASA's
         recommended exposures. A gain in the options has priority over both.
-    labels : LabelPaths
-        Output paths of the labels.
     materials : Path or None
         Folder with the fitted materials and lamps of the terrain; they override the options.
     lamps : Path or None
         Folder with `lamps.json` of the Sun lamps, if different from `cameras`.
     only : set of PhotoKey or None
         Keys to write; None: all. The gain is calibrated over all keys and does not depend on this selection.
-
-    Raises
-    ------
-    FormatError
-        A mesh, pose or table is missing or invalid.
-    RenderError
-        The engine cannot be loaded.
     """
     rigs = read_all_localised(cameras)
     suns = read_suns(lamps or cameras, rigs)
@@ -137,27 +120,14 @@ def render_twins(
         rendering = render_view(surfaces, camera, active_lamps, list(twins), shadow_lamps, options, threads)
         olat_images = apply_lens_to_olat_images(rendering.whole, active_lamps, surfaces, camera, options, threads)
         with ThreadPoolExecutor(max(1, threads)) as pool:
-            labelled = pool.submit(_label, chosen, rendering.ids, surfaces, camera, labels, options)
+            places = (labels.boxes, labels.instances)
+            labelled = pool.submit(label_view, chosen, rendering.ids, surfaces, camera, *places, options)
             writer.write(chosen, olat_images, active_lamps, camera, pool)
             all_labels |= labelled.result()
-        if options.maps and labels.maps:
-            mapped = {name: active_lamps[name] for name in lamps_for_maps(options.maps, shadow_lamps)}
-            write_view_maps(labels.maps, chosen, compute_maps(surfaces, camera, mapped, options, threads), options.maps)
+        if labels.maps:
+            write_view_maps(labels.maps, chosen, surfaces, camera, active_lamps, options, threads)
     images = next(iter(twins.values()))
     _write_labels(labels, all_labels, rigs, {key: images / f"{key}.png" for key in all_labels})
-
-
-def _label(
-    keys: Sequence[PhotoKey],
-    ids: Mapping[str, np.ndarray],
-    surfaces: Surfaces,
-    camera: Camera,
-    labels: LabelPaths,
-    options: RenderOptions,
-) -> dict[PhotoKey, list[coco.Annotation]]:
-    """Write the boxes and id maps of the twins of a view; return the labels."""
-    hidden = occluded_pixels(surfaces, camera, ids[NO_LAMP])
-    return label_view(keys, ids, hidden, labels.boxes, labels.instances, options)
 
 
 def _write_labels(

@@ -14,11 +14,10 @@ from polarsim.formats.files import check_new_folder, writing_folder
 from polarsim.photo import BLACK_LEVEL
 from polarsim.progress import track
 from polarsim.render.gain import lit_pixels
-from polarsim.render.ground_truth import amodal_masks, annotate_ids, occluded_pixels
+from polarsim.render.ground_truth import annotate_view
 from polarsim.render.lamps import ROVER
 from polarsim.render.olat import render_view
 from polarsim.render.optics import apply_lens, apply_lens_to_olat_images
-from polarsim.render.options import RenderOptions
 from polarsim.render.sensor import expose, noise_generator
 from polarsim.render.views.folder import Sheet, Tone, ViewsFolder, write_listing
 from polarsim.render.views.options import AutoExposure, Views
@@ -95,7 +94,7 @@ def _render(
     models = [model for model in views.render.models if any(picture.model == model for picture in unit)]
     rendering = render_view(scene.surfaces, camera, lamps, models, list(lights), views.render, threads)
     for name, picture in lights.items():
-        labels[picture.ground_truth] = _labels(picture, rendering.ids[name], views.render)
+        labels[picture.ground_truth] = annotate_view(scene.surfaces, camera, rendering.ids[name], views.render)
         folder.write_instances(picture, rendering.ids[name])
     olat_images = apply_lens_to_olat_images(rendering.whole, lamps, scene.surfaces, camera, views.render, threads)
     skies = {name: picture.light.sandbox_from_celestial for name, picture in lights.items()}
@@ -116,12 +115,6 @@ def _render(
         return exposure_ms
 
     return write
-
-
-def _labels(picture: PlannedImage, ids: np.ndarray, options: RenderOptions) -> list[coco.Annotation]:
-    """Return the labels of an instance map (h, w), including amodal masks."""
-    hidden = occluded_pixels(picture.scene.surfaces, picture.camera, ids)
-    return annotate_ids(ids, options, amodal_masks(ids, hidden, options))
 
 
 def auto_exposure(radiance: np.ndarray, gain: float, options: AutoExposure) -> float:
