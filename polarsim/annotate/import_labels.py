@@ -1,7 +1,7 @@
 """Import of labels from annotation tools into a folder of label files for a run.
 
-`export_files` finds the files and the format, a reader (`cvat`, `label_studio`, or COCO and YOLO in this module) returns
-the shapes of each image, and `import_labels` writes the bounding boxes and counts skipped shapes.
+`export_files` finds the files and the format, a reader (`cvat`, `label_studio`, or COCO and YOLO in this module) reads the
+shapes of each image, and `import_labels` writes the bounding boxes and counts skipped shapes.
 """
 
 from __future__ import annotations

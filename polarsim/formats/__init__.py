@@ -1,6 +1,6 @@
 """File formats that other programs define: a module per format, with reader and writer.
 
-All readers and writers share `files` (atomic writing, paths, encodings) and `readers`: a file that is missing or invalid
+All readers and writers share `files` (atomic writing, paths, encodings) and `readers`: an invalid or missing file
 raises `FormatError` (`ConfigError` for YAML), a single line with the file. Files that only polarsim defines are in
 `polarsim.run_files`.
 """

@@ -26,11 +26,9 @@ _CONFIGS = Path(__file__).parents[1] / "configs"  # config/ of the repository; i
 
 @contextmanager
 def writing(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary path in the folder of `path`; rename the file to `path` at the end, or delete it on an error."""
+    """Yield a temporary path in the folder of `path`; rename the file to `path` at the end, or delete it."""
     path = Path(path)
-    temporary = path.with_name(
-        f".{path.stem}.{os.getpid()}{path.suffix}"
-    )  # same suffix: writers choose the format by it
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")  # writers choose the format by the suffix
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield temporary
@@ -63,7 +61,7 @@ def writing_folder(path: str | Path) -> Iterator[Path]:
 
 
 def existing_folder(path: str | Path) -> Path:
-    """Return a folder that exists."""
+    """Return the folder; raise an error if it is missing or a file."""
     path = Path(path)
     if not path.is_dir():
         raise FormatError("a file, expected a folder" if path.exists() else "no such folder", path=path)

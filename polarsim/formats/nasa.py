@@ -422,7 +422,7 @@ def range_map_path(folder: str | Path, position: str) -> Path:
 
 
 def find_scans(root: str | Path, terrain: int) -> tuple[dict[str, Path], dict[str, Path]]:
-    """Return the range maps and clouds of a terrain by position, with up to one additional folder level below a root."""
+    """Return the range maps and clouds of a terrain by position; they may be in a subfolder of the root."""
     maps: dict[str, Path] = {}
     for pattern in (RANGE_FOLDER, f"*/{RANGE_FOLDER}"):
         for path in sorted(Path(root).glob(f"{pattern}/Terrain{terrain:02d}/Pos?_org-XYZ.[tT][iI][fF]")):

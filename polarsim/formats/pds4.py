@@ -6,9 +6,7 @@ description of every value. Labels have no creation time, so that equal content 
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -92,13 +90,8 @@ def label(kind: str, identity: Identity, *areas: Node) -> bytes:
 def _citation(identity: Identity) -> list[Node]:
     if identity.citation is None:
         return []
-    authors, year = identity.citation
-    parts = (
-        node("author_list", authors),
-        node("publication_year", year),
-        node("description", identity.description),
-    )
-    return [node("Citation_Information", *parts)]
+    authors, year = node("author_list", identity.citation[0]), node("publication_year", identity.citation[1])
+    return [node("Citation_Information", authors, year, node("description", identity.description))]
 
 
 def observation(identity: Identity, observed: Observed) -> Node:
@@ -108,8 +101,10 @@ def observation(identity: Identity, observed: Observed) -> Node:
         node("comment", identity.description),
         node(
             "Time_Coordinates",
-            node("start_date_time", **{"xsi:nil": "true", "nilReason": "unknown"}),
-            node("stop_date_time", **{"xsi:nil": "true", "nilReason": "unknown"}),
+            *(
+                node(name, **{"xsi:nil": "true", "nilReason": "unknown"})
+                for name in ("start_date_time", "stop_date_time")
+            ),
         ),
         node(
             "Primary_Result_Summary",
@@ -121,7 +116,11 @@ def observation(identity: Identity, observed: Observed) -> Node:
             "Investigation_Area",
             node("name", observed.investigation),
             node("type", "Individual Investigation"),
-            _reference("urn:nasa:pds:context:investigation:individual.none", "data_to_investigation"),
+            node(
+                "Internal_Reference",
+                node("lid_reference", "urn:nasa:pds:context:investigation:individual.none"),
+                node("reference_type", "data_to_investigation"),
+            ),
         ),
         node(
             "Observing_System",
@@ -129,10 +128,6 @@ def observation(identity: Identity, observed: Observed) -> Node:
         ),
         node("Target_Identification", node("name", observed.target), node("type", "Laboratory Analog")),
     )
-
-
-def _reference(lid: str, kind: str) -> Node:
-    return node("Internal_Reference", node("lid_reference", lid), node("reference_type", kind))
 
 
 def file_node(path: Path, name: str, records: int | None = None) -> Node:
@@ -182,11 +177,7 @@ def array_area(
 
 def table_bytes(table: pd.DataFrame) -> bytes:
     """Return a table as comma-separated text. Missing numbers are `MISSING`, because readers parse empty text as 0."""
-    out = io.StringIO()
-    rows = csv.writer(out, lineterminator="\r\n")
-    for row in table.itertuples(index=False):
-        rows.writerow([MISSING if isinstance(value, float) and np.isnan(value) else value for value in row])
-    return out.getvalue().encode("utf-8")
+    return table.to_csv(header=False, index=False, lineterminator="\r\n", na_rep=str(MISSING)).encode("utf-8")
 
 
 def table_area(path: Path, name: str, table: pd.DataFrame, columns: Iterable[Column], description: str) -> Node:

@@ -21,7 +21,7 @@ Model = TypeVar("Model", bound=BaseModel)
 
 @reader("YAML file", largest_mb=1, error=ConfigError)
 def read_yaml(path: str | Path) -> Any:
-    """Read a YAML file; a missing file of `config/` is read from the installed package (see `files.resolve_packaged`)."""
+    """Read a YAML file; a missing file of `config/` is read from the installed package."""
     return parse_yaml(text_of(resolve_packaged(path)))
 
 

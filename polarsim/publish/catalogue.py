@@ -6,7 +6,6 @@ A catalogue contains paths of files and small data (keys, poses, lamps); labels 
 from __future__ import annotations
 
 import os
-import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -22,6 +21,7 @@ from polarsim.detect.split import read_split
 from polarsim.errors import ConfigError, FormatError
 from polarsim.formats import tables
 from polarsim.formats.coco import Annotation, read_coco
+from polarsim.formats.readers import reader
 from polarsim.geometry.camera import Camera
 from polarsim.photo import NO_ROCK, SUNS, TERRAINS, PhotoKey
 from polarsim.run_files import lamps, rigs, scene
@@ -281,14 +281,13 @@ def _pictures(
                 yield CatalogueImage(model, key, path, *_size(path), "", parts.get(key, ""))
 
 
+@reader("picture")
 def _size(path: Path) -> tuple[int, int]:
-    """Read width and height from the header of a PNG file."""
-    with path.open("rb") as file:
-        head = file.read(24)
-    if len(head) < 24 or head[1:4] != b"PNG":
-        raise FormatError("is not a PNG file", path=path)
-    width, height = struct.unpack(">II", head[16:24])
-    return width, height
+    """Read width and height from the header of an image."""
+    from PIL import Image
+
+    with Image.open(path) as picture:
+        return picture.size
 
 
 def _split(run: Path, wanted: str) -> str:

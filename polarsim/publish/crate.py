@@ -12,17 +12,12 @@ from polarsim.photo import NO_ROCK
 from polarsim.publish import records, terms
 from polarsim.publish.bundle import SUMS, Bundle
 from polarsim.publish.card import CARD, DATASHEET
-from polarsim.publish.catalogue import MAPS, Catalogue, CatalogueImage
+from polarsim.publish.catalogue import MAPS, Catalogue
 
-NEEDS = ("rocrate",)
 FILE = "ro-crate-metadata.json"
 _CHECKOUT = Path(__file__).parents[2]
 _FORMATS = {".parquet": "application/vnd.apache.parquet", ".csv": "text/csv", ".json": "application/json",
             ".obj": "model/obj", ".md": "text/markdown", ".png": "image/png"}  # fmt: skip
-
-
-def crate_bytes(picture: CatalogueImage) -> int:
-    return picture.path.stat().st_size + 8000  # and the file with the render settings
 
 
 def write_crate(catalogue: Catalogue, bundle: Bundle) -> None:
@@ -34,8 +29,7 @@ def write_crate(catalogue: Catalogue, bundle: Bundle) -> None:
 def _write_files(catalogue: Catalogue, bundle: Bundle) -> dict[str, str]:
     """Write all files; return the descriptions of the files, except images, by name."""
     descriptions: dict[str, str] = {}
-    records.copy_pictures(catalogue, bundle)
-    records.copy_maps(catalogue, bundle)
+    records.copy_images(catalogue, bundle)
     for picture in catalogue.pictures:
         if (sidecar := picture.path.with_suffix(".json")).is_file() and not catalogue.is_photo(picture):
             bundle.copy(f"pictures/{picture.name}.json", sidecar)

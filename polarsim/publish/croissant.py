@@ -17,11 +17,11 @@ from polarsim.formats.tables import write_parquet
 from polarsim.publish import records, terms
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.card import rai_answers
-from polarsim.publish.catalogue import MAPS, Catalogue, CatalogueImage
+from polarsim.publish.catalogue import MAPS, Catalogue
 
-NEEDS = ("mlcroissant",)
 FILE, GEO_FILE = "croissant.json", "geocroissant.json"
 CONFORMS = ["http://mlcommons.org/croissant/1.1", "http://mlcommons.org/croissant/RAI/1.0"]
+_KEY = "pictures/picture"  # field that identifies an image
 # Engineering coordinate system in the notation of ISO 19162; the geographic position of the sandbox is not surveyed.
 SANDBOX_WKT = (
     'ENGCRS["sandbox",EDATUM["Terrain\'s centre on the ground"],CS[Cartesian,3],'
@@ -30,13 +30,8 @@ SANDBOX_WKT = (
 )
 
 
-def croissant_bytes(picture: CatalogueImage) -> int:
-    return picture.path.stat().st_size + 4000  # and the table rows
-
-
 def write_croissant(catalogue: Catalogue, bundle: Bundle) -> None:
-    records.copy_pictures(catalogue, bundle)
-    records.copy_maps(catalogue, bundle)
+    records.copy_images(catalogue, bundle)
     tables = records.all_tables(catalogue, bundle)
     for name, table in tables.items():
         bundle.make(f"{name}.parquet", partial(write_parquet, table=table))
@@ -124,51 +119,27 @@ def _record_set(name: str, table: pd.DataFrame) -> Any:
             description=_description(column),
             data_types=[_data_type(table[column])],
             source=mlc.Source(file_object=f"{name}.parquet", extract=mlc.Extract(column=column)),
-            **_reference(name, column),
+            **({"references": mlc.Source(field=_KEY)} if f"{name}/{column}" == "labels/picture" else {}),
         )
         for column in table.columns
     ]
-    key = {"pictures": ["pictures/picture"]}.get(name)
-    return mlc.RecordSet(id=name, name=name, fields=fields, **({"key": key} if key else {}))
-
-
-def _reference(name: str, column: str) -> dict[str, Any]:
-    import mlcroissant as mlc
-
-    return {"references": mlc.Source(field="pictures/picture")} if (name, column) == ("labels", "picture") else {}
+    return mlc.RecordSet(id=name, name=name, fields=fields, **({"key": [_KEY]} if name == "pictures" else {}))
 
 
 def _pictures_of(domain: str) -> Any:
     """Return the record set of the images of a domain: file name and content."""
     import mlcroissant as mlc
 
-    name = f"images-{domain}"
-    return mlc.RecordSet(
-        id=name,
-        name=name,
-        fields=[
-            mlc.Field(
-                id=f"{name}/name",
-                name=f"{name}/name",
-                description="File name of the image.",
-                data_types=[mlc.DataType.TEXT],
-                source=mlc.Source(
-                    file_set=f"pictures-{domain}",
-                    extract=mlc.Extract(file_property=mlc.FileProperty.filename),
-                ),
-            ),
-            mlc.Field(
-                id=f"{name}/image",
-                name=f"{name}/image",
-                description="Image; the file has 16 bits.",
-                data_types=[mlc.DataType.IMAGE_OBJECT],
-                source=mlc.Source(
-                    file_set=f"pictures-{domain}",
-                    extract=mlc.Extract(file_property=mlc.FileProperty.content),
-                ),
-            ),
-        ],
-    )
+    def field(name: str, description: str, kind: str, content: Any) -> Any:
+        source = mlc.Source(file_set=f"pictures-{domain}", extract=mlc.Extract(file_property=content))
+        name = f"images-{domain}/{name}"
+        return mlc.Field(id=name, name=name, description=description, data_types=[kind], source=source)
+
+    fields = [
+        field("name", "File name of the image.", mlc.DataType.TEXT, mlc.FileProperty.filename),
+        field("image", "Image; the file has 16 bits.", mlc.DataType.IMAGE_OBJECT, mlc.FileProperty.content),
+    ]
+    return mlc.RecordSet(id=f"images-{domain}", name=f"images-{domain}", fields=fields)
 
 
 def _description(column: str) -> str:

@@ -20,14 +20,6 @@ UNASSIGNED = "unassigned"  # part of all images of a run without a split
 PARTS = {"train": "train", "val": "val", "test": "test", "": UNASSIGNED}
 
 
-def coco_bytes(picture: CatalogueImage) -> int:
-    return picture.path.stat().st_size + 20_000
-
-
-def yolo_bytes(picture: CatalogueImage) -> int:
-    return picture.width * picture.height + 2000  # 8 bits; noise is hardly compressible
-
-
 def write_coco_set(catalogue: Catalogue, bundle: Bundle) -> None:
     """Write `images/<domain>/KEY.png`, 16 bits, and `annotations/<domain>_<part>.json`."""
     for picture in catalogue.pictures:

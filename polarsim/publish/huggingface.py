@@ -34,10 +34,6 @@ _PICTURE = {
 }  # fmt: skip
 
 
-def huggingface_bytes(picture: CatalogueImage) -> int:
-    return picture.path.stat().st_size + 40_000  # and the instance map and metadata
-
-
 def write_folder(catalogue: Catalogue, bundle: Bundle) -> None:
     """Write images `<domain>/<split>/KEY.png`, instance maps, and `metadata.parquet` for the loader `imagefolder`.
 

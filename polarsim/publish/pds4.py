@@ -37,10 +37,6 @@ _NAMES = {  # columns of names, keys and counts
 }  # fmt: skip
 
 
-def pds4_bytes(picture: CatalogueImage) -> int:
-    return 5 * picture.width * picture.height + 8000  # image and instance map of two bytes, browse image of one
-
-
 @dataclass
 class Collection:
     """A collection and the identifiers of its members."""

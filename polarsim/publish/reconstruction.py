@@ -25,10 +25,6 @@ POINTS = 60_000  # approximate number of points per terrain
 CV_FROM_GL = np.diag([1.0, -1.0, -1.0, 1.0])  # camera frames: OpenGL -z forward and y up, OpenCV z forward and y down
 
 
-def reconstruction_bytes(picture: CatalogueImage) -> int:
-    return picture.width * picture.height + 2000
-
-
 def write_colmap(catalogue: Catalogue, bundle: Bundle) -> None:
     """Write `images/KEY.png` with 8 bits and `sparse/0/*.txt` into `<domain>/TerrainNN/`."""
     for domain, terrain, pictures in _scenes(catalogue):

@@ -10,11 +10,13 @@ import pandas as pd
 
 from polarsim.formats import png
 from polarsim.formats.tables import key_columns
+from polarsim.geometry.boxes import area
 from polarsim.geometry.poses import Pose
 from polarsim.photo import CAMERAS, NO_ROCK, ROCK
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import MAPS, Catalogue, CatalogueImage, shadow_casters
 from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
+from polarsim.schemas.photos import BOX
 
 PICTURE_FILE, MAP_FILE = "pictures/{name}.png", "maps/{name}/{stem}.png"
 # Meaning and unit of every column; the unit is empty for names, counts and shares.
@@ -91,6 +93,10 @@ def quaternion(pose: Pose) -> dict[str, float]:
     return {"qw": w, "qx": x, "qy": y, "qz": z}
 
 
+def _position(position: np.ndarray) -> dict[str, float]:
+    return dict(zip(("x_m", "y_m", "z_m"), map(float, position), strict=True))
+
+
 def pictures(catalogue: Catalogue, bundle: Bundle | None = None) -> pd.DataFrame:
     """Return a row per image, with checksums of the files in the bundle, if given."""
     rows = []
@@ -114,19 +120,14 @@ def pictures(catalogue: Catalogue, bundle: Bundle | None = None) -> pd.DataFrame
 
 def labels(catalogue: Catalogue) -> pd.DataFrame:
     """Return a row per label of every image."""
-    rows = [row for picture in catalogue.pictures for row in image_label_rows(catalogue, picture)]
-    columns = [
-        "picture", "label", "kind", "rock", "shadow_of", "source", "confidence", "x0", "y0", "x1", "y1", "area_px",
-        "mask_rle", "amodal_rle", "visible_share", "origin",
-    ]  # fmt: skip
-    return pd.DataFrame(rows, columns=columns)
+    return pd.DataFrame([row for picture in catalogue.pictures for row in image_label_rows(catalogue, picture)])
 
 
 def image_label_rows(catalogue: Catalogue, picture: CatalogueImage) -> Iterator[dict[str, Any]]:
     """Yield the rows of the labels of an image."""
     annotations = catalogue.labels(picture)
     for index, (label, caster) in enumerate(zip(annotations, shadow_casters(annotations), strict=True)):
-        x0, y0, x1, y1 = (round(float(edge), 3) for edge in label.box)
+        edges = dict(zip(BOX.each, (round(float(edge), 3) for edge in label.box), strict=True))
         yield {
             "picture": picture.name,
             "label": index,
@@ -135,11 +136,8 @@ def image_label_rows(catalogue: Catalogue, picture: CatalogueImage) -> Iterator[
             "shadow_of": caster,
             "source": label.source,
             "confidence": float(label.confidence),
-            "x0": x0,
-            "y0": y0,
-            "x1": x1,
-            "y1": y1,
-            "area_px": float(label.mask.area if label.mask else round((x1 - x0) * (y1 - y0), 3)),
+            **edges,
+            "area_px": float(label.mask.area if label.mask else round(float(area(np.array(list(edges.values())))), 3)),
             "mask_rle": label.mask.counts if label.mask else "",
             "amodal_rle": label.amodal.mask.counts if label.amodal else "",
             "visible_share": round(label.visible_share, 4),
@@ -159,7 +157,7 @@ def poses(catalogue: Catalogue) -> pd.DataFrame:
                         "terrain": terrain.number,
                         "position": position,
                         "camera": side,
-                        **dict(zip(("x_m", "y_m", "z_m"), map(float, pose.translation), strict=True)),
+                        **_position(pose.translation),
                         **quaternion(pose),
                         "fx_px": lens.fx,
                         "fy_px": lens.fy,
@@ -187,9 +185,8 @@ def lamps(catalogue: Catalogue) -> pd.DataFrame:
             for position, localised in sorted(terrain.rigs.items())
         ]
         for name, position, origin in named:
-            coordinates = dict(zip(("x_m", "y_m", "z_m"), map(float, position), strict=True))
-            rows.append({"terrain": terrain.number, "lamp": name, **coordinates, "origin": origin})
-    return pd.DataFrame(rows, columns=["terrain", "lamp", "x_m", "y_m", "z_m", "origin"])
+            rows.append({"terrain": terrain.number, "lamp": name, **_position(position), "origin": origin})
+    return pd.DataFrame(rows)
 
 
 def rocks(catalogue: Catalogue) -> pd.DataFrame:
@@ -200,8 +197,7 @@ def rocks(catalogue: Catalogue) -> pd.DataFrame:
         listed: dict[int, dict[Any, Any]] = {int(row["rock"]): row for row in rows_of}
         for rock in sorted({*listed, *terrain.meshes} - {NO_ROCK}):
             facts = listed.get(rock, {})
-            mesh = terrain.meshes.get(rock)
-            made_from = terrain.made_from.get(mesh.name, "") if mesh else ""
+            mesh = terrain.meshes[rock].name if rock in terrain.meshes else ""
             rows.append(
                 {
                     "terrain": terrain.number,
@@ -210,50 +206,33 @@ def rocks(catalogue: Catalogue) -> pd.DataFrame:
                     **{name: float(facts.get(name, np.nan)) for name in ("size_m", "height_m", "volume_m3")},
                     "points": int(facts.get("points", 0) or 0),
                     "visible_share_of_plan": float(facts.get("visible_share", np.nan)),
-                    "mesh": mesh.name if mesh else "",
-                    "made_from": made_from,
+                    "mesh": mesh,
+                    "made_from": terrain.made_from.get(mesh, ""),
                     "origin": "fitted",  # surface fitted to scan points, or located by labels
                 }
             )
-    columns = [
-        "terrain", "rock", "x_m", "y_m", "z_m", "size_m", "height_m", "volume_m3", "points", "visible_share_of_plan",
-        "mesh", "made_from", "origin",
-    ]  # fmt: skip
-    return pd.DataFrame(rows, columns=columns)
+    return pd.DataFrame(rows)
 
 
 def all_tables(catalogue: Catalogue, bundle: Bundle | None = None) -> dict[str, pd.DataFrame]:
     """Every table by name, those with rows."""
-    tables = {
-        "pictures": pictures(catalogue, bundle),
-        "labels": labels(catalogue),
-        "poses": poses(catalogue),
-        "lamps": lamps(catalogue),
-        "rocks": rocks(catalogue),
-        "maps": maps(catalogue),
-    }
-    for name, table in tables.items():
-        unknown = set(table.columns) - set(COLUMNS)
-        assert not unknown, (name, unknown)  # every column has a description
+    tables = {"pictures": pictures(catalogue, bundle)}
+    tables |= {make.__name__: make(catalogue) for make in (labels, poses, lamps, rocks, maps)}
     return {name: table for name, table in tables.items() if len(table)}
 
 
-def copy_pictures(catalogue: Catalogue, bundle: Bundle) -> None:
-    """Copy the 16-bit images."""
+def copy_images(catalogue: Catalogue, bundle: Bundle) -> None:
+    """Copy the 16-bit images and the maps."""
     for picture in catalogue.pictures:
         bundle.copy(PICTURE_FILE.format(name=picture.name), picture.path)
+    for name, path in catalogue.maps():
+        bundle.copy(MAP_FILE.format(name=name, stem=path.stem), path)
 
 
 def ids(catalogue: Catalogue, picture: CatalogueImage) -> np.ndarray:
     """Return the instance map (h, w) uint16: rendered for twins, otherwise `id_map`."""
     exact = catalogue.instances(picture)
     return png.read_png(exact) if exact else id_map(catalogue, picture)
-
-
-def copy_maps(catalogue: Catalogue, bundle: Bundle) -> None:
-    """Copy the maps to `maps/<kind>/`."""
-    for name, path in catalogue.maps():
-        bundle.copy(MAP_FILE.format(name=name, stem=path.stem), path)
 
 
 def maps(catalogue: Catalogue) -> pd.DataFrame:

@@ -20,22 +20,13 @@ from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue, CatalogueImage
 from polarsim.schemas.photos import BOX
 
-NEEDS = ("mcap", "mcap_ros2", "rosbags")
 SIDES = {"L": "left", "R": "right"}
 SECOND = 1_000_000_000  # ns; also the first stamp, since 0 means `the latest` in tf2
 
 
-def bag_bytes(picture: CatalogueImage) -> int:
-    return picture.path.stat().st_size + 4000
-
-
-def fixed_bytes(catalogue: Catalogue) -> int:
-    return sum(path.stat().st_size for path in _drives(catalogue).values())
-
-
 def write_bags(catalogue: Catalogue, bundle: Bundle) -> None:
     """Write `drives/seedN/` and `stations/<domain>/TerrainNN_PosX/`."""
-    for name, path in _drives(catalogue).items():
+    for name, path in drive_bags(catalogue).items():
         folder = f"drives/{name}"
         copied = bundle.copy(f"{folder}/{name}.mcap", path)
         bundle.text(f"{folder}/{bags.METADATA}", bags.bag_metadata(copied, f"{name}.mcap"))
@@ -47,7 +38,7 @@ def write_bags(catalogue: Catalogue, bundle: Bundle) -> None:
         bundle.text(f"{folder}/{bags.METADATA}", bags.bag_metadata(bag, f"{name}.mcap"))
 
 
-def _drives(catalogue: Catalogue) -> dict[str, Path]:
+def drive_bags(catalogue: Catalogue) -> dict[str, Path]:
     return {folder.name: folder / "drive.mcap" for folder in catalogue.drives if (folder / "drive.mcap").is_file()}
 
 

@@ -16,7 +16,7 @@ from polarsim.progress import progress_bar
 from polarsim.publish.bundle import Bundle, check_space
 from polarsim.publish.card import write_card
 from polarsim.publish.catalogue import Catalogue, read_catalogue
-from polarsim.publish.forms import FORMS, Form, no_picture
+from polarsim.publish.forms import FORMS, NO_IMAGES, Form
 from polarsim.publish.options import PublishOptions
 from polarsim.publish.subset import limit_size, parse_size, parse_subset, select
 
@@ -38,16 +38,10 @@ def publish_forms(
 
     Parameters
     ----------
-    run
-        Folder of the run, `results/<run>`.
     forms
         Names in `FORMS`, or `all`.
-    subset
-        Selection of images, see `subset.parse_subset`.
-    max_size
-        Maximum size of each format, see `subset.parse_size`; empty for no limit.
-    photos
-        Include NASA's photos (NASA's licence); photos of the analog are always included.
+    subset, max_size, photos
+        See `PublishOptions`.
     replace
         Overwrite an export with other arguments.
     split
@@ -56,44 +50,30 @@ def publish_forms(
     for name in FORMS if ALL in forms else forms:
         _check(name)
     catalogue = select(_without_nasa_photos(read_catalogue(run, split), photos), parse_subset(subset))
-    size_limit = parse_size(max_size) if max_size else None
-    names = _available(catalogue, forms)
-    parts = {name: _limit_size(_with_part(catalogue, FORMS[name]), FORMS[name], size_limit) for name in names}
-    check_space(out, sum(_size(part, FORMS[name]) for name, part in parts.items()))
+    parts, need = {}, 0
+    for name in _available(catalogue, forms):
+        form = FORMS[name]
+        part = _with_part(catalogue, form)
+        others = _other_size(part, form)
+        parts[name] = limit_size(part, form.image.of, others, parse_size(max_size)) if max_size else part
+        need += others + sum(map(form.image.of, parts[name].pictures))
+    check_space(out, need)
     for name, part in parts.items():
-        recipe: dict[str, Any] = {
-            "form": name,
-            "run": part.name,
-            "config": part.config,
-            "subset": subset,
-            "max_size": max_size,
-        }
-        recipe |= {"split": part.split}
-        recipe |= {"photos": photos, "polarsim": __version__, "code": _code(name)}
+        # An export by other code is not resumed.
+        code = code_digest("polarsim.publish.card", FORMS[name].write.__module__)
+        recipe = {"form": name, "run": part.name, "config": part.config, "subset": subset, "max_size": max_size}
+        recipe |= {"split": part.split, "photos": photos, "polarsim": __version__, "code": code}
         _write(name, part, out / name, recipe, replace)
     return parts
 
 
 def publish_run(*, form: str, receipt: Path, options: PublishOptions, split: str = "") -> None:
     """Publish the run that contains `receipt` to `publish/<form>/`, and write a summary to `receipt`."""
-    part = publish_forms(
-        receipt.parents[1],
-        receipt.parent,
-        [form],
-        options.subset,
-        options.max_size,
-        options.photos,
-        replace=True,
-        split=split,
-    )[form]
+    run, out = receipt.parents[1], receipt.parent
+    part = publish_forms(run, out, [form], options.subset, options.max_size, options.photos, True, split)[form]
     counts = {domain: len(part.of_domain(domain)) for domain in part.domains}
     content = {"form": form, "pictures": counts, "split": part.split}
     write_json(receipt, content | options.model_dump(mode="json", exclude={"forms"}))
-
-
-def _code(name: str) -> str:
-    """Return a digest of the code of a format; an export by other code is not resumed."""
-    return code_digest("polarsim.publish.card", FORMS[name].write.__module__)
 
 
 def _available(catalogue: Catalogue, forms: Sequence[str]) -> list[str]:
@@ -130,7 +110,7 @@ def _without_nasa_photos(catalogue: Catalogue, photos: bool) -> Catalogue:
 
 def form_summary(form: str, part: Catalogue, folder: Path) -> str:
     """Return the lines that the command prints for a format."""
-    content = form if FORMS[form].bytes_of is no_picture else f"{len(part.pictures)} images"
+    content = form if FORMS[form].image == NO_IMAGES else f"{len(part.pictures)} images"
     return "\n".join([f"{content} in {folder}", *(note for note in part.left_out if NO_PART in note)])
 
 
@@ -148,15 +128,9 @@ def _with_part(catalogue: Catalogue, form: Form) -> Catalogue:
     return catalogue.with_pictures(kept, f"{of_all} are {NO_PART} of the split by {catalogue.split} and excluded.")
 
 
-def _limit_size(catalogue: Catalogue, form: Form, limit: int | None) -> Catalogue:
-    return limit_size(catalogue, form.bytes_of, _FIXED + form.fixed(catalogue), limit) if limit else catalogue
-
-
-_FIXED = 10**6  # size of cards, receipts and table headers, bytes
-
-
-def _size(catalogue: Catalogue, form: Form) -> int:
-    return _FIXED + form.fixed(catalogue) + sum(map(form.bytes_of, catalogue.pictures))
+def _other_size(catalogue: Catalogue, form: Form) -> int:
+    """Return the size of cards, receipts, table headers and files that are no images, bytes."""
+    return 10**6 + sum(path.stat().st_size for path in form.files(catalogue))
 
 
 def _write(name: str, catalogue: Catalogue, folder: Path, recipe: dict[str, Any], replace: bool) -> None:

@@ -18,7 +18,6 @@ from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue, CatalogueTerrain
 from polarsim.publish.reconstruction import CV_FROM_GL
 
-USD_NEEDS = ("pxr",)
 NEAR, FAR = 0.05, 100.0  # clipping distances of cameras, metres
 FOCAL = 20.0  # focal length of USD cameras; only the ratio to the aperture matters
 LAMP_RADIUS = 0.02  # metres; lamps are rendered as points

@@ -29,10 +29,6 @@ DISPARITIES = ("disp_noc_0", "disp_occ_0")  # pixels visible in both cameras, an
 _STEP_PX = 2.0  # spacing of points on the edges of a box for rectification
 
 
-def kitti_bytes(picture: CatalogueImage) -> int:
-    return 2 * picture.width * picture.height + 2000  # 8-bit images, and two disparity maps per pair
-
-
 def write_kitti(catalogue: Catalogue, bundle: Bundle) -> None:
     """Write `<domain>/training/{image_2,image_3,label_2,calib,disp_noc_0,disp_occ_0}/NNNNNN.*`, `ImageSets/` and
     `keys.csv`.

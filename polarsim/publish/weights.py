@@ -42,14 +42,6 @@ def detectors(catalogue: Catalogue) -> Iterator[Weights]:
         yield Weights(path, split, int(seed), path.stem)
 
 
-def unavailable(catalogue: Catalogue) -> str:
-    return "" if any(detectors(catalogue)) else "the run has no detectors (target `detect`)"
-
-
-def fixed_bytes(catalogue: Catalogue) -> int:
-    return sum(detector.path.stat().st_size for detector in detectors(catalogue))
-
-
 def write_detectors(catalogue: Catalogue, bundle: Bundle) -> None:
     """Write `<split>/seedN/<domain>.pt` and `<domain>.md`."""
     table = catalogue.run / "detect" / "detection.parquet"
