@@ -1,5 +1,6 @@
 """Small scenes with known cameras: rocks with boxes, and a box of sand that can be scanned."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import ConvexHull
 
+from polarsim.cameras import search
 from polarsim.geometry import boxes
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, camera_pose
@@ -112,6 +114,16 @@ def make_sandbox(seed: int, walls: bool = True) -> Sandbox:
     add(floor, np.array([[0, 1, 2], [0, 2, 3]]))
     full = default_rig()
     return Sandbox(scene, StereoRig(full.left.scaled(SCALE), full.right.scaled(SCALE), full.left_from_right))
+
+
+@pytest.fixture(scope="module")
+def coarse_search() -> Iterator[None]:
+    """Search poses on a coarser grid and refine fewer hypotheses, to save time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(search, "DISTANCE_STEP", 0.6)
+        patch.setattr(search, "HEIGHT_STEP", 0.3)
+        patch.setattr(search, "STARTS", 5)
+        yield
 
 
 @pytest.fixture(scope="session")
