@@ -33,9 +33,7 @@ class Site:
     files: dict[str, bytes] = field(default_factory=dict)
     cuts: list[int] = field(default_factory=list)  # bytes sent of the next answers before the line breaks
     refusals: list[int] = field(default_factory=list)  # statuses of the next answers
-    lies: list[int] = field(
-        default_factory=list
-    )  # number of bytes that the next answers state in addition to their content
+    lies: list[int] = field(default_factory=list)  # bytes that the next answers state in addition to their content
     redirects: dict[str, str] = field(default_factory=dict)  # by name
     pause_s: float = 0.0  # between two bytes
     tagged: bool = True
@@ -164,35 +162,20 @@ def test_a_cut_at_any_byte_loses_nothing(site, tmp_path):
         assert names(root) == [NAME, PINS]
 
 
-@pytest.mark.parametrize("lie", [1, 1000])
-def test_a_file_is_complete_if_the_stated_length_is_too_long(site, tmp_path, content, lie):
-    site.files[NAME], site.lies = content, [lie]
-    assert fetch(site, tmp_path).read_bytes() == content
+def test_a_wrong_stated_length_never_gives_a_wrong_file(site, tmp_path, content):
+    site.files[NAME], site.lies = content, [1000, -1000, 10**16]
+    assert fetch(site, tmp_path / "longer").read_bytes() == content
+    for root, reason in ((tmp_path / "shorter", "zip"), (tmp_path / "huge", "10000000003 MB")):  # above the free space
+        root.mkdir()
+        pin(root, content)
+        with pytest.raises(FetchError, match=reason):
+            fetch(site, root)
+        assert not (root / NAME).exists()
 
 
-def test_a_stated_length_that_is_too_short_never_gives_a_wrong_file(site, tmp_path, content):
-    site.files[NAME], site.lies = content, [-1000]
-    pin(tmp_path, content)
-    with pytest.raises(FetchError, match="zip"):
-        fetch(site, tmp_path)
-    assert names(tmp_path) == [PINS]
-
-
-def test_a_length_above_the_free_space_is_an_error_before_writing(site, tmp_path, content):
-    site.files[NAME], site.lies = content, [10**16]
-    with pytest.raises(FetchError, match="10000000003 MB"):
-        fetch(site, tmp_path)
-    assert not (tmp_path / NAME).exists()
-
-
-def test_an_endless_slow_download_is_stopped(site, tmp_path, content):
-    site.files[NAME], site.pause_s = content, 0.02
-    with pytest.raises(FetchError, match=NAME):
-        fetch(site, tmp_path, FetchLimits(tries=1, backoff_s=0, timeout_s=0.2))
-
-
-def test_a_silent_server_is_an_error(site, tmp_path, content):
-    site.files[NAME], site.pause_s = content, 1.0
+@pytest.mark.parametrize("pause_s", [0.02, 1.0], ids=["slow", "silent"])
+def test_a_slow_or_silent_server_is_an_error(site, tmp_path, content, pause_s):
+    site.files[NAME], site.pause_s = content, pause_s
     with pytest.raises(FetchError, match=NAME):
         fetch(site, tmp_path, FetchLimits(tries=1, backoff_s=0, timeout_s=0.2))
 
@@ -202,16 +185,9 @@ def test_a_redirect_is_followed(site, tmp_path, content):
     assert fetch(site, tmp_path).read_bytes() == content
 
 
-@pytest.mark.parametrize("to", ["file:///etc/passwd", "ftp://127.0.0.1/x.zip", "gopher://x"])
-def test_a_redirect_to_another_protocol_is_an_error(site, tmp_path, to):
+@pytest.mark.parametrize("to", ["file:///etc/passwd", "ftp://127.0.0.1/x.zip", "gopher://x", f"/{NAME}"])
+def test_a_circular_redirect_or_one_to_another_protocol_is_an_error(site, tmp_path, to):
     site.redirects[NAME] = to
-    with pytest.raises(FetchError, match=f"302 .*{to}"):
-        fetch(site, tmp_path)
-    assert site.requests == [NAME]
-
-
-def test_a_circular_redirect_is_an_error(site, tmp_path):
-    site.redirects[NAME] = f"/{NAME}"
     with pytest.raises(FetchError, match="302"):
         fetch(site, tmp_path)
     assert len(site.requests) < 20
@@ -223,14 +199,6 @@ def test_a_redirect_from_https_to_http_is_an_error():
         download._Redirects().redirect_request(
             request, io.BytesIO(), 302, "", HTTPMessage(), "http://archive.invalid/a.zip"
         )
-
-
-def test_a_redirect_to_another_file_is_an_error_of_the_checksum(site, tmp_path, content):
-    site.files["other"], site.redirects[NAME] = packed({"a": b"another"}), f"{site.url}/other"
-    pin(tmp_path, content)
-    with pytest.raises(FetchError, match=PINS):
-        fetch(site, tmp_path)
-    assert names(tmp_path) == [PINS]
 
 
 def test_a_page_instead_of_an_archive_is_an_error_and_not_pinned(site, tmp_path):
@@ -293,15 +261,12 @@ def test_a_missing_file_is_an_error_with_address_and_reason(site, tmp_path):
 
 def test_a_busy_server_is_tried_again(site, tmp_path, content):
     site.files[NAME], site.refusals = content, [503, 503]
-    assert fetch(site, tmp_path).read_bytes() == content
+    assert fetch(site, tmp_path / "busy").read_bytes() == content
     assert len(site.requests) == 3
-
-
-def test_a_busy_server_is_an_error_after_the_maximum_number_of_tries(site, tmp_path):
     site.refusals = [503] * 9
     with pytest.raises(FetchError, match="503"):
-        fetch(site, tmp_path)
-    assert len(site.requests) == 3
+        fetch(site, tmp_path / "always busy")
+    assert len(site.requests) == 6
 
 
 def test_a_missing_server_is_a_one_line_error(tmp_path):
@@ -352,18 +317,11 @@ def test_archives_of_a_terrain_become_folders_and_a_receipt(site, tmp_path, pola
     assert not any("Terrain03" in request for request in site.requests)
 
 
-def test_a_second_fetch_downloads_no_file_and_writes_the_same_receipt(site, tmp_path, polar):
-    fetch_terrain(terrain=11, source=polar, done=tmp_path / "first.json")
-    asked = len(site.requests)
-    fetch_terrain(terrain=11, source=polar, done=tmp_path / "second.json")
-    assert len(site.requests) == asked
-    assert (tmp_path / "second.json").read_bytes() == (tmp_path / "first.json").read_bytes()
-
-
-def test_terrains_share_an_archive(site, tmp_path, polar):
-    for terrain in (3, 11):
-        fetch_terrain(terrain=terrain, source=polar, done=tmp_path / f"{terrain}.json")
-    assert site.requests.count(RANGES) == 1
+def test_terrains_share_an_archive_and_a_second_fetch_writes_the_same_receipt(site, tmp_path, polar):
+    for terrain, receipt in ((3, "03"), (11, "first"), (11, "second")):
+        fetch_terrain(terrain=terrain, source=polar, done=tmp_path / receipt)
+    assert sorted(site.requests) == sorted(site.files)
+    assert (tmp_path / "second").read_bytes() == (tmp_path / "first").read_bytes()
 
 
 def test_jobs_at_the_same_time_fetch_a_shared_archive_once(site, tmp_path, polar):
@@ -383,12 +341,6 @@ def test_local_folders_need_no_archive(tmp_path):
     calibration.write_text("KEY: 1\n")
     fetch_terrain(terrain=11, source=SourceOptions(kind="polar", root=tmp_path), done=tmp_path / "receipt.json")
     assert json.loads((tmp_path / "receipt.json").read_text())["folders"] == ["Terrain11_FreshCrater"]
-
-
-def test_archives_in_the_root_need_no_address(site, tmp_path):
-    (tmp_path / NAME).write_bytes(packed(NASA))
-    fetch_terrain(terrain=11, source=SourceOptions(kind="polar", root=tmp_path), done=tmp_path / "receipt.json")
-    assert (tmp_path / "Terrain11_FreshCrater" / "stereo.calibration").exists()
 
 
 @pytest.mark.parametrize(
@@ -435,14 +387,6 @@ def test_a_truncated_archive_is_a_one_line_error_and_can_be_replaced(tmp_path):
         fetch_terrain(terrain=11, source=source, done=tmp_path / "receipt.json")
     assert not (tmp_path / "receipt.json").exists()
     assert not (source.root / "Terrain11_FreshCrater").exists()
-
-
-def test_an_archive_with_an_entry_outside_the_folder_is_not_unpacked(site, tmp_path, polar):
-    site.files[NAME] = packed({**NASA, "../../outside.txt": "evil"})
-    with pytest.raises(FormatError, match=r"\.zip"):
-        fetch_terrain(terrain=11, source=polar, done=tmp_path / "receipt.json")
-    assert not list(tmp_path.rglob("outside.txt"))
-    assert not (polar.root / "Terrain11_FreshCrater").exists()
 
 
 def test_archives_without_the_terrain_are_an_error_with_the_expected_folders(tmp_path, polar):
