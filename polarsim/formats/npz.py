@@ -11,11 +11,9 @@ from polarsim.formats.files import writing
 from polarsim.formats.readers import reader
 
 
-def write_arrays(path: Path, packed: bool = True, **arrays: np.ndarray | np.generic) -> None:
-    """Write an NPZ file. Without compression (`packed`), the file is larger and written in a tenth of the time."""
-    save = np.savez_compressed if packed else np.savez
+def write_arrays(path: Path, **arrays: np.ndarray | np.generic) -> None:
     with writing(path) as temporary:
-        save(temporary, **arrays)  # type: ignore[arg-type]  # the type stub treats the names as options
+        np.savez_compressed(temporary, **arrays)  # type: ignore[arg-type]  # the type stub treats the names as options
 
 
 @reader("NPZ file", largest_mb=4000)

@@ -21,9 +21,10 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.randomness import generator
-from polarsim.rover.world.options import CraterOptions
 
 TRASK = 0.079
+SMALLEST_M, LARGEST_M = 0.3, 5.0  # m; larger craters are part of the elevation model
+DEPTH_OVER_DIAMETER = 0.02, 0.08  # uniform between these bounds; fresh craters have 0.196
 RIM_SHARE = 0.036 / 0.196  # ratio of rim height to depth of fresh craters
 _ROUNDED, _FINE = 0.2, 0.01  # in radii: width of the average of the profile, and step of the table
 EJECTA_FADE, EJECTA_RADII = 2.0, 3.0  # in radii: start and end of the fade of ejecta
@@ -45,14 +46,14 @@ def craters_per_m2(diameter_m: np.ndarray | float) -> np.ndarray:
     return np.asarray(TRASK * np.asarray(diameter_m, float) ** -2)
 
 
-def random_craters(options: CraterOptions, size_m: float, seed: int) -> Craters:
-    """Return craters with centres on a square of side `size_m` about the origin."""
+def random_craters(share: float, size_m: float, seed: int) -> Craters:
+    """Return a share of the craters in equilibrium, with centres on a square of side `size_m` about the origin."""
     rng = generator(seed, "craters")
-    ends = craters_per_m2(np.array([options.smallest_m, options.largest_m]))
-    count = rng.poisson(options.share * size_m**2 * max(ends[0] - ends[1], 0.0))
+    ends = craters_per_m2(np.array([SMALLEST_M, LARGEST_M]))
+    count = rng.poisson(share * size_m**2 * (ends[0] - ends[1]))
     diameter = np.sqrt(TRASK / rng.uniform(ends[1], ends[0], count))
     x, y = rng.uniform(-size_m / 2, size_m / 2, (2, count))
-    return Craters(x, y, diameter, diameter * rng.uniform(*options.depth_over_diameter, count))
+    return Craters(x, y, diameter, diameter * rng.uniform(*DEPTH_OVER_DIAMETER, count))
 
 
 def profile(radii: np.ndarray) -> np.ndarray:

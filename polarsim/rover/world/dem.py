@@ -16,20 +16,18 @@ from polarsim.errors import RoverError
 from polarsim.formats.geotiff import Elevation, read_elevation
 from polarsim.geometry.heightfields import amplitudes, octave_relief, spacings
 from polarsim.rover.world.craters import dig, random_craters
-from polarsim.rover.world.options import CraterOptions, DemOptions, WorldOptions
+from polarsim.rover.world.options import DemOptions, WorldOptions
 from polarsim.rover.world.rock_field import (
     RING_RADII,
     RockField,
-    RockLaw,
     RockModel,
     random_rocks,
     rock_shapes,
     smooth,
     vertices_in_world,
 )
-from polarsim.rover.world.rock_table import PlacedRock, with_rocks
 from polarsim.rover.world.stitch import TerrainSolids
-from polarsim.rover.world.surface import World, WorldBackdrop, bare_world
+from polarsim.rover.world.surface import PlacedRock, World, WorldBackdrop, bare_world, with_rocks
 from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 
 GROWTH, GROWTH_FAR = 1.02, 1.1  # ratio of adjacent node distances, in the square and outside
@@ -40,19 +38,10 @@ _MOST_ROCKS = SHADOW_IDS - ROCK_IDS - 1  # maximum number of rocks with labels; 
 
 
 def dem_world(options: WorldOptions, terrains: list[TerrainSolids], path: np.ndarray) -> World:
-    """Return the world around a path (n, 2).
+    """Return the world around a path (n, 2); `terrains` provide the shapes of rocks.
 
-    Parameters
-    ----------
-    terrains : list of Terrain
-        Terrains that provide the shapes of rocks.
-
-    Raises
-    ------
-    FormatError
-        The elevation model is unreadable, too small, or has gaps.
-    RoverError
-        The path leaves the square, or the terrains have no rocks.
+    A path that leaves the square, an elevation model that is too small or has gaps, and terrains without rocks are
+    errors.
     """
     dem = options.dem
     assert dem is not None
@@ -70,7 +59,7 @@ def dem_world(options: WorldOptions, terrains: list[TerrainSolids], path: np.nda
     if not dem.rocks:
         return bare
     shapes = rock_shapes(terrains, CORNERS)
-    return _strewn(bare, random_rocks(RockLaw(dem.rocks), shapes, dem.size_m, path[:1], dem.seed), shapes)
+    return _strewn(bare, random_rocks(dem.rocks, shapes, dem.size_m, path[:1], dem.seed), shapes)
 
 
 def ground_at(x: np.ndarray, y: np.ndarray, dem: DemOptions, cell: float, elevation: Elevation | None) -> np.ndarray:
@@ -88,7 +77,7 @@ def ground_at(x: np.ndarray, y: np.ndarray, dem: DemOptions, cell: float, elevat
     level += octave_relief(
         x, y, spacing=spacing, amplitude=amplitude, half_m=dem.size_m / 2, far_m=dem.horizon_m, seed=dem.seed
     )
-    dig(level, x, y, random_craters(CraterOptions(dem.craters), dem.size_m, dem.seed))
+    dig(level, x, y, random_craters(dem.craters, dem.size_m, dem.seed))
     return level
 
 

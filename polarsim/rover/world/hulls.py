@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.spatial import ConvexHull, KDTree, QhullError
@@ -41,13 +41,7 @@ class RockPart:
 
 
 def rock_parts(world: World) -> list[RockPart]:
-    """Return the convex parts of all rocks on the grid, rock by rock.
-
-    Raises
-    ------
-    RoverError
-        A rock has no volume.
-    """
+    """Return the convex parts of all rocks on the grid, rock by rock; a rock without volume is an error."""
     result = []
     for row in world.rocks_on_grid.to_dict("records"):
         rock = int(row["rock"])
@@ -64,17 +58,7 @@ def convex_parts(
 ) -> tuple[tuple[np.ndarray, float], ...]:
     """Return corners (n, 3) of convex parts of a mesh, and each part's deviation from the mesh, m.
 
-    Parameters
-    ----------
-    deviation_m
-        Maximum distance of the upper surface of the parts from the mesh; see the module.
-    max_parts
-        Maximum number of parts; takes precedence over `deviation_m`.
-
-    Raises
-    ------
-    RoverError
-        The mesh has no volume.
+    `max_parts` takes precedence over `deviation_m`, the maximum distance of the upper surface from the mesh.
     """
     vertices, faces = np.ascontiguousarray(vertices, float), np.ascontiguousarray(faces, np.int64)
     return _convex_parts(vertices.tobytes(), faces.tobytes(), deviation_m, max_parts)
@@ -116,13 +100,7 @@ class _Rock:
         self._caster = EmbreeCaster(vertices, faces)
 
     def part(self, triangles: np.ndarray) -> _Part:
-        """Return the hull of some triangles.
-
-        Raises
-        ------
-        RoverError
-            The triangles have no volume.
-        """
+        """Return the hull of some triangles; no volume is an error."""
         points = self.vertices[np.unique(self.faces[triangles])]
         hull = require_volume(points)
         corners = points[np.sort(hull.vertices)]
@@ -143,8 +121,7 @@ class _Rock:
                 halves = [self.part(part.triangles[side]) for side in (below, ~below)]
             except RoverError:  # a side has no volume
                 continue
-            if best is None or _worst(halves) < _worst(best):
-                best = halves
+            best = min(best or halves, halves, key=_worst)
             if _worst(best) <= _ENOUGH * part.deviation:
                 break
         return best
@@ -172,16 +149,12 @@ class _Rock:
             points = points[np.isinf(self._caster.nearest(points + _OFF_M * upwards, upwards)[0])]
         if not len(points):
             return 0.0, np.zeros(3)
-        distance, _ = self._tree.query(points)
-        farthest = int(np.argmax(distance))
-        return float(np.asarray(distance)[farthest]), points[farthest]
+        distance = np.asarray(self._tree.query(points)[0])
+        return float(distance.max()), points[distance.argmax()]
 
-    @property
+    @cached_property
     def _tree(self) -> KDTree:
-        if not hasattr(self, "_points"):
-            points, _ = points_on(self.vertices[self.faces], _MESH_STEP_M)
-            self._points = KDTree(np.unique(points.round(5), axis=0))
-        return self._points
+        return KDTree(np.unique(points_on(self.vertices[self.faces], _MESH_STEP_M)[0].round(5), axis=0))
 
 
 def _worst(parts: Sequence[_Part]) -> float:
@@ -204,13 +177,7 @@ def points_on(triangles: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarra
 
 
 def require_volume(points: np.ndarray) -> ConvexHull:
-    """Return the hull of points (n, 3).
-
-    Raises
-    ------
-    RoverError
-        The points are coplanar, or nearly.
-    """
+    """Return the hull of points (n, 3); coplanar points, or nearly, are an error."""
     try:
         hull = ConvexHull(points)
     except (QhullError, ValueError) as error:

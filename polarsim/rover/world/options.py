@@ -2,24 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from pydantic import BaseModel, Field, PositiveFloat, field_validator
 
 from polarsim.photo import TERRAINS
 from polarsim.user_path import UserPath
 
 LENGTH_M = 3.5  # length of a terrain in the strip
-
-
-@dataclass(frozen=True)
-class CraterOptions:
-    """Distribution of craters in the ground."""
-
-    share: float = 1.0  # share of the craters of Trask's equilibrium
-    smallest_m: float = 0.3
-    largest_m: float = 5.0  # larger craters are part of the elevation model
-    depth_over_diameter: tuple[float, float] = (0.02, 0.08)  # uniform between these bounds; fresh craters have 0.196
 
 
 class DemOptions(BaseModel, extra="forbid", frozen=True):

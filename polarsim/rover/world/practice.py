@@ -11,8 +11,7 @@ from scipy import ndimage
 from polarsim.errors import RoverError
 from polarsim.geometry.topology import hull_faces
 from polarsim.randomness import generator
-from polarsim.rover.world.rock_table import PlacedRock, with_rocks
-from polarsim.rover.world.surface import World, bare_world
+from polarsim.rover.world.surface import PlacedRock, World, bare_world, with_rocks
 
 CORNERS = 24  # number of points whose convex hull is a rock
 BURIED = 0.25  # share of a rock's height below the ground, as in POLAR's sandbox
@@ -34,13 +33,7 @@ class PracticeGround:
 
 
 def practice_world(options: PracticeGround, seed: int) -> World:
-    """Return a random world; x from 0 to its length, y about 0.
-
-    Raises
-    ------
-    RoverError
-        The ground is too small for the rover.
-    """
+    """Return a random world; x from 0 to its length, y about 0."""
     if min(options.length_m, options.width_m) < 3:
         raise RoverError(f"a practice ground of {options.length_m:g} x {options.width_m:g} m, the rover needs 3 x 3 m")
     cell = options.cell_m

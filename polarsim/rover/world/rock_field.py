@@ -19,28 +19,21 @@ from scipy.special import expn
 
 from polarsim.errors import RoverError
 from polarsim.geometry.meshes import Mesh, subdivide_smoothly
-from polarsim.geometry.topology import hull_faces
+from polarsim.geometry.outlines import spread_directions
+from polarsim.geometry.topology import hull_faces, remove_unused_vertices
 from polarsim.randomness import generator
 from polarsim.rover.world.hulls import top_at
-from polarsim.rover.world.rock_table import outward
 from polarsim.rover.world.stitch import TerrainSolids
+from polarsim.rover.world.surface import outward
 
+SMALLEST_M, LARGEST_M = 0.05, 1.0  # m; range of diameters
+CLEAR_M = 1.5  # minimum distance of a rock from the start
 _TRIES = 50  # attempts to place a rock without overlap
 _FACET_M = 0.02  # maximum facet of near rocks: larger facets show black corners in grazing light
 _MOST_FACES = 50_000
 _SIZES = 2000  # number of tabulated sizes of the law
 _RING = np.linspace(0, 2 * np.pi, 24, endpoint=False)
 RING_RADII = 0.65  # distance from a rock's centre, in diameters, at which the height of the ground is measured
-
-
-@dataclass(frozen=True)
-class RockLaw:
-    """Distribution of rocks."""
-
-    abundance: float = 0.02  # k of Golombek and Rapp's law; rocks below `smallest_m` are omitted
-    smallest_m: float = 0.05
-    largest_m: float = 1.0
-    clear_m: float = 1.5  # minimum distance of a rock from the start
 
 
 @dataclass(frozen=True)
@@ -66,26 +59,22 @@ class RockField:
 
 def rocks_per_m2(diameter_m: np.ndarray | float, abundance: float) -> np.ndarray:
     """Return the number of rocks of at least this diameter per square metre."""
-    diameter, q = np.asarray(diameter_m, float), _steepness(abundance)
+    diameter, q = np.asarray(diameter_m, float), 1.79 + 0.152 / abundance
     return np.asarray(4 * abundance * q / np.pi * expn(2, q * diameter) / diameter)
 
 
-def _steepness(abundance: float) -> float:
-    return 1.79 + 0.152 / abundance
+def random_rocks(abundance: float, shapes: list[RockModel], size_m: float, clear: np.ndarray, seed: int) -> RockField:
+    """Return rocks that cover the share `abundance`, with centres on a square of side `size_m` about the origin.
 
-
-def random_rocks(law: RockLaw, shapes: list[RockModel], size_m: float, clear: np.ndarray, seed: int) -> RockField:
-    """Return rocks with centres on a square of side `size_m` about the origin.
-
-    No rock is closer than `clear_m` to the positions `clear` (n, 2).
+    No rock is closer than `CLEAR_M` to the positions `clear` (n, 2).
     """
     rng = generator(seed, "rocks")
-    sizes = np.geomspace(law.smallest_m, law.largest_m, _SIZES)
-    density = rocks_per_m2(sizes, law.abundance)
+    sizes = np.geomspace(SMALLEST_M, LARGEST_M, _SIZES)
+    density = rocks_per_m2(sizes, abundance)
     count = rng.poisson(size_m**2 * (density[0] - density[-1])) if shapes else 0
     diameter = np.interp(-np.sort(rng.uniform(density[-1], density[0], count)), -density, sizes)
     diameter = np.sort(diameter)[::-1]
-    x, y = _places(rng, diameter, size_m, clear, law.clear_m)
+    x, y = _places(rng, diameter, size_m, clear)
     shape_diameter = np.array([shape.diameter_m for shape in shapes])
     order = np.argsort(-shape_diameter)
     # Large rocks use the shapes of the larger half of the rocks, since meshes of small rocks have less detail.
@@ -95,7 +84,7 @@ def random_rocks(law: RockLaw, shapes: list[RockModel], size_m: float, clear: np
 
 
 def _places(
-    rng: np.random.Generator, diameter: np.ndarray, size_m: float, clear: np.ndarray, clear_m: float
+    rng: np.random.Generator, diameter: np.ndarray, size_m: float, clear: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (n,) centres such that no rock overlaps a larger rock, if there is room."""
     x, y = np.empty(len(diameter)), np.empty(len(diameter))
@@ -103,20 +92,14 @@ def _places(
         for _ in range(_TRIES):
             x[number], y[number] = rng.uniform(-size_m / 2, size_m / 2, 2)
             distance = np.hypot(x[:number] - x[number], y[:number] - y[number])
-            open_ = np.hypot(*(clear - [x[number], y[number]]).T) > clear_m + size / 2
+            open_ = np.hypot(*(clear - [x[number], y[number]]).T) > CLEAR_M + size / 2
             if open_.all() and (distance > (diameter[:number] + size) / 2).all():
                 break
     return x, y
 
 
 def rock_shapes(terrains: list[TerrainSolids], corners: tuple[int, ...]) -> list[RockModel]:
-    """Return the rocks of terrains as shapes: the original mesh, and a hull for each maximum number of vertices.
-
-    Raises
-    ------
-    RoverError
-        The terrains have no rocks.
-    """
+    """Return the rocks of terrains as shapes: the original mesh, and a hull for each maximum number of vertices."""
     shapes = [shape for terrain in terrains for shape in _shapes(terrain, corners)]
     if not shapes:
         names = ", ".join(str(terrain.number) for terrain in terrains)
@@ -125,12 +108,11 @@ def rock_shapes(terrains: list[TerrainSolids], corners: tuple[int, ...]) -> list
 
 
 def _shapes(terrain: TerrainSolids, corners: tuple[int, ...]) -> list[RockModel]:
-    used = {number: np.unique(rock.faces, return_inverse=True) for number, rock in sorted(terrain.rocks.items())}
-    points = {number: terrain.rocks[number].vertices[vertices] for number, (vertices, _) in used.items()}
-    feet = _feet(terrain, list(points.values()))
+    rocks = {number: remove_unused_vertices(rock.vertices, rock.faces) for number, rock in terrain.rocks.items()}
+    numbers = sorted(rocks)
     result = []
-    for (number, (_, faces)), foot in zip(used.items(), feet, strict=True):
-        local, faces = points[number] - foot, faces.reshape(-1, 3)
+    for number, foot in zip(numbers, _feet(terrain, [rocks[each].vertices for each in numbers]), strict=True):
+        local, faces = rocks[number].vertices - foot, rocks[number].faces
         diameter = _diameter(local, faces)
         mesh = Mesh(local / diameter, outward(local, faces))
         result.append(RockModel(terrain.number, number, diameter, (mesh, *(_fewer(mesh, most) for most in corners))))
@@ -159,12 +141,8 @@ def _diameter(points: np.ndarray, faces: np.ndarray) -> float:
 
 
 def _fewer(mesh: Mesh, corners: int) -> Mesh:
-    """Return the hull of the extreme vertices in evenly distributed directions (a Fibonacci spiral)."""
-    number = np.arange(corners) + 0.5
-    z, turn = 1 - 2 * number / corners, np.pi * (1 + np.sqrt(5)) * number
-    flat = np.sqrt(1 - z**2)
-    directions = np.stack([flat * np.cos(turn), flat * np.sin(turn), z])
-    points = mesh.vertices[np.unique((mesh.vertices @ directions).argmax(axis=0))]
+    """Return the hull of the extreme vertices in evenly distributed directions."""
+    points = mesh.vertices[np.unique((mesh.vertices @ spread_directions(corners).T).argmax(axis=0))]
     return Mesh(points, hull_faces(points))
 
 

@@ -7,23 +7,23 @@ published meshes with vertical offsets of decimetres also match.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, diags_array
 from scipy.sparse.linalg import spsolve
 
 from polarsim.errors import RoverError, with_path
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
+from polarsim.geometry.topology import remove_unused_vertices
 from polarsim.randomness import generator
 from polarsim.rover.world.hulls import require_volume, top_at
 from polarsim.rover.world.options import LENGTH_M, WorldOptions
-from polarsim.rover.world.rock_table import PlacedRock, outward, with_rocks
-from polarsim.rover.world.surface import World, bare_world
+from polarsim.rover.world.surface import PlacedRock, World, bare_world, outward, with_rocks
 
 BLEND_M = 0.4  # width of the blend of two grounds at a seam
 FILLER_SD_M = 0.003  # standard deviation of filler ground's heights
@@ -45,15 +45,7 @@ class TerrainSolids:
 
 
 def read_terrain_meshes(folder: str | Path, number: int) -> TerrainSolids:
-    """Read ground and rocks of a folder; decimated rocks are preferred.
-
-    Raises
-    ------
-    FormatError
-        The ground is missing, or a mesh is broken.
-    RoverError
-        A rock has no volume.
-    """
+    """Read ground and rocks of a folder; decimated rocks are preferred, and a rock without volume is an error."""
     folder = Path(folder)
     rocks = {}
     for rock, path in obj.rock_files(folder).items():
@@ -65,21 +57,8 @@ def read_terrain_meshes(folder: str | Path, number: int) -> TerrainSolids:
     return TerrainSolids(number, obj.read_obj(folder / obj.ground_name(number)), rocks)
 
 
-def stitch(terrains: list[TerrainSolids], options: WorldOptions, seed: int = 0) -> World:
-    """Return the strip, with the centre at x = y = 0.
-
-    Parameters
-    ----------
-    terrains : list of Terrain
-        From east to west.
-    seed : int
-        Seed of the filler ground.
-
-    Raises
-    ------
-    RoverError
-        A ground mesh does not overlap its part of the strip.
-    """
+def stitch(terrains: list[TerrainSolids], options: WorldOptions) -> World:
+    """Return the strip of terrains, from east to west, with the centre at x = y = 0."""
     length, cell = LENGTH_M * len(terrains), options.cell_m
     columns = 2 * round((length / 2 + options.margin_m) / cell) + 1
     rows = 2 * round(options.width_m / 2 / cell) + 1
@@ -95,7 +74,7 @@ def stitch(terrains: list[TerrainSolids], options: WorldOptions, seed: int = 0) 
         covered = np.isfinite(heights)
         total[:, part] += np.where(covered, heights, 0.0) * share
         weights[:, part] += covered * share
-    level = _with_filler(total, weights, cell, seed)
+    level = _with_filler(total, weights, cell)
     return _with_rocks(bare_world(level, cell, x0, y0), terrains, options)
 
 
@@ -137,59 +116,47 @@ def _heights(terrain: TerrainSolids, x: np.ndarray, y: np.ndarray) -> np.ndarray
 def fill_holes(level: np.ndarray, inside: np.ndarray) -> np.ndarray:
     """Fill NaN nodes of `inside` with a membrane: each filled node is the mean of the adjacent nodes."""
     holes = inside & np.isnan(level)
-    number = np.full(level.shape, -1)
-    number[holes] = np.arange(holes.sum())
-    if not holes.any():
+    size = int(holes.sum())
+    if not size:
         return level
-    here, there, known, count = [], [], np.zeros(int(holes.sum())), np.zeros(int(holes.sum()))
-    rows, columns = np.nonzero(holes)
-    hole_number = number[rows, columns]
+    padded, usable = np.pad(level, 1), np.pad(inside, 1)
+    number = np.full(padded.shape, -1)  # of each hole
+    number[1:-1, 1:-1][holes] = np.arange(size)
+    rows, columns = np.nonzero(number >= 0)
+    here, there, known, count = [], [], np.zeros(size), np.zeros(size)
     for down, right in ((0, 1), (0, -1), (1, 0), (-1, 0)):
-        r, c = rows + down, columns + right
-        on = (r >= 0) & (r < level.shape[0]) & (c >= 0) & (c < level.shape[1])
-        on[on] &= inside[r[on], c[on]]
-        hole = on.copy()
-        hole[on] = number[r[on], c[on]] >= 0
-        here.append(hole_number[hole])
-        there.append(number[r[hole], c[hole]])
-        border = on & ~hole
-        known[border] += level[r[border], c[border]]
-        count[on] += 1
-    first, second = np.concatenate(here), np.concatenate(there)
-    matrix = coo_array(
-        (
-            np.concatenate([np.maximum(count, 1), -np.ones(len(first))]),
-            (np.concatenate([hole_number, first]), np.concatenate([hole_number, second])),
-        ),
-        shape=(len(hole_number), len(hole_number)),
-    ).tocsc()
+        adjacent = rows + down, columns + right
+        hole, border = number[adjacent] >= 0, usable[adjacent] & (number[adjacent] < 0)
+        here.append(np.flatnonzero(hole))
+        there.append(number[adjacent][hole])
+        known[border] += padded[adjacent][border]
+        count += hole | border
+    links = np.concatenate(here), np.concatenate(there)
+    adjacency = coo_array((np.ones(len(links[0])), links), shape=(size, size))
     filled = level.copy()
-    filled[holes] = spsolve(matrix, known)
+    filled[holes] = spsolve((diags_array(np.maximum(count, 1)) - adjacency).tocsc(), known)
     return filled
 
 
-def _with_filler(total: np.ndarray, weights: np.ndarray, cell: float, seed: int) -> np.ndarray:
+def _with_filler(total: np.ndarray, weights: np.ndarray, cell: float) -> np.ndarray:
     """Fill nodes outside terrains with the height of the nearest terrain, fading to level ground with slight relief."""
     covered = weights > 0.5
     level = np.where(covered, total / np.where(covered, weights, 1.0), 0.0)
     distance, nearest = distance_transform_edt(~covered, return_indices=True)
     edge = level[tuple(nearest)]
-    grain = gaussian_filter(generator(seed, "rover", "filler").normal(size=level.shape), FILLER_GRAIN / cell)
+    grain = gaussian_filter(generator(0, "rover", "filler").normal(size=level.shape), FILLER_GRAIN / cell)
     relief = FILLER_SD_M * grain / grain.std()
     kept = _ramp(1 - distance * cell / FADE)
     return np.where(covered, level, kept * edge + (1 - kept) * relief)
 
 
 def _with_rocks(world: World, terrains: list[TerrainSolids], options: WorldOptions) -> World:
-    return with_rocks(world, _rocks_in_strip(world, terrains, options))
-
-
-def _rocks_in_strip(world: World, terrains: list[TerrainSolids], options: WorldOptions) -> Iterator[PlacedRock]:
+    rocks = []
     for terrain, centre in zip(terrains, terrain_centres(options), strict=True):
         for number, rock in sorted(terrain.rocks.items()):
-            used, corners = np.unique(rock.faces, return_inverse=True)
-            points = rock.vertices[used] + (centre, 0.0, -terrain.sand_level)
+            mesh = remove_unused_vertices(rock.vertices, rock.faces)
+            points = mesh.vertices + np.array([centre, 0.0, -terrain.sand_level])
             x, y = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2
             if abs(x - centre) <= LENGTH_M / 2 and world.y[0] < y < world.y[-1]:
-                faces = outward(points, corners.reshape(rock.faces.shape))
-                yield PlacedRock(terrain.number, number, points, faces)
+                rocks.append(PlacedRock(terrain.number, number, points, outward(points, mesh.faces)))
+    return with_rocks(world, rocks)

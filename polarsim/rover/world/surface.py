@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +12,15 @@ import pandas as pd
 from polarsim.errors import FormatError
 from polarsim.formats import tables
 from polarsim.formats.npz import read_arrays, write_arrays
+from polarsim.geometry.topology import remove_unused_vertices
+from polarsim.geometry.vectors import cross
 
 ROCK_COLUMNS = (
     "rock", "terrain", "rock_in_terrain", "x_m", "y_m", "height_m", "width_m", "radius_m", "first_face", "faces",
 )  # fmt: skip
+AROUND = ("around_x_m", "around_y_m", "around_level_m")  # arrays of `WorldBackdrop` in the files of a world
+SCENERY = ("scenery_vertices_m", "scenery_triangles")
+RIM = 0.05  # m; distance from a rock's outline at which the height of the ground is measured
 
 
 @dataclass(frozen=True)
@@ -90,8 +95,8 @@ class World:
         """Return vertices (v, 3) float64 and triangles (t, 3) of a rock."""
         row = self.rocks[self.rocks["rock"] == rock].iloc[0]
         faces = self.triangles[int(row["first_face"]) : int(row["first_face"]) + int(row["faces"])]
-        used, numbers = np.unique(faces, return_inverse=True)
-        return self.vertices[used].astype(float), numbers.reshape(faces.shape)
+        mesh = remove_unused_vertices(self.vertices, faces)
+        return mesh.vertices.astype(float), mesh.faces
 
 
 def bilinear(level: np.ndarray, x0: float, y0: float, cell: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -105,16 +110,68 @@ def bilinear(level: np.ndarray, x0: float, y0: float, cell: float, x: np.ndarray
     return np.asarray(lower * (1 - v) + upper * v)
 
 
-def no_rocks() -> pd.DataFrame:
-    """Return the table of a world without rocks."""
-    integers = ("rock", "terrain", "rock_in_terrain", "first_face", "faces")
-    return pd.DataFrame({name: np.zeros(0, np.int64 if name in integers else float) for name in ROCK_COLUMNS})
-
-
 def bare_world(level: np.ndarray, cell: float, x0: float, y0: float) -> World:
     """Return a world without rocks."""
-    empty = np.zeros((0, 3))
-    return World(x0, y0, cell, level, no_rocks(), empty.astype(np.float32), empty.astype(np.int32))
+    integers = ("rock", "terrain", "rock_in_terrain", "first_face", "faces")
+    rocks = pd.DataFrame({name: np.zeros(0, np.int64 if name in integers else float) for name in ROCK_COLUMNS})
+    return World(x0, y0, cell, level, rocks, np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
+
+
+@dataclass(frozen=True)
+class PlacedRock:
+    """A rock of a terrain with vertices (v, 3) in the world, m, and faces (f, 3) that point outwards."""
+
+    terrain: int
+    rock: int
+    points: np.ndarray
+    faces: np.ndarray
+
+
+def with_rocks(world: World, rocks: Iterable[PlacedRock]) -> World:
+    """Return the world with these rocks and no others."""
+    rows: list[dict[str, float | int]] = []
+    vertices: list[np.ndarray] = []
+    triangles: list[np.ndarray] = []
+    corner, first = 0, 0
+    for rock in rocks:
+        numbers = {"rock": len(rows), "terrain": rock.terrain, "rock_in_terrain": rock.rock}
+        rows.append(numbers | _extent(world, rock.points) | {"first_face": first, "faces": len(rock.faces)})
+        vertices.append(rock.points)
+        triangles.append(rock.faces + corner)
+        corner, first = corner + len(rock.points), first + len(rock.faces)
+    if not rows:
+        return world
+    return replace(
+        world,
+        rocks=pd.DataFrame(rows, columns=list(ROCK_COLUMNS)),
+        vertices=np.concatenate(vertices).astype(np.float32),
+        triangles=np.concatenate(triangles).astype(np.int32),
+    )
+
+
+def _extent(world: World, points: np.ndarray) -> dict[str, float]:
+    """Return position, height above the surrounding ground, and width, the largest horizontal extent."""
+    centre = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2
+    arms = points[:, :2] - centre
+    angles = np.linspace(0, np.pi, 36, endpoint=False)
+    extents = arms @ np.stack([np.cos(angles), np.sin(angles)])
+    radius = float(np.hypot(*arms.T).max())
+    ring = np.linspace(0, 2 * np.pi, 36, endpoint=False)
+    around = world.height_at(centre[0] + (radius + RIM) * np.cos(ring), centre[1] + (radius + RIM) * np.sin(ring))
+    return {
+        "x_m": float(centre[0]),
+        "y_m": float(centre[1]),
+        "height_m": float(points[:, 2].max() - np.median(around)),
+        "width_m": float((extents.max(axis=0) - extents.min(axis=0)).max()),
+        "radius_m": radius,
+    }
+
+
+def outward(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return faces with outward orientation; some published meshes are inside out."""
+    a, b, c = (points[faces[:, k]] for k in range(3))
+    outwards = (a + b + c) / 3 - (points.min(axis=0) + points.max(axis=0)) / 2
+    return faces if float((cross(b - a, c - a) * outwards).sum()) >= 0 else faces[:, ::-1]
 
 
 def write_world(folder: str | Path, world: World) -> None:
@@ -128,58 +185,23 @@ def write_world(folder: str | Path, world: World) -> None:
     }
     rocks = {"vertices_m": world.vertices.astype(np.float32), "triangles": world.triangles.astype(np.int32)}
     if around is not None:
-        ground |= {"around_x_m": around.x, "around_y_m": around.y, "around_level_m": around.level.astype(np.float32)}
-        rocks |= {"scenery_vertices_m": around.vertices, "scenery_triangles": around.triangles}
-    write_arrays(folder / "ground.npz", True, **ground)
+        ground |= dict(zip(AROUND, (around.x, around.y, around.level.astype(np.float32)), strict=True))
+        rocks |= dict(zip(SCENERY, (around.vertices, around.triangles), strict=True))
+    write_arrays(folder / "ground.npz", **ground)
     tables.write_parquet(folder / "rocks.parquet", world.rocks[list(ROCK_COLUMNS)])
-    write_arrays(folder / "rocks.npz", True, **rocks)
+    write_arrays(folder / "rocks.npz", **rocks)
 
 
 def read_world(folder: str | Path) -> World:
-    """Read a world written by `write_world`.
-
-    Raises
-    ------
-    FormatError
-        A file is missing or invalid.
-    """
-    folder = Path(folder)
+    """Read a world written by `write_world`."""
+    folder, around = Path(folder), None
     ground = read_arrays(folder / "ground.npz", ("x0_m", "y0_m", "cell_m", "level_m"))
     rocks = tables.read_parquet(folder / "rocks.parquet", ROCK_COLUMNS)
     mesh = read_arrays(folder / "rocks.npz", ("vertices_m", "triangles"))
-    if ground["level_m"].ndim != 2:
-        raise FormatError(
-            f"level_m of shape {ground['level_m'].shape}, expected two dimensions", path=folder / "ground.npz"
-        )
-    return World(
-        float(ground["x0_m"]),
-        float(ground["y0_m"]),
-        float(ground["cell_m"]),
-        ground["level_m"],
-        rocks,
-        mesh["vertices_m"],
-        mesh["triangles"],
-        _surroundings(ground, mesh, folder),
-    )
-
-
-def _surroundings(
-    ground: Mapping[str, np.ndarray], mesh: Mapping[str, np.ndarray], folder: Path
-) -> WorldBackdrop | None:
-    """Return the surroundings of a world, or None."""
-    if "around_level_m" not in ground:
-        return None
-    for name, arrays, file in (
-        ("around_x_m", ground, "ground.npz"),
-        ("around_y_m", ground, "ground.npz"),
-        ("scenery_vertices_m", mesh, "rocks.npz"),
-        ("scenery_triangles", mesh, "rocks.npz"),
-    ):
-        if name not in arrays:
-            raise FormatError(f"array {name!r} is missing", path=folder / file)
-    x, y, level = (ground[f"around_{name}_m"] for name in ("x", "y", "level"))
-    if level.shape != (len(y), len(x)):
-        raise FormatError(
-            f"around_level_m of shape {level.shape}, expected {len(y), len(x)}", path=folder / "ground.npz"
-        )
-    return WorldBackdrop(x, y, level, mesh["scenery_vertices_m"], mesh["scenery_triangles"])
+    x0, y0, cell = (float(ground[name]) for name in ("x0_m", "y0_m", "cell_m"))
+    level = ground["level_m"]
+    if AROUND[-1] in ground:
+        around = WorldBackdrop(*(ground[name] for name in AROUND), *(mesh[name] for name in SCENERY))
+    if level.ndim != 2 or (around and around.level.shape != (len(around.y), len(around.x))):
+        raise FormatError("heights do not have a row and a column per node", path=folder / "ground.npz")
+    return World(x0, y0, cell, level, rocks, mesh["vertices_m"], mesh["triangles"], around)

@@ -8,7 +8,9 @@ from scipy.spatial import ConvexHull
 from polarsim.errors import RoverError
 from polarsim.geometry.meshes import Mesh
 from polarsim.rover.world.rock_field import (
-    RockLaw,
+    CLEAR_M,
+    LARGEST_M,
+    SMALLEST_M,
     RockModel,
     random_rocks,
     rock_shapes,
@@ -46,31 +48,24 @@ def test_rocks_cover_the_share_of_the_law(abundance):
 
 
 def test_sizes_follow_the_law_and_rocks_do_not_overlap():
-    options = RockLaw(abundance=0.05, smallest_m=0.1, largest_m=1.0, clear_m=3.0)
     start = np.array([[5.0, 0.0]])
-    field = random_rocks(options, [shape()], 60.0, start, seed=3)
+    field, again, other = (random_rocks(0.05, [shape()], 20.0, start, seed) for seed in (3, 3, 4))
+    np.testing.assert_array_equal(field.x, again.x)
+    assert not np.array_equal(field.x, other.x)
     assert (np.diff(field.diameter) <= 0).all()
-    for size in (0.1, 0.2, 0.4):
-        expected = 3600 * (rocks_per_m2(size, 0.05) - rocks_per_m2(1.0, 0.05))
+    for size in (SMALLEST_M, 0.1, 0.2):
+        expected = 400 * (rocks_per_m2(size, 0.05) - rocks_per_m2(LARGEST_M, 0.05))
         assert (field.diameter >= size).sum() == pytest.approx(expected, abs=4 * np.sqrt(expected))
     place = np.stack([field.x, field.y], axis=1)
-    large = place[:400], field.diameter[:400]
-    gap = np.linalg.norm(large[0][:, None] - large[0], axis=-1) - (large[1][:, None] + large[1]) / 2
-    assert gap[~np.eye(400, dtype=bool)].min() > 0
-    assert np.linalg.norm(place - start, axis=1).min() > 3.0
-    assert np.abs(place).max() <= 30
-
-
-def test_equal_seeds_give_equal_fields():
-    first, again, second = (random_rocks(RockLaw(), [shape()], 10.0, NOWHERE, seed) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(first.x, again.x)
-    np.testing.assert_array_equal(first.diameter, again.diameter)
-    assert len(first.x) != len(second.x) or (first.x != second.x).any()
+    gap = np.linalg.norm(place[:, None] - place, axis=-1) - (field.diameter[:, None] + field.diameter) / 2
+    assert gap[~np.eye(len(place), dtype=bool)].min() > 0
+    assert np.linalg.norm(place - start, axis=1).min() > CLEAR_M
+    assert np.abs(place).max() <= 10
 
 
 def test_large_rocks_use_shapes_of_the_larger_half():
     shapes = [shape(diameter) for diameter in (0.3, 0.06, 0.2, 0.08)]
-    field = random_rocks(RockLaw(abundance=0.1), shapes, 10.0, NOWHERE, 0)
+    field = random_rocks(0.1, shapes, 10.0, NOWHERE, 0)
     large = field.diameter > 0.14
     assert set(field.shape[large]) == {0, 2}
     assert set(field.shape[~large]) == {0, 1, 2, 3}
@@ -90,13 +85,9 @@ def test_a_shape_has_unit_diameter_and_the_ground_at_zero():
     outline = ConvexHull(placed[:, :2]).volume
     assert outline == pytest.approx(np.pi * 0.5**2 / 4, rel=0.01)
     np.testing.assert_allclose(placed[:, :2].mean(axis=0), [3.0, 2.0], atol=0.01)
-
-
-def test_a_shape_rotates_about_the_vertical():
     corner = Mesh(np.array([[1.0, 0.0, 0.5]]), np.zeros((0, 3), int))
-    np.testing.assert_allclose(
-        vertices_in_world(corner, 2.0, np.pi / 2, np.array([1.0, 1, 1])), [[1.0, 3.0, 2.0]], atol=1e-12
-    )
+    rotated = vertices_in_world(corner, 2.0, np.pi / 2, np.array([1.0, 1, 1]))
+    np.testing.assert_allclose(rotated, [[1.0, 3.0, 2.0]], atol=1e-12)
 
 
 def test_large_shapes_have_more_triangles():
