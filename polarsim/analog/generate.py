@@ -42,11 +42,6 @@ def generate_terrain(
     `truth/labels.parquet` has a row for every rock and cast shadow with at least 12 visible pixels, lit or not.
     `contrast` is the mean of the region minus the mean of the surroundings in the photo, DN; scoring uses it to exclude
     regions that are not visible.
-
-    Raises
-    ------
-    ConfigError
-        The terrain is unknown, or keys belong to a different terrain.
     """
     if terrain not in PRESETS:
         raise ConfigError(f"unknown terrain {terrain}, expected {min(PRESETS)} to {max(PRESETS)}")

@@ -33,12 +33,7 @@ def reflect(
     opposition surge, a forward lobe and, on some rocks, gloss. It differs on purpose from the models of the twins
     (Hapke, Burley).
 
-    Parameters
-    ----------
-    material, albedo, gloss : (...)
-        Material numbers, hemispherical albedo of the diffuse part, strength of the gloss.
-    normals, to_light, to_eye : (..., 3) float32
-        Unit vectors.
+    `albedo`: hemispherical albedo of the diffuse part. Vectors (..., 3) are unit vectors, float32.
     """
     cos_i = np.einsum("...k,...k->...", normals, to_light)
     cos_e = np.maximum(np.einsum("...k,...k->...", normals, to_eye), 0.02)

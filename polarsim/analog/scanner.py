@@ -42,13 +42,7 @@ def scan(
     options: AnalogOptions,
     threads: int,
 ) -> Scan:
-    """Scan the angular window.
-
-    Parameters
-    ----------
-    sandbox_from_scanner : Pose
-        Pose of the upright scanner frame: x ahead, y left, z up.
-    """
+    """Scan the angular window from the pose of the upright scanner frame: x ahead, y left, z up."""
     step = np.radians(options.scan_step_deg)
     pan, tilt = np.arange(-_PAN, _PAN, step), np.arange(_TILT_UP, -_TILT_DOWN, -step)
     pan = pan + rng.uniform(0, step)

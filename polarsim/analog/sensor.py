@@ -38,10 +38,7 @@ def blur_and_vignette(image: np.ndarray) -> np.ndarray:
 def lamp_glare(lamp: DiscLamp, camera: Camera, brightness: float, rng: np.random.Generator) -> np.ndarray:
     """Return the light (h, w) that a lamp inside or outside the image scatters in the lens, at unit intensity.
 
-    Parameters
-    ----------
-    brightness : float
-        Radiance at the centres of the ghosts for a lamp 4 m away.
+    `brightness`: radiance at the centres of the ghosts for a lamp 4 m away.
     """
     lens = camera.lens
     height, width = lens.shape
@@ -81,15 +78,7 @@ def _blob(out: np.ndarray, centre: np.ndarray, size: float, strength: float, pow
 def expose_raw(
     image: np.ndarray, exposure_ms: float, electrons: float, rng: np.random.Generator, pixel_gain: np.ndarray
 ) -> np.ndarray:
-    """Return the photo (h, w) uint16 of a linear image.
-
-    Parameters
-    ----------
-    electrons : float
-        Photo-electrons per millisecond at unit radiance.
-    pixel_gain : (h, w) float32
-        Fixed pattern of the sensor.
-    """
+    """Return the photo (h, w) uint16 of a linear image; `electrons`: photo-electrons per ms at unit radiance."""
     signal = image * pixel_gain * np.float32(electrons * exposure_ms)
     noise = rng.standard_normal(image.shape, dtype=np.float32)
     noise *= np.sqrt(np.maximum(signal, 0) + np.float32(_READ_NOISE_ELECTRONS**2))

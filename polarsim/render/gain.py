@@ -55,14 +55,8 @@ def lit_pixels(radiance: np.ndarray) -> np.ndarray:
 def gain_ratios(photo: np.ndarray, radiance: np.ndarray, exposure_ms: float) -> np.ndarray:
     """Return the ratios (n,) of photo and radiance, DN per ms per unit radiance, at lit, unsaturated pixels.
 
-    Pixels near the rim of the sandbox are excluded.
-
-    Parameters
-    ----------
-    photo : (h, w) uint16
-        12-bit DN.
-    radiance : (h, w) float
-        Rendered radiance of the same view under the same lamp.
+    `photo` (h, w) uint16 has 12-bit DN, `radiance` (h, w) is rendered for the same view under the same lamp. Pixels
+    near the rim of the sandbox are excluded.
     """
     height, width = photo.shape
     top, bottom, left, right = np.round(np.array(_FRAME) * [height, height, width, width]).astype(int)
@@ -118,11 +112,6 @@ def with_fit(options: RenderOptions, fitted: FittedMaterials) -> tuple[RenderOpt
     """Return the options with the fitted parameters, gains and darkening, and the albedo factors (v,) by model.
 
     Materials of single objects in the options are unchanged.
-
-    Raises
-    ------
-    FormatError
-        A fitted parameter is unknown to the model.
     """
     changed: dict[str, object] = {"gain": dict(options.gain)}
     if fitted.models:

@@ -25,13 +25,7 @@ Curve = tuple[np.ndarray, np.ndarray]  # phase angles, degrees, and reflectance 
 
 
 def parameters_of(model: Model, soil: str | None = None) -> Parameters:
-    """Return the default parameters of a model, or a parameter set of `HAPKE_SETS` for Hapke's models.
-
-    Raises
-    ------
-    RenderError
-        The set is unknown, or the model is not one of Hapke's.
-    """
+    """Return the default parameters of a model, or a parameter set of `HAPKE_SETS` for Hapke's models."""
     if soil is None:
         return RenderOptions().parameters(model)
     if model not in ("hapke", "hapke_chrono"):
@@ -68,8 +62,8 @@ def phase_deg(incidence_deg: np.ndarray, emergence_deg: np.ndarray, azimuth_deg:
     return between_deg(to_lamp, to_viewer)
 
 
-def in_plane_of_incidence(parameters: Parameters, incidence_deg: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return phase angles (n,), degrees, and reflectance factors pi f_r (n,) for viewers in the plane of incidence.
+def in_plane_of_incidence(parameters: Parameters, incidence_deg: float) -> Curve:
+    """Return the curve for viewers in the plane of incidence.
 
     Phase angles are negative if the viewer is on the side of the lamp and lower than the lamp.
     """
@@ -77,6 +71,13 @@ def in_plane_of_incidence(parameters: Parameters, incidence_deg: float) -> tuple
     angles = (np.full_like(emergence, incidence_deg), np.abs(emergence), np.where(emergence < 0, 180.0, 0.0))
     sign = np.where(emergence > incidence_deg, -1, 1)
     return sign * phase_deg(*angles), np.pi * reflectance_at(parameters, *angles)
+
+
+def opposite_the_lamp(parameters: Parameters) -> Curve:
+    """Return the curve for i = e = g / 2, as for a mirror."""
+    half = np.arange(0, WIDEST_DEG + STEP_DEG / 4, STEP_DEG / 2)
+    angles = (half, half, np.full_like(half, 180.0))
+    return phase_deg(*angles), np.pi * reflectance_at(parameters, *angles)
 
 
 def reflectance_panels(chosen: Mapping[str, Parameters], incidence_deg: float) -> dict[str, dict[str, Curve]]:
@@ -100,10 +101,3 @@ def write_reflectance(*, curves: Path, options: RenderOptions) -> None:
         for model, (phase, factor) in of_models.items()
     ]
     write_csv(curves, pd.concat(rows, ignore_index=True))
-
-
-def opposite_the_lamp(parameters: Parameters) -> tuple[np.ndarray, np.ndarray]:
-    """Return phase angles g (n,), degrees, and reflectance factors pi f_r (n,) for i = e = g / 2, as for a mirror."""
-    half = np.arange(0, WIDEST_DEG + STEP_DEG / 4, STEP_DEG / 2)
-    angles = (half, half, np.full_like(half, 180.0))
-    return phase_deg(*angles), np.pi * reflectance_at(parameters, *angles)

@@ -63,12 +63,9 @@ class Paths:
     def radiance(self, hits: Hits, rays: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Return reflected and arriving indirect light of the hits (n,), averaged over `rays` paths per hit.
 
-        Returns
-        -------
-        sent : (kinds, n) float32
-            Radiance towards the viewer. Kinds are the lamps of the first model, the lamps of the second, and so on.
-        vector : (kinds, 3, n) float32
-            Light vector, the integral of radiance times direction. The component along the normal is the irradiance.
+        `sent` (kinds, n) float32 is the radiance towards the viewer, `vector` (kinds, 3, n) the light vector: the
+        integral of radiance times direction, whose component along the normal is the irradiance. Kinds are the lamps of
+        the first model, the lamps of the second, and so on.
         """
         sent = np.zeros((len(self._models), len(self._lamps), len(hits.pixel)), np.float32)
         vector = np.zeros((len(self._models), len(self._lamps), 3, len(hits.pixel)), np.float32)
@@ -135,10 +132,7 @@ class Paths:
 def scattered(hits: Hits, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return random unit vectors (n, 3) from the hits, and cosine over density (n,); 0 for vectors into the surface.
 
-    Parameters
-    ----------
-    at : (n, 2) float32
-        Uniform samples between 0 and 1.
+    `at` (n, 2) float32: uniform samples between 0 and 1.
     """
     by_cosine = at[:, 0] < np.float32(0.5)
     height = 1 - 4 * (at[:, 0] - np.where(by_cosine, np.float32(0), np.float32(0.5)))  # -1 to 1

@@ -132,12 +132,8 @@ def _names(number: int) -> tuple[str, ...]:
 def between_corners(of_vertex: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Interpolate vertex values at points of triangles, (n,) float32.
 
-    Parameters
-    ----------
-    corners : (n, 3) int
-        Vertex numbers of the triangle of each point.
-    weights : (n, 2) float
-        Barycentric weights of the second and third corner.
+    `corners` (n, 3): vertex numbers of the triangle of each point. `weights` (n, 2): barycentric weights of the second
+    and third corner.
     """
     first, second, third = (of_vertex.take(corners[:, number]) for number in range(3))
     return np.asarray(first + weights[:, 0] * (second - first) + weights[:, 1] * (third - first), np.float32)

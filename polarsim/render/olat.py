@@ -93,16 +93,13 @@ _CENTRE = (0.0, 0.0)  # offset of the ray that determines the id of a pixel
 
 @dataclass(frozen=True)
 class Rendering:
-    """OLAT images of a view by model and lamp, and id maps by the lamp that casts the shadows.
+    """OLAT images (h, w) float32 of a view by model and lamp, and id maps (h, w) uint16 by lamp of the shadows.
 
-    olat_images : (h, w) float32
-        Radiance. 1 is the radiance of a surface with f_r = 1 under a Sun lamp 4 m above the surface. Pixels without
-        surface are 0.
-    ids : (h, w) uint16
-        BACKGROUND, GROUND, RELIEF_SHADOW (ground shaded by relief or a wall), ROCK_IDS + k for rock k, SHADOW_IDS + k
-        for ground shaded by rock k. The map `NO_LAMP` has no shadows.
-    indirect : (h, w) float32
-        Traced indirect light by model and lamp, if enabled; not included in `olat_images`.
+    Radiance 1 is that of a surface with f_r = 1 under a Sun lamp 4 m above the surface; pixels without surface are 0.
+    `indirect` is the traced indirect light, if enabled; it is not included in `olat_images`.
+
+    Ids are BACKGROUND, GROUND, RELIEF_SHADOW (ground shaded by relief or a wall), ROCK_IDS + k for rock k, SHADOW_IDS +
+    k for ground shaded by rock k. The map `NO_LAMP` has no shadows.
     """
 
     olat_images: dict[tuple[Model, str], np.ndarray]
@@ -129,15 +126,7 @@ def render_view(
 ) -> Rendering:
     """Render the OLAT images of every model under every lamp, and id maps with shadows.
 
-    Parameters
-    ----------
-    shadow_lamps : collection of str or None
-        Names of the lamps whose shadows are in the id maps; None: no id maps.
-
-    Raises
-    ------
-    RenderError
-        The engine cannot be loaded.
+    `shadow_lamps`: names of the lamps whose shadows are in the id maps; None: no id maps.
     """
     reflectance = reflectance_engine(options, threads)
     offsets = sample_offsets(options)
@@ -230,24 +219,17 @@ def write_ids(
 
 
 def reflectance_engine(options: RenderOptions, threads: int) -> Reflectance:
-    """Return the function that evaluates reflectance; start Taichi if the options select it.
-
-    Raises
-    ------
-    RenderError
-        The engine cannot be loaded.
-    PolarsimError
-        The device of the engine is not available.
-    """
-    if options.engine == "taichi":
-        try:
-            from polarsim.geometry import taichi_device
-            from polarsim.render import brdf_taichi
-        except ImportError as error:
-            raise RenderError(f"render.engine: 'taichi' cannot be loaded ({error}); install taichi") from error
-        taichi_device.start(threads, options.device)
+    """Return the function that evaluates reflectance; start Taichi if the options select it."""
+    if options.engine == "numpy":
+        return brdf.reflectance
     if options.engine == "numba":
         from polarsim.render import brdf_numba
 
         return brdf_numba.reflectance
-    return brdf_taichi.reflectance if options.engine == "taichi" else brdf.reflectance
+    try:
+        from polarsim.geometry import taichi_device
+        from polarsim.render import brdf_taichi
+    except ImportError as error:
+        raise RenderError(f"render.engine: 'taichi' cannot be loaded ({error}); install taichi") from error
+    taichi_device.start(threads, options.device)
+    return brdf_taichi.reflectance

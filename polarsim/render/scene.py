@@ -23,17 +23,7 @@ class Scene:
     """Meshes of a terrain and render options; the meshes are read once for all images."""
 
     def __init__(self, meshes: Path, terrain: int, options: RenderOptions) -> None:
-        """
-        Parameters
-        ----------
-        meshes : Path
-            Folder with `terrainNN_ground.obj` and `terrainNN_rock<k>.obj`.
-
-        Raises
-        ------
-        FormatError
-            Meshes are missing or broken.
-        """
+        """`meshes`: folder with `terrainNN_ground.obj` and `terrainNN_rock<k>.obj`."""
         self.meshes, self.terrain, self.options = meshes, terrain, options.of(terrain)
         self._mesh = read_terrain(meshes, terrain)
 
@@ -47,26 +37,14 @@ class Scene:
         return digests_of(mesh_files(self.meshes, self.terrain).values())
 
     def refuse_positions(self, shot: Shot) -> None:
-        """Check the positions of the camera and of the lamps of a shot.
-
-        Raises
-        ------
-        RenderError
-            A position is below the ground or more than a kilometre away.
-        """
+        """Raise `RenderError` if the camera or a lamp is below the ground or more than a kilometre away."""
         check_position(self.surfaces, shot.camera.centre, "the camera")
         for lamp in shot.lamps.values():
             if not lamp.distant:
                 check_position(self.surfaces, lamp.position, "the lamp")
 
     def picture(self, shot: Shot, threads: int = 1) -> np.ndarray:
-        """Render a photo (h, w) uint16: 12-bit DN, black level 16.
-
-        Raises
-        ------
-        RenderError
-            The engine cannot be loaded.
-        """
+        """Render a photo (h, w) uint16: 12-bit DN, black level 16."""
         camera, lamps, options = shot.camera, shot.lamps, self.options
         view = render_view(self.surfaces, camera, lamps, [shot.model], None, options, threads)
         olat_images = apply_lens_to_olat_images(view.whole, lamps, self.surfaces, camera, options, threads)

@@ -49,10 +49,7 @@ def ground_shadows(
 def ground_ids(surfaces: Surfaces, point: np.ndarray, plane: np.ndarray, to_lamp: np.ndarray) -> np.ndarray:
     """Return the ids (n,) of ground points: GROUND (lit), RELIEF_SHADOW, or SHADOW_IDS + rock.
 
-    Parameters
-    ----------
-    point, plane, to_lamp : (n, 3) float32
-        Points, unit normals of the faces, vectors to the lamp; metres.
+    Points, unit normals of the faces, and vectors to the lamp are (n, 3) float32, metres.
     """
     ids = np.full(len(point), GROUND, np.int32)
     lamp_distance = length(to_lamp)

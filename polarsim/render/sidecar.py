@@ -26,17 +26,9 @@ from polarsim.run_files.rigs import lens_content, lens_of
 class Shot:
     """Camera, lamps, exposure and reflectance model of an image.
 
-    Parameters
-    ----------
-    camera : Camera
-        Camera in the sandbox frame. `geometry.poses.camera_pose` returns a pose from a position and angles;
-        `camera.scaled(0.25)` renders a smaller image.
-    lamps : name -> Lamp
-        Near lamps (points or discs) or `Lamp.sun`, with any names. Without lamps the image is black.
-    exposure_ms : float
-        Exposure time, ms.
-    model : str
-        Name in `render.options.MODELS`; parameters and gain are in the options of the scene.
+    `geometry.poses.camera_pose` returns a pose from a position and angles; `camera.scaled(0.25)` renders a smaller
+    image. Lamps are near (points or discs) or `Lamp.sun`, with any names; without lamps the image is black.
+    Parameters and gain of the model are in the options of the scene.
     """
 
     camera: Camera
@@ -51,24 +43,14 @@ _SEPARATE = {"models", "gain", "maps", "fitting", "materials_from_photos"}
 
 @dataclass(frozen=True)
 class Sidecar:
-    """Inputs of an image of a terrain.
-
-    options : RenderOptions
-        Options that affect the pixels. With `shot` and the meshes they reproduce the image.
-    gain_per_ms : float
-        Gain, DN per ms per unit radiance.
-    sources : name -> str
-        SHA-256 of the input files, by file name; for twins by role: `meshes`, `camera`, `lamps`, `photos`.
-    noise_seed : tuple
-        Arguments of `randomness.generator` for the noise; empty without noise.
-    """
+    """Inputs of an image of a terrain; `shot`, `options` and the meshes reproduce the image."""
 
     shot: Shot
     terrain: int
     options: RenderOptions
-    gain_per_ms: float
-    sources: Mapping[str, str]
-    noise_seed: tuple[Any, ...] = ()
+    gain_per_ms: float  # DN per ms per unit radiance
+    sources: Mapping[str, str]  # SHA-256 of input files by name; for twins by role: meshes, camera, lamps, photos
+    noise_seed: tuple[Any, ...] = ()  # arguments of `randomness.generator`; empty without noise
 
     def content(self) -> dict[str, Any]:
         """Return the content of the JSON file."""
@@ -97,13 +79,7 @@ def write_sidecar(path: str | Path, content: Mapping[str, Any]) -> None:
 
 
 def read_sidecar(path: str | Path) -> Sidecar:
-    """Read the sidecar of an image.
-
-    Raises
-    ------
-    FormatError
-        The file is missing or not a sidecar.
-    """
+    """Read the sidecar of an image."""
     content = read_json(path)
     with with_path(path):
         try:

@@ -98,17 +98,9 @@ class Surfaces:
 
 
 def check_position(surfaces: Surfaces, position: np.ndarray, what: str) -> None:
-    """Check the position (3,) of a camera or lamp.
+    """Raise `RenderError` if a position (3,) is below the ground or farther away than `FARTHEST_M`.
 
-    Parameters
-    ----------
-    what : str
-        Name of the object in the error message, for example "the camera".
-
-    Raises
-    ------
-    RenderError
-        The position is below the ground or farther away than `FARTHEST_M`.
+    `what`: name of the object in the error message, for example "the camera".
     """
     at = ", ".join(f"{value:g}" for value in position)
     if (range_m := float(np.linalg.norm(position))) > FARTHEST_M:

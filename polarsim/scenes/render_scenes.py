@@ -65,11 +65,6 @@ def render_scenes(
     with a width of `stored_px`.
 
     `meshes`: folder with closed rock meshes. `ranges`: ranges of the random parameters; `scale` is that of the options.
-
-    Raises
-    ------
-    PolarsimError
-        A mesh is invalid, or the folder has no rock.
     """
     files = obj.rock_files(meshes)
     if not files:

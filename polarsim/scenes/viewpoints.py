@@ -31,11 +31,6 @@ def draw_camera(options: RenderOptions, ranges: SceneRanges, random: np.random.G
 
     The points correspond to the pixels of a coarse image of level sand. The camera is scaled by `ranges.scale`. If no
     candidate shows enough sand, the best candidate is returned.
-
-    Raises
-    ------
-    DetectError
-        No candidate shows sand.
     """
     best, visible = None, np.zeros((0, 2))
     of_rig = random.random() < ranges.rig_share

@@ -45,21 +45,7 @@ def fit_materials(
 ) -> None:
     """Fit the materials and write the folder `materials`; without usable photos log a warning and write an empty fit.
 
-    Parameters
-    ----------
-    cameras : Path
-        Folder with the `PosX.json` of the terrain.
-    meshes : Path
-        Folder with the meshes of the terrain.
-    photos : Path or None
-        `photos.parquet`; may be empty.
-
-    Raises
-    ------
-    FormatError
-        A mesh, pose or table is missing or invalid.
-    RenderError
-        The engine cannot be loaded.
+    `cameras`, `meshes`: folders of the terrain. `photos`: `photos.parquet`, may be empty.
     """
     mesh, options = read_terrain(meshes, terrain), options.of(terrain)
     samples = _samples_of_terrain(terrain, cameras, mesh, photos, options, threads)

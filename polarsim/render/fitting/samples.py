@@ -103,14 +103,8 @@ def samples_of_view(
 ) -> list[FitSamples]:
     """Select the samples of a view by lamp: lit pixels away from edges, with low noise and not clipped.
 
-    Parameters
-    ----------
-    number : int
-        Number of the view.
-    photos : lamp -> Linear
-        Linear images of the view under each single lamp.
-    names : sequence of str
-        Names of all lamps, indexed by `Samples.lamp`.
+    `number`: number of the view. `photos`: linear images of the view under each single lamp. `names`: names of all
+    lamps, indexed by `FitSamples.lamp`.
     """
     lens, size = camera.lens, camera.lens.shape
     surfaces.prepare(shadows=False)

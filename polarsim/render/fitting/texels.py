@@ -78,12 +78,8 @@ def texels_of(samples: FitSamples, radiance: np.ndarray, faces: np.ndarray) -> T
 def solve(texels: Texels, faces: np.ndarray, rock_of_vertex: np.ndarray) -> Solution:
     """Fit albedos and lamp brightness to the observations.
 
-    Parameters
-    ----------
-    faces : (f, 3) int
-        Triangles of all objects; objects share no vertices.
-    rock_of_vertex : (v,) int
-        Rock of each vertex; `NO_ROCK` for the ground.
+    `faces` (f, 3): triangles of all objects; objects share no vertices. `rock_of_vertex` (v,): rock of each vertex,
+    `NO_ROCK` for the ground.
     """
     count = len(rock_of_vertex)
     lamps = np.unique(texels.lamp)

@@ -32,17 +32,7 @@ class NamedCamera(Camera):
 def cameras_of(views: Views, heights: Heights, scale: float = 1.0) -> list[NamedCamera]:
     """Return all cameras of a scene in the order of the views file, numbered within each name.
 
-    Parameters
-    ----------
-    heights
-        Surface heights, for the clearance of random cameras.
-    scale
-        Scale of the images relative to the lens.
-
-    Raises
-    ------
-    RenderError
-        The box of random cameras has too few positions with the required clearance.
+    `heights`: surface heights, for the clearance of random cameras. `scale`: size of the images relative to the lens.
     """
     rig = rig_of(views)
     numbers: dict[str, int] = {}
@@ -73,13 +63,7 @@ def pinhole(hfov_deg: float, width_px: int, height_px: int) -> Lens:
 
 
 def looking_at(position: np.ndarray, target: np.ndarray, roll: float = 0.0) -> Pose:
-    """Return `sandbox_from_camera` at a position (3,) with a target (3,) on the optical axis; roll in radians.
-
-    Raises
-    ------
-    ConfigError
-        Position and target are equal.
-    """
+    """Return `sandbox_from_camera` at a position (3,) with a target (3,) on the optical axis; roll in radians."""
     ahead = np.asarray(target, float) - position
     if not ahead.any():
         raise ConfigError(f"camera at {np.round(position, 3).tolist()} m: position and target are equal")
@@ -92,11 +76,6 @@ def curve(waypoints: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray]:
 
     The curve is a natural cubic spline with centripetal parametrisation, which avoids loops between unevenly spaced
     waypoints (Lee, CAD 21 (1989) 363).
-
-    Raises
-    ------
-    ConfigError
-        Two adjacent waypoints are equal.
     """
     from scipy.interpolate import CubicSpline
 

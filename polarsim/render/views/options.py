@@ -228,13 +228,7 @@ class Views(ViewsSection):
 
 
 def read_views(path: str | Path) -> Views:
-    """Read a views file. Relative paths are relative to the file or to the nearest parent folder in which they exist.
-
-    Raises
-    ------
-    ConfigError
-        Invalid YAML, unknown or missing keys, or invalid values: one line with the file and each key.
-    """
+    """Read a views file. Relative paths are relative to the file or to the nearest parent folder with such a path."""
     views = read_model(path, Views, "the file")
     scenes = tuple(_resolved(scene, "meshes", path) for scene in views.scenes)
     lens = views.lens

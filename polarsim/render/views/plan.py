@@ -53,13 +53,7 @@ class NamedLight:
 
 
 def lights_of(views: Views) -> list[NamedLight]:
-    """Return all lights in the order of the views file, numbered within each name; lunar nights are omitted.
-
-    Raises
-    ------
-    ConfigError
-        The Sun is below the horizon at all times, or a light has the name of the rover light.
-    """
+    """Return all lights in the order of the views file, numbered within each name; lunar nights are omitted."""
     numbers: dict[str, int] = {}
     lights = []
     for section in views.lights:
@@ -166,15 +160,7 @@ class PlannedImage:
 
 
 def plan(views: Views, scale: float = 1.0) -> list[PlannedImage]:
-    """Return all images, ordered by scene, camera, light, rover light, model and exposure.
-
-    Raises
-    ------
-    ConfigError
-        Two images would have the same file name.
-    FormatError
-        Meshes are missing or invalid.
-    """
+    """Return all images, ordered by scene, camera, light, rover light, model and exposure."""
     lights = lights_of(views)
     exposures = [exposure if isinstance(exposure, float) else None for exposure in views.exposures_ms]
     variants = list(product(views.rover_light.states, views.render.models, exposures))

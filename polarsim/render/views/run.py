@@ -42,17 +42,8 @@ def render_views(
 
     Rays are cast once per camera; shading is computed once per light and model. The bytes do not depend on `threads`.
 
-    Parameters
-    ----------
-    tone
-        Conversion from 12 to 8 bits, for the contact sheet and, with `preview`, for the images.
-    scale
-        Scale of the images relative to the lens.
-
-    Raises
-    ------
-    ConfigError, FormatError, RenderError
-        Impossible views, missing or invalid meshes, an engine that cannot be loaded, or a folder that is not empty.
+    `tone`: conversion from 12 to 8 bits, for the contact sheet and, with `preview`, for the images. `scale`: size of
+    the images relative to the lens.
     """
     check_new_folder(out)
     chosen = plan(views, scale)[:limit]
