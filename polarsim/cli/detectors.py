@@ -70,14 +70,21 @@ def detect(
 @command()
 def ipd(
     labels_a: Annotated[
-        Path, typer.Argument(help="Labels of the first domain: a folder of YOLO files, or a Parquet table.")
+        Path,
+        typer.Argument(exists=True, help="Labels of the first domain: a folder of YOLO files, or a Parquet table."),
     ],
     predictions_a: Annotated[
         Path,
-        typer.Argument(help="Detections in the first domain: YOLO files with confidence as sixth field, or a table."),
+        typer.Argument(
+            exists=True, help="Detections in the first domain: YOLO files with confidence as sixth field, or a table."
+        ),
     ],
-    labels_b: Annotated[Path, typer.Argument(help="Labels of the second domain, files with the same names.")],
-    predictions_b: Annotated[Path, typer.Argument(help="Detections of the same detector in the second domain.")],
+    labels_b: Annotated[
+        Path, typer.Argument(exists=True, help="Labels of the second domain, files with the same names.")
+    ],
+    predictions_b: Annotated[
+        Path, typer.Argument(exists=True, help="Detections of the same detector in the second domain.")
+    ],
     confidence: Annotated[float, typer.Option(min=0, max=1, help="Confidence threshold of predictions.")] = 0.25,
     undetected: Annotated[
         Treatment, typer.Option(help="Labelled rock without overlapping prediction: IoU 0, or excluded.")
@@ -97,7 +104,6 @@ def ipd(
         typer.Option(help="Resampling unit of intervals; default: view if all names are photo keys, else photo."),
     ] = None,
     resamples: Annotated[int, typer.Option(min=100, help="Number of bootstrap replicates.")] = 1000,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the bootstrap.")] = 0,
     json: JsonFile = None,
 ) -> None:
     """Compute the instance performance difference (IPD) of a detector between two domains, with 95 % intervals.
@@ -105,18 +111,17 @@ def ipd(
     ipd: absolute value of the mean IoU difference, as in the paper; ipd_abs: mean of the absolute differences.
     """
     from polarsim.detect.external_sets import compare_sets
-    from polarsim.detect.ipd import IpdRules
     from polarsim.formats.files import write_json
 
     report = compare_sets(
         (labels_a, labels_b),
         (predictions_a, predictions_b),
         confidence=confidence,
-        rules=IpdRules(undetected, unpaired),
+        undetected=undetected,
+        unpaired=unpaired,
+        missing=missing,
         unit=unit,
         pair_iou=pair_iou,
-        missing=missing,
-        seed=seed,
         resamples=resamples,
     )
     if json:

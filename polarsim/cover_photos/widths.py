@@ -109,9 +109,10 @@ def read_folds(
 ) -> dict[str, WidthPredictions]:
     """Read the predictions of each fold on the sand, see `read_found`."""
     by_fold = {fold: read_found(path, dataset_images(datasets[fold], TEST)) for fold, path in found.items()}
-    for photos in by_fold.values() if sand else ():
-        for key, by_width in photos.items():
-            photos[key] = {width: sand.keep(key, rows) for width, rows in by_width.items()}
+    if sand:
+        for photos in by_fold.values():
+            for key, by_width in photos.items():
+                photos[key] = {width: sand.keep(key, rows) for width, rows in by_width.items()}
     return by_fold
 
 

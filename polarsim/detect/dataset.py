@@ -47,15 +47,7 @@ def make_dataset(
     by: str = PHOTO,
     wanted: Sequence[str] = PARTS,
 ) -> None:
-    """Convert the photos or twins of a domain and write the data set in one folder.
-
-    Combines `convert_photos` and `share_pictures`. Parts that are not in `wanted` are empty.
-
-    Raises
-    ------
-    PolarsimError
-        Invalid file, or a part without images.
-    """
+    """Apply `convert_photos` and `share_pictures` in one folder. Parts that are not in `wanted` are empty."""
     parts = {key: part for key, part in read_split(split, by).items() if part in wanted}
     with writing_folder(dataset) as folder:
         convert_photos(
@@ -80,18 +72,9 @@ def share_pictures(*, domain: str, pictures: Path, split: Path, by: str, dataset
     ----------
     pictures : Path
         Folder of `convert_photos` or `convert_views`.
-    split : Path
-        CSV of key and part.
-    by : str
-        Unit of the split.
     dataset : Path
         Folder to write: `images/<part>/NAME.png` and `labels/<part>/NAME.txt`, `data.yaml`, `pictures.csv`,
         `dataset.json`, and `left_out.csv` if corrupt images were skipped.
-
-    Raises
-    ------
-    PolarsimError
-        Invalid file, a split that shares units between parts, or a part without images.
     """
     parts = read_split(split, by)
     views = domain == VIEWS
@@ -109,11 +92,6 @@ def mix_datasets(
 
     The number of images of a domain in each part is multiplied by the weight: 0.5 selects half of the images, 1.5 all
     images and a second copy of half of them. Image names are `<domain>-<name>`, copies end with `-2`, `-3`.
-
-    Raises
-    ------
-    PolarsimError
-        Invalid data set, or a part without images.
     """
     entries, left_out = [], []
     for source, weight in sorted(weights.items()):
@@ -197,17 +175,8 @@ def write_yolo_dataset(
 ) -> None:
     """Link the files of the entries into `folder`, the temporary folder of `dataset`, and write the index files.
 
-    Parameters
-    ----------
-    facts
-        Additional entries of `dataset.json`.
-    left_out
-        Names and parts of corrupt images.
-
-    Raises
-    ------
-    DetectError
-        A part in `needed` has no image.
+    A part in `needed` without images is an error. `facts` are additional entries of `dataset.json`, `left_out` the names
+    and parts of corrupt images.
     """
     for part in PARTS:
         for kind, _ in KINDS:

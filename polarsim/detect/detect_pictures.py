@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from polarsim.detect import detectors, tone
 from polarsim.detect.fusion import fuse
 from polarsim.detect.grouping import detection_rows
-from polarsim.detect.masks import MaskInference, class_mask, mask_widths, within_boxes
+from polarsim.detect.masks import class_mask, load_segmenter, within_boxes
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import inference_widths_of, predict_images
 from polarsim.errors import DetectError, PolarsimError, with_path
@@ -69,19 +69,13 @@ def detect_in_images(
     weights
         Detectors. Detections of several detectors are merged, see `fusion.fuse`.
     threads
-        Number of images processed in parallel, each by one thread. Does not affect the output.
+        Number of images processed in parallel, each by one thread.
     out
         Folder to write: `detections.csv`, `labels/NAME.txt` (YOLO, with the confidence as sixth field), `coco.json`,
         optionally `masks/NAME.png` (class of every pixel, see `class_masks`; rocks and shadows only inside written
         boxes) and `pictures/NAME.jpg` with masks and boxes drawn.
     confidence
         Confidence threshold of written boxes, after calibration if the detector has a calibration.
-
-    Raises
-    ------
-    PolarsimError
-        No readable image, duplicate image names, weights that polarsim did not write or without the requested masks,
-        or `out` exists.
     """
     paths = _listed(pictures)
     if out.exists():
@@ -93,7 +87,7 @@ def detect_in_images(
         for name in ("labels", *(["masks"] if masks else []), *(["pictures"] if draw else [])):
             (folder / name).mkdir()
         looks = [_load_look(path, detector, folder, options) for path, detector in trained.items()]
-        segmenters = [_segmenter(path, detector, options) for path, detector in trained.items()] if masks else []
+        segmenters = [load_segmenter(path, options, _THREADS) for path in weights] if masks else []
         widest = max(width for _, widths in [*looks, *segmenters] for width in widths)
 
         def look_at(path: Path) -> _Detections | PolarsimError | OSError:
@@ -102,7 +96,8 @@ def detect_in_images(
             except (PolarsimError, OSError) as error:
                 return error
             size, shown = (pixels.shape[1], pixels.shape[0]), _detector_input(pixels, widest)
-            found = _merged([look(shown, size) for look, _ in looks], options.nms_iou)
+            parts = [look(shown, size) for look, _ in looks]
+            found = fuse(parts, options.nms_iou) if len(parts) > 1 else parts[0]
             found = found[found[:, 4] >= confidence]
             mask = within_boxes(class_mask(segmenters, shown, size), found) if segmenters else None
             if mask is not None:
@@ -147,39 +142,13 @@ def _load_look(
     return look, tuple(sizes.widths)
 
 
-def _segmenter(path: Path, detector: detectors.Detector, options: PredictionOptions) -> MaskInference:
-    """Return the mask inference of a detector and the inference widths."""
-    with with_path(path):
-        loaded = detectors.load_masks(detector, options, _THREADS)
-    return loaded, mask_widths(detector, options)
-
-
-def _merged(parts: Sequence[np.ndarray], nms_iou: float) -> np.ndarray:
-    return fuse(parts, nms_iou) if len(parts) > 1 else parts[0]
-
-
 def prediction_options(
     widths: Sequence[str], gates_px: Sequence[str], device: str, *, mirrored: bool = False, precision: str = "float32"
 ) -> PredictionOptions:
-    """Parse prediction options of the command line.
-
-    Raises
-    ------
-    DetectError
-        An option is not a number, or the options are inconsistent.
-    """
+    """Parse prediction options of the command line."""
+    given = {"widths": widths, "gates_px": gates_px, "device": device, "mirrored": mirrored, "precision": precision}
     try:
-        return PredictionOptions.model_validate(
-            {
-                "confidence": _MIN_CONFIDENCE,
-                "nms_iou": 0.5,
-                "mirrored": mirrored,
-                "precision": precision,
-                "widths": widths,
-                "gates_px": gates_px,
-                "device": device,
-            }
-        )
+        return PredictionOptions.model_validate(given | {"confidence": _MIN_CONFIDENCE, "nms_iou": 0.5})
     except ValidationError as error:
         raise DetectError(describe_error(error, "options")) from error
 
@@ -194,15 +163,7 @@ def _detector_input(pixels: np.ndarray, longest: int) -> np.ndarray:
 
 
 def read_any(path: Path) -> np.ndarray:
-    """Return pixels (h, w) or (h, w, 3; RGB order) of 8 or 16 bits, rotated upright.
-
-    Raises
-    ------
-    FormatError
-        Not a readable image.
-    DetectError
-        Unsupported bit depth.
-    """
+    """Return pixels (h, w) or (h, w, 3; RGB order) of 8 or 16 bits, rotated upright."""
     pixels = png.read_png(path)
     if pixels.dtype not in (np.uint8, np.uint16):
         raise DetectError(f"{pixels.dtype}, expected 8 or 16 bits", path=path)

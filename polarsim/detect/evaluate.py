@@ -32,7 +32,7 @@ from polarsim.detect.ipd import (
 )  # fmt: skip
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.detect.predict import PREDICTION_COLUMNS
-from polarsim.detect.split import PHOTO, TEST, TRAIN, VAL, read_split, shared_views
+from polarsim.detect.split import PHOTO, TEST, TRAIN, VAL, read_split, shared_units
 from polarsim.formats import tables
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES
@@ -84,7 +84,7 @@ def evaluate(
     training, imgsz
         Training options of the detectors and longer side of their input, px, for the tables.
     """
-    leaked = bool(shared_views(read_split(split, by)))
+    leaked = bool(shared_units(read_split(split, by), "view"))
     truth = {domain: read_evaluation_labels(path) for domain, path in labels.items()}
     evaluations: dict[Sides, DomainEvaluation] = {}
     for path in sorted(predictions):

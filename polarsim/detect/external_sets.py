@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import pandas as pd
 
 from polarsim.detect.grouping import BOX_COLUMNS, Unit
 from polarsim.detect.ipd import IpdRules, MissingTreatment, instance_performance, instance_performance_difference
-from polarsim.errors import DetectError, FormatError, LabelError
+from polarsim.errors import DetectError, LabelError
 from polarsim.formats import release, tables, yolo
 from polarsim.geometry import boxes
 from polarsim.photo import NO_ROCK, PhotoKey
@@ -24,11 +24,11 @@ def compare_sets(
     predictions: tuple[Path, Path],
     *,
     confidence: float = 0.25,
-    rules: IpdRules | None = None,
+    undetected: MissingTreatment = "zero",
+    unpaired: MissingTreatment = "left_out",
+    missing: MissingTreatment = "left_out",
     unit: Unit | None = None,
     pair_iou: float = PAIR_IOU,
-    missing: MissingTreatment = "left_out",
-    seed: int = 0,
     resamples: int = 1000,
 ) -> dict[str, Any]:
     """Return IPD and IOU_mean of each class between two sets, and the rules that were applied.
@@ -39,19 +39,16 @@ def compare_sets(
         Files of the first and the second domain. A folder with a YOLO file per image (predictions with a confidence as
         sixth field), or a Parquet table: key, kind, x0, y0, x1, y1; labels optionally rock, predictions confidence.
         Images are paired by name.
-    unit
-        Unit of the bootstrap; when None, views if all names are photo keys, else photos. `rules.unit` is ignored.
-    pair_iou
-        Minimum IoU of labels of the same object in both domains, if a set has no rock ids. Labels of a class are
-        matched one to one, maximising the number of pairs.
+    undetected, unpaired
+        See `IpdRules`.
     missing
         Treatment of labelled images without a prediction file or row: `left_out` excludes them from both domains,
         because the detector may not have been run on them; `zero` counts them as images without detections.
-
-    Raises
-    ------
-    PolarsimError
-        Invalid file, or no image that both sets contain.
+    unit
+        Unit of the bootstrap; when None, views if all names are photo keys, else photos.
+    pair_iou
+        Minimum IoU of labels of the same object in both domains, if a set has no rock ids. Labels of a class are
+        matched one to one, maximising the number of pairs.
     """
     sides = [read_external_labels(path) for path in labels]
     predicted = [read_predictions(path) for path in predictions]
@@ -67,15 +64,13 @@ def compare_sets(
     by_id = all((side["rock"] != NO_ROCK).any() for side in sides)
     if not by_id:
         sides = list(identify(sides[0], sides[1], pair_iou))
-    rules = replace(rules or IpdRules(), unit=unit or ("view" if all(map(_is_key, common)) else "photo"))
+    rules = IpdRules(undetected, unpaired, unit or ("view" if all(map(_is_key, common)) else "photo"))
     performances = [instance_performance(*pair, confidence) for pair in zip(sides, predicted, strict=True)]
     report: dict[str, Any] = {
         "pictures": len(common),
         "paired_by": "rock id" if by_id else f"overlap of labels, IoU {pair_iou:g} or more",
         "confidence": confidence,
-        "undetected": rules.undetected,
-        "unpaired": rules.unpaired,
-        "unit": rules.unit,
+        **asdict(rules),
         "missing": missing,
         "without_predictions_a": unpredicted[0],
         "without_predictions_b": unpredicted[1],
@@ -83,7 +78,7 @@ def compare_sets(
     }
     for kind in sorted(set(sides[0]["kind"]) | set(sides[1]["kind"])):
         of_kind = [performance[performance["kind"] == kind] for performance in performances]
-        difference = instance_performance_difference(*of_kind, rules=rules, seed=seed, resamples=resamples)
+        difference = instance_performance_difference(*of_kind, rules=rules, resamples=resamples)
         summary: dict[str, Any] = {key: value for key, value in asdict(difference).items() if key != "unit"}
         for name, performance in zip(("a", "b"), of_kind, strict=True):
             summary |= {f"labels_{name}": len(performance), f"iou_mean_{name}": float(performance["iou"].mean())}
@@ -95,7 +90,6 @@ def compare_sets(
 
 def read_external_labels(path: Path) -> pd.DataFrame:
     """Read key, kind, rock (-1: unknown), x0, y0, x1, y1 from a YOLO folder or a table."""
-    _refuse_missing(path)
     if path.is_dir():
         return _read_folder(path)[["key", "kind", *BOX_COLUMNS]].assign(rock=NO_ROCK)
     table = tables.read_parquet(path, ("key", "kind", *BOX_COLUMNS))
@@ -104,7 +98,6 @@ def read_external_labels(path: Path) -> pd.DataFrame:
 
 def read_predictions(path: Path) -> pd.DataFrame:
     """Read key, kind, confidence, x0, y0, x1, y1 from a YOLO folder or a table."""
-    _refuse_missing(path)
     if not path.is_dir():
         return tables.read_parquet(path, ("key", "kind", "confidence", *BOX_COLUMNS))
     table = _read_folder(path)
@@ -115,11 +108,6 @@ def read_predictions(path: Path) -> pd.DataFrame:
             path=release.box_folder(path) / f"{key}.txt",
         )
     return table
-
-
-def _refuse_missing(path: Path) -> None:
-    if not path.exists():
-        raise FormatError("no such folder of YOLO files or table", path=path)
 
 
 def _predicted_keys(path: Path, predictions: pd.DataFrame) -> set[str]:
@@ -151,16 +139,12 @@ def _read_folder(folder: Path) -> pd.DataFrame:
         if path.name == yolo.CLASS_FILE:
             continue
         numbers, corners, confidence = yolo.read_detections(path)
-        kinds = [_kind(number, names) for number in numbers]
+        kinds = [names[number] if number < len(names) else f"class {number}" for number in numbers]
         columns = dict(zip(BOX_COLUMNS, corners.T, strict=True))
         parts.append(pd.DataFrame({"key": path.stem, "kind": kinds, "confidence": confidence} | columns))
     if not parts:
         raise DetectError("no YOLO file (*.txt)", path=folder)
     return pd.concat(parts, ignore_index=True).astype({"key": "str", "kind": "str"})
-
-
-def _kind(number: int, names: tuple[str, ...]) -> str:
-    return names[number] if number < len(names) else f"class {number}"
 
 
 def _is_key(name: str) -> bool:

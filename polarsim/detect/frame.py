@@ -21,13 +21,7 @@ def max_inference_width(width: int) -> int:
 
 
 def read_picture(path: Path) -> np.ndarray:
-    """Read an 8-bit grey image (h, w).
-
-    Raises
-    ------
-    PolarsimError
-        Not an image, or not one channel of 8 bits.
-    """
+    """Read an 8-bit grey image (h, w)."""
     pixels = png.read_png(path)
     if pixels.ndim != 2 or pixels.dtype != np.uint8:
         raise DetectError(f"{pixels.dtype} with shape {pixels.shape}, expected one channel of 8 bits", path=path)
@@ -39,14 +33,8 @@ def letterbox(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Resize an image (h, w) uint8 to the longer side `imgsz` and pad it to multiples of `STRIDE`.
 
-    Returns
-    -------
-    pixels
-        Network input.
-    offset
-        Position (x, y) of the image in the network input, px.
-    scale
-        Pixels (x, y) of the original image, of size `full`, per pixel of the network input.
+    Return the network input, the position (x, y) of the image in it, px, and the pixels (x, y) of the original image,
+    of size `full`, per pixel of the network input.
     """
     picture = resize_longer_side(picture, imgsz)
     height, width = picture.shape

@@ -86,7 +86,7 @@ def pair_rock_labels(first: pd.DataFrame, second: pd.DataFrame, rules: IpdRules 
 
 
 def instance_performance_difference(
-    first: pd.DataFrame, second: pd.DataFrame, *, rules: IpdRules | None = None, seed: int = 0, resamples: int = 1000
+    first: pd.DataFrame, second: pd.DataFrame, *, rules: IpdRules | None = None, resamples: int = 1000
 ) -> IpdResult:
     """Return the IPD of a detector between two domains, from `instance_performance` in each domain.
 
@@ -102,7 +102,7 @@ def instance_performance_difference(
     gain = (pairs["first"] - pairs["second"]).to_numpy(float)
     unit = units_of(pairs["key"].astype(str).tolist(), rules.unit)
     units = int(unit.max()) + 1
-    drawn = intervals.bootstrap_draws(units, resamples, seed)
+    drawn = intervals.bootstrap_draws(units, resamples)
     low, high, abs_low, abs_high = (
         end
         for values in (gain, np.abs(gain))

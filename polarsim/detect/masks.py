@@ -26,48 +26,34 @@ MaskInference = tuple[detectors.LoadedMasks, tuple[int, ...]]  # mask inference 
 def segment_pictures(
     *, weights: Sequence[Path], dataset: Path, masks: Path, options: PredictionOptions, threads: int
 ) -> None:
-    """Write the class mask `KEY.png`, as large as a photo, of each image in the test part of a data set.
-
-    Parameters
-    ----------
-    weights
-        Detectors. The probabilities of several detectors are averaged.
-
-    Raises
-    ------
-    PolarsimError
-        Weights without a mask head, invalid image or data set.
-    """
-    loaded = []
-    for path in weights:
-        with with_path(path):
-            detector = detectors.read_detector(path)
-            loaded.append((detectors.load_masks(detector, options, threads), mask_widths(detector, options)))
+    """Write the class mask `KEY.png`, as large as a photo, of each image in the test part of a data set."""
+    loaded = [load_segmenter(path, options, threads) for path in weights]
     with writing_folder(masks) as folder:
         for key in track(dataset_images(dataset, TEST), "masks"):
             picture = read_picture(dataset / "images" / TEST / f"{key}.png")
             class_masks.write_class_mask(folder / f"{key}.png", class_mask(loaded, picture))
 
 
-def mask_widths(detector: detectors.Detector, options: PredictionOptions) -> tuple[int, ...]:
-    """Return the inference widths of masks: `mask_widths` of the options, else the widths for boxes."""
-    return options.mask_widths or tuple(inference_widths_of(detector, options).widths)
+def load_segmenter(path: Path, options: PredictionOptions, threads: int) -> MaskInference:
+    """Return the mask inference of a detector and its widths: `mask_widths` of the options, else those for boxes."""
+    with with_path(path):
+        detector = detectors.read_detector(path)
+        loaded = detectors.load_masks(detector, options, threads)
+    return loaded, options.mask_widths or tuple(inference_widths_of(detector, options).widths)
 
 
 def class_mask(
     loaded: Sequence[MaskInference], picture: np.ndarray, full: tuple[int, int] = (WIDTH, HEIGHT)
 ) -> np.ndarray:
-    """Return the most probable class (height, width) uint8 of each pixel of an image.
+    """Return the most probable class (height, width) uint8 of each pixel of an image of size `full` (width, height).
 
-    Probabilities are averaged over detectors and inference widths.
-
-    Parameters
-    ----------
-    picture
-        (h, w) uint8, may be a reduced copy of the image of size `full` (width, height).
+    Probabilities are averaged over detectors and inference widths. The picture (h, w) uint8 may be a reduced copy.
     """
-    probabilities = [_probabilities(detector, picture, widths, full) for detector, widths in loaded]
-    return np.asarray(sum(probabilities[1:], start=probabilities[0])).argmax(axis=-1).astype(np.uint8)
+    total = np.zeros((), np.float32)
+    for detector, widths in loaded:
+        by_width = [_probabilities_at(detector, picture, width, full) for width in widths]
+        total = total + sum(by_width[1:], start=by_width[0]) / np.float32(len(by_width))
+    return np.asarray(total.argmax(axis=-1)).astype(np.uint8)
 
 
 def within_boxes(mask: np.ndarray, detections: np.ndarray) -> np.ndarray:
@@ -83,17 +69,10 @@ def within_boxes(mask: np.ndarray, detections: np.ndarray) -> np.ndarray:
     return kept
 
 
-def _probabilities(
-    loaded: detectors.LoadedMasks, picture: np.ndarray, widths: Sequence[int], full: tuple[int, int]
-) -> np.ndarray:
-    """Return class probabilities (height, width, classes) float32 of each pixel, mean over the inference widths."""
-    by_width = [_probabilities_at(loaded, picture, width, full) for width in widths]
-    return np.asarray(sum(by_width[1:], start=by_width[0]) / np.float32(len(by_width)))
-
-
 def _probabilities_at(
     loaded: detectors.LoadedMasks, picture: np.ndarray, width: int, full: tuple[int, int]
 ) -> np.ndarray:
+    """Return class probabilities (height, width, classes) float32 of each pixel of the full image."""
     import cv2
 
     framed, offset, scale = letterbox(picture, width, full)

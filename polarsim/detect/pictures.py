@@ -73,8 +73,6 @@ def convert_photos(
 
     Parameters
     ----------
-    domain : str
-        Name of the domain, written to `domain.json`.
     pictures : Path
         Either `photos.parquet` (columns key and path) or the folder of the twins of a reflectance model.
     labels : Path
@@ -85,11 +83,6 @@ def convert_photos(
     masks : sequence of Path
         Folders `TerrainTT` of grey maps by photo or instance maps by exposure bracket. If given, `masks/KEY.png` is
         written for each image, see `class_masks`.
-
-    Raises
-    ------
-    PolarsimError
-        Invalid table, or full disk.
     """
     paths = picture_paths(pictures, list(keys))
     if missing := len(keys) - len(paths):
@@ -113,13 +106,7 @@ def convert_photos(
 
 
 def convert_views(*, views: Path, folder: Path, options: PicturesOptions) -> None:
-    """Convert the output of `polarsim render VIEWS.yaml`, 12-bit images and labels, like `convert_photos`.
-
-    Raises
-    ------
-    PolarsimError
-        Missing folder or invalid index.
-    """
+    """Convert the output of `polarsim render VIEWS.yaml`, 12-bit images and labels, like `convert_photos`."""
     index = tables.read_csv(views / "index.csv", VIEW_COLUMNS)
     terrains_of: dict[str, tuple[int, ...]] = {}
     sources = []
@@ -195,12 +182,13 @@ def _convert_one(
     if source.path is None:
         return MISSING
     try:
-        picture = _read(source.path, source.size)
+        header = png.parse_header(source.path.read_bytes())  # OpenCV accepts truncated files without an error
+        picture = png.read_photo(source.path, source.size or (header.width, header.height))
         size = picture.shape[1], picture.shape[0]
         classes, corners = labelled(source, size)
         mask = masked(source) if masked else None
-    except PolarsimError as error:
-        log.warning("skipped: %s", error)
+    except (PolarsimError, OSError) as error:
+        log.warning("skipped: %s: %s", source.path, error)
         return CORRUPT
     small = tone.shrink(picture, min(options.longer_side, max(picture.shape)))
     png.write_png(made / "images" / f"{source.key}.png", tone.to_8_bits(small))
@@ -212,25 +200,8 @@ def _convert_one(
     return USED
 
 
-def _read(path: Path, size: tuple[int, int] | None) -> np.ndarray:
-    """Read a 12-bit image (h, w) uint16."""
-    try:
-        header = png.parse_header(path.read_bytes())  # OpenCV accepts truncated files without an error
-    except OSError as error:
-        raise DetectError(f"cannot be read, {error.strerror or error}", path=path) from error
-    except PolarsimError as error:
-        raise DetectError(error.reason, path=path) from error
-    return png.read_photo(path, size or (header.width, header.height))
-
-
 def _read_mask(folders: Sequence[Path], key: PhotoKey, labelled: Collection[int]) -> np.ndarray:
-    """Read the class mask (h, w) of a photo or twin.
-
-    Raises
-    ------
-    PolarsimError
-        Missing or invalid map.
-    """
+    """Read the class mask (h, w) of a photo or twin."""
     name = f"Terrain{key.terrain:02d}"
     folder = next((folder for folder in folders if folder.name == name), None)
     if folder is None:
@@ -257,13 +228,7 @@ def _things_by_photo(table: pd.DataFrame) -> dict[str, set[int]]:
 
 
 def _inside(classes: np.ndarray, corners: np.ndarray, size: tuple[int, int]) -> ClassBoxes:
-    """Clip boxes at the border of the image and drop boxes outside.
-
-    Raises
-    ------
-    DetectError
-        Non-finite corners, or x1 < x0 or y1 < y0.
-    """
+    """Clip boxes at the border of the image and drop boxes outside."""
     if not np.isfinite(corners).all() or (corners[:, 2:] < corners[:, :2]).any():
         raise DetectError("invalid box, expected finite x0 <= x1 and y0 <= y1")
     clipped = boxes.clip(corners, *size)

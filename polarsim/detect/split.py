@@ -12,7 +12,7 @@ from polarsim.detect.options import SplitOptions
 from polarsim.errors import DetectError, with_path
 from polarsim.formats import tables
 from polarsim.formats.files import write_json
-from polarsim.photo import CameraSide, PhotoKey
+from polarsim.photo import PhotoKey
 from polarsim.randomness import generator
 from polarsim.schemas.detect import PARTS as PARTS_TABLE
 
@@ -36,12 +36,8 @@ def draw_split(keys: Sequence[PhotoKey], by: str, options: SplitOptions) -> dict
 
     By photo, the test part is a random share of the photos (2 : 1 in the paper), so photos of a view are in several
     parts. By view, position or terrain, entire units are selected; test terrains can be given. The validation part is
-    selected from the remaining photos by the same unit, or by photo if its share is less than half a unit.
-
-    Raises
-    ------
-    DetectError
-        A part would be empty.
+    selected from the remaining photos by the same unit, or by photo if its share is less than half a unit. A part that
+    would be empty is an error.
     """
     ordered = sorted(set(keys))
     units = sorted({split_unit(key, by) for key in ordered})
@@ -82,34 +78,16 @@ def draw_val(groups: Iterable[str], options: SplitOptions) -> dict[str, str]:
     return {group: VAL if group in val else TRAIN for group in ordered}
 
 
-def shared_views(parts: Mapping[PhotoKey, str]) -> list[tuple[int, str, CameraSide]]:
-    """Return views (terrain, position, camera) with photos both inside and outside the test part."""
-    test = {key.view for key, part in parts.items() if part == TEST}
-    return sorted(test & {key.view for key, part in parts.items() if part != TEST})
-
-
-def check_split(parts: Mapping[PhotoKey, str], by: str) -> None:
-    """Check that a split by view, position or terrain does not divide a unit.
-
-    Raises
-    ------
-    DetectError
-        A unit is both inside and outside the test part.
-    """
-    if by == PHOTO:
-        return
+def shared_units(parts: Mapping[PhotoKey, str], by: str) -> list[Any]:
+    """Return views, positions or terrains with photos both inside and outside the test part."""
     test = {split_unit(key, by) for key, part in parts.items() if part == TEST}
-    shared = sorted(test & {split_unit(key, by) for key, part in parts.items() if part != TEST})
-    if shared:
-        name = shared[0] if by == TERRAIN else " ".join(map(str, shared[0]))
-        raise DetectError(f"split by {by}, but {by} {name} is both inside and outside the test part")
+    return sorted(test & {split_unit(key, by) for key, part in parts.items() if part != TEST})
 
 
 def split_photos(*, keys: list[PhotoKey], by: str, split: Path, options: SplitOptions) -> None:
     """Write a split of the photos as CSV (key, part), and a JSON file with the parameters of the split."""
     with with_path(split):
         parts = draw_split(keys, by, options)
-        check_split(parts, by)
     rows = [(str(key), part) for key, part in parts.items()]
     tables.write_csv(split, pd.DataFrame(rows, columns=list(SPLIT_COLUMNS)))
     facts = {
@@ -119,26 +97,22 @@ def split_photos(*, keys: list[PhotoKey], by: str, split: Path, options: SplitOp
         "test_terrains": sorted({key.terrain for key, part in parts.items() if part == TEST}) if by == TERRAIN else [],
         "val_share": VAL_SHARE,
         "photos": {part: list(parts.values()).count(part) for part in PARTS},
-        "views_on_both_sides": len(shared_views(parts)),
+        "views_on_both_sides": len(shared_units(parts, "view")),
     }
     write_json(split.with_suffix(".json"), facts)
 
 
 def read_split(split: Path, by: str = PHOTO) -> dict[PhotoKey, str]:
-    """Read a split.
-
-    Raises
-    ------
-    PolarsimError
-        Unreadable table, invalid key, unknown part, or a unit both inside and outside the test part.
-    """
+    """Read a split; a unit both inside and outside the test part is an error."""
     table = tables.read_csv(split, SPLIT_COLUMNS)
     unknown = sorted(set(table["part"].astype(str)) - set(PARTS))
     if unknown:
         raise DetectError(f"part {unknown[0]!r}, expected one of {', '.join(PARTS)}", path=split)
     with with_path(split):
         parts = {PhotoKey.parse(str(key)): str(part) for key, part in zip(table["key"], table["part"], strict=True)}
-        check_split(parts, by)
+        if shared := shared_units(parts, by):
+            name = shared[0] if by == TERRAIN else " ".join(map(str, shared[0]))
+            raise DetectError(f"split by {by}, but {by} {name} is both inside and outside the test part")
     return parts
 
 

@@ -43,8 +43,6 @@ def draw_windows(
     ----------
     classes, boxes : (n,), (n, 4)
         Labels, x0, y0, x1, y1 in pixels of the image.
-    numbers : range
-        Numbers of the windows. Multiples of ten show the entire image.
     widest_px : int
         Maximum width of the resized image; the minimum is `width`.
     """

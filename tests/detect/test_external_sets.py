@@ -2,7 +2,6 @@ import pandas as pd
 import pytest
 
 from polarsim.detect.external_sets import compare_sets, identify
-from polarsim.detect.ipd import IpdRules
 from polarsim.errors import DetectError, FormatError
 from polarsim.formats.tables import write_parquet
 
@@ -62,9 +61,9 @@ def test_predictions_of_other_pictures_are_refused(folders):
 
 def test_confidence_and_rules_are_applied(folders):
     assert compare(folders, confidence=0.05)["classes"]["rock"]["ipd"] == pytest.approx(0)  # 0.5 and -0.5 cancel
-    assert compare(folders, rules=IpdRules(undetected="left_out"))["classes"]["rock"]["pairs"] == 1
+    assert compare(folders, undetected="left_out")["classes"]["rock"]["pairs"] == 1
     assert compare(folders, pair_iou=0.95)["classes"]["rock"]["pairs"] == 0  # labels are shifted by 0.05 of a box
-    alone = compare(folders, pair_iou=0.95, rules=IpdRules(unpaired="zero"))["classes"]["rock"]
+    alone = compare(folders, pair_iou=0.95, unpaired="zero")["classes"]["rock"]
     assert (alone["pairs"], alone["ipd"]) == (4, pytest.approx((1 + 0.5 - 0.5 - 0) / 4))
 
 

@@ -1,8 +1,6 @@
 import pandas as pd
-import pytest
 
 from polarsim.detect.gather_tables import gather_tables
-from polarsim.errors import DetectError
 from polarsim.formats import tables
 
 
@@ -22,15 +20,3 @@ def test_an_existing_split_column_is_kept(tmp_path):
     parts = {"detection": [tmp_path / "a.parquet"]}
     gather_tables(parts=parts, tables={"detection": tmp_path / "all.parquet"}, splits=["view"], seeds=[3])
     assert list(tables.read_parquet(tmp_path / "all.parquet").columns) == ["trained", "split", "seed", "map50"]
-
-
-def test_tables_with_different_columns_are_an_error(tmp_path):
-    tables.write_parquet(tmp_path / "a.parquet", pd.DataFrame({"ipd": [1.0]}))
-    tables.write_parquet(tmp_path / "b.parquet", pd.DataFrame({"map50": [1.0]}))
-    with pytest.raises(DetectError, match=r"b\.parquet"):
-        gather_tables(
-            parts={"ipd": [tmp_path / "a.parquet", tmp_path / "b.parquet"]},
-            tables={"ipd": tmp_path / "all.parquet"},
-            splits=["photo", "photo"],
-            seeds=[0, 1],
-        )

@@ -3,7 +3,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from polarsim.detect.options import SplitOptions
-from polarsim.detect.split import check_split, draw_split, draw_val, read_split, shared_views, split_photos
+from polarsim.detect.split import draw_split, draw_val, read_split, shared_units, split_photos
 from polarsim.errors import DetectError
 from polarsim.formats.files import read_json
 from polarsim.photo import TERRAINS, PhotoKey, photo_grid
@@ -27,16 +27,11 @@ def test_every_photo_gets_one_part_and_no_part_is_empty(keys, seed):
     assert set(parts.values()) == {"train", "val", "test"}
 
 
-def test_the_order_of_the_photos_does_not_matter():
-    assert draw_split(GRID[::-1], "photo", OPTIONS) == draw_split(GRID, "photo", OPTIONS)
-
-
-def test_another_seed_draws_another_split():
-    assert draw_split(GRID, "photo", SplitOptions(seed=1)) != draw_split(GRID, "photo", OPTIONS)
-
-
-def test_a_split_by_photo_divides_views():
-    assert (1, "A", "L") in shared_views(draw_split(GRID, "photo", OPTIONS))
+def test_the_seed_matters_and_the_order_of_the_photos_does_not():
+    parts = draw_split(GRID, "photo", OPTIONS)
+    assert draw_split(GRID[::-1], "photo", OPTIONS) == parts
+    assert draw_split(GRID, "photo", SplitOptions(seed=1)) != parts
+    assert (1, "A", "L") in shared_units(parts, "view")
 
 
 @settings(deadline=None)
@@ -46,15 +41,17 @@ def test_a_strict_split_does_not_divide_views(keys, by, seed):
         parts = draw_split(keys, by, SplitOptions(seed=seed))
     except DetectError:
         assume(False)  # too few photos to split
-    assert shared_views(parts) == []
+    assert shared_units(parts, by) == shared_units(parts, "view") == []
     assert set(parts.values()) == {"train", "val", "test"}
 
 
-@pytest.mark.parametrize(("by", "parts_of_unit"), [("view", lambda k: k.view), ("position", lambda k: k.station)])
-def test_a_third_of_the_units_is_selected(by, parts_of_unit):
+@pytest.mark.parametrize(
+    ("by", "unit_of"), [("view", lambda k: k.view), ("position", lambda k: k.station), ("terrain", lambda k: k.terrain)]
+)
+def test_a_third_of_the_units_is_selected(by, unit_of):
     parts = draw_split(GRID, by, OPTIONS)
-    tested = {parts_of_unit(key) for key, part in parts.items() if part == "test"}
-    others = {parts_of_unit(key) for key, part in parts.items() if part != "test"}
+    tested = {unit_of(key) for key, part in parts.items() if part == "test"}
+    others = {unit_of(key) for key, part in parts.items() if part != "test"}
     assert not tested & others
     assert len(tested) == round(len(tested | others) / 3)
 
@@ -77,32 +74,17 @@ def test_a_strict_split_with_shared_units_is_an_error(tmp_path, by, named):
     with pytest.raises(DetectError, match=f"split.csv.*{by} {named}"):
         read_split(tmp_path / "split.csv", by)
     assert len(read_split(tmp_path / "split.csv", "photo")) == 2
+    (tmp_path / "split.csv").write_text(f"key,part\n{rows.replace('test', 'tset')}")
+    with pytest.raises(DetectError, match=r"split\.csv"):
+        read_split(tmp_path / "split.csv")
 
 
-def test_only_a_split_by_position_keeps_both_cameras_together():
+def test_a_shared_unit_is_inside_and_outside_the_test_part():
     left, right = PhotoKey.parse("01_A_off_180_L_0256"), PhotoKey.parse("01_A_off_180_R_0256")
-    check_split({left: "train", right: "test"}, "view")
-    with pytest.raises(DetectError, match="position 1 A"):
-        check_split({left: "train", right: "test"}, "position")
-
-
-def test_a_third_of_the_terrains_is_tested():
-    parts = draw_split(GRID, "terrain", OPTIONS)
-    tested = {key.terrain for key, part in parts.items() if part == "test"}
-    assert len(tested) == 4  # of 13
-    assert not tested & {key.terrain for key, part in parts.items() if part != "test"}
-
-
-def test_configured_terrains_are_the_test_part():
-    parts = draw_split(GRID, "terrain", SplitOptions(test_terrains=(4,)))
-    assert {key.terrain for key, part in parts.items() if part == "test"} == {4}
-
-
-def test_a_shared_view_is_inside_and_outside_the_test_part():
-    left, right = PhotoKey.parse("01_A_off_180_L_0256"), PhotoKey.parse("01_A_off_180_R_0256")
-    brighter = left.with_exposure(512)
-    assert shared_views({left: "train", right: "test"}) == []  # another camera is another view
-    assert shared_views({left: "val", right: "train", brighter: "test"}) == [(1, "A", "L")]
+    parts = {left: "train", right: "test"}
+    assert shared_units(parts, "view") == []  # another camera is another view
+    assert shared_units(parts, "position") == [(1, "A")]
+    assert shared_units({left: "val", right: "train", left.with_exposure(512): "test"}, "view") == [(1, "A", "L")]
 
 
 @pytest.mark.parametrize(
@@ -119,13 +101,11 @@ def test_an_impossible_split_is_an_error(keys, by, options):
 
 
 def test_a_written_split_reads_back(tmp_path):
-    split_photos(keys=GRID[:90], by="photo", split=tmp_path / "split.csv", options=OPTIONS)
-    assert read_split(tmp_path / "split.csv") == draw_split(GRID[:90], "photo", OPTIONS)
-
-
-def test_the_json_file_of_a_split_has_its_parameters(tmp_path):
     options = SplitOptions(seed=3, test_terrains=(4, 11))
     split_photos(keys=GRID, by="terrain", split=tmp_path / "split.csv", options=options)
+    parts = read_split(tmp_path / "split.csv")
+    assert parts == draw_split(GRID, "terrain", options)
+    assert {key.terrain for key, part in parts.items() if part == "test"} == {4, 11}
     facts = read_json(tmp_path / "split.json")
     assert (facts["by"], facts["seed"], facts["test_terrains"]) == ("terrain", 3, [4, 11])
     assert facts["photos"]["test"] == sum(key.terrain in (4, 11) for key in GRID)
@@ -138,9 +118,3 @@ def test_groups_are_divided_into_training_and_validation(groups, seed):
     parts = draw_val(sorted(groups), SplitOptions(seed=seed))
     assert set(parts) == groups
     assert set(parts.values()) == {"train", "val"}
-
-
-def test_an_unknown_part_is_named(tmp_path):
-    (tmp_path / "split.csv").write_text("key,part\n01_A_off_180_L_0256,tset\n")
-    with pytest.raises(DetectError, match=r"split\.csv"):
-        read_split(tmp_path / "split.csv")

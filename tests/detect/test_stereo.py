@@ -9,13 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.detect.options import ComparisonOptions, StereoOptions
-from polarsim.detect.stereo import score as score_module
-from polarsim.detect.stereo.compare import compare_stereo
+from polarsim.detect.stereo import truth as truth_module
 from polarsim.detect.stereo.match import match_stereo
-from polarsim.detect.stereo.measure import measure_stereo
+from polarsim.detect.stereo.measure import compare_stereo, measure_stereo
 from polarsim.detect.stereo.rectify import rectify
-from polarsim.detect.stereo.score import rock_performance, score_depth
-from polarsim.detect.stereo.truth import DepthTruth, depth_truth
+from polarsim.detect.stereo.truth import DepthTruth, depth_truth, rock_performance, score_depth
 from polarsim.errors import DetectError
 from polarsim.formats import obj, png, tables
 from polarsim.geometry.casters import make_caster
@@ -129,8 +127,8 @@ def test_depth_of_a_textured_scene_is_right_and_without_bias(scene):
 
 
 def test_a_missing_depth_is_bad_and_hidden_pixels_are_ignored(monkeypatch):
-    monkeypatch.setattr(score_module, "BAD_DEPTH_PERCENT", 2)
-    monkeypatch.setattr(score_module, "MIN_ROCK_PX", 3)
+    monkeypatch.setattr(truth_module, "BAD_DEPTH_PERCENT", 2)
+    monkeypatch.setattr(truth_module, "MIN_ROCK_PX", 3)
     truth = DepthTruth(
         np.array([[2.0, 2, 2, 2, np.nan, 2]]),
         np.array([[7, 7, 7, NO_ROCK, NO_ROCK, 7]]),
@@ -144,7 +142,7 @@ def test_a_missing_depth_is_bad_and_hidden_pixels_are_ignored(monkeypatch):
     assert depth_metrics["bad_share"] == 0.75
     assert depth_metrics["bad_relative_share"] == 0.5
     assert rock_performance(depth, truth) == [{"rock": 7, "pixels": 3, "performance": pytest.approx(1 / 3)}]
-    monkeypatch.setattr(score_module, "MIN_ROCK_PX", 4)
+    monkeypatch.setattr(truth_module, "MIN_ROCK_PX", 4)
     assert rock_performance(depth, truth) == []
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.detect.options import ComparisonOptions
-from polarsim.detect.stereo.compare import compare_stereo
+from polarsim.detect.stereo.measure import compare_stereo
 from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
 

@@ -18,13 +18,8 @@ def match_stereo(
 ) -> np.ndarray:
     """Return depth (h, w) float32 along z in the frame of the rectified left camera, metres; NaN without a match.
 
-    Semi-global block matching (Hirschmueller, IEEE TPAMI 30 (2008) 328; `StereoSGBM` of OpenCV) between the disparities
-    of the minimum and the maximum depth.
-
-    Parameters
-    ----------
-    left, right : (h, w) uint8
-        Unrectified images of the size expected by `Rectification`.
+    Semi-global block matching (Hirschmueller, IEEE TPAMI 30 (2008) 328; `StereoSGBM` of OpenCV) of unrectified images
+    (h, w) uint8 between the disparities of the minimum and the maximum depth.
     """
     import cv2
 

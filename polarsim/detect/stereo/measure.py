@@ -1,29 +1,30 @@
-"""Stereo depth of all image pairs of a terrain in each domain."""
+"""Stereo depth of all image pairs of a terrain in each domain, and its IPD between domains."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from polarsim.detect import tone
-from polarsim.detect.options import StereoOptions
+from polarsim.detect.ipd import IpdRules, instance_performance_difference
+from polarsim.detect.options import ComparisonOptions, StereoOptions
 from polarsim.detect.pictures import picture_paths
 from polarsim.detect.stereo.match import match_stereo
 from polarsim.detect.stereo.rectify import Rectification, rectify
-from polarsim.detect.stereo.score import FARTHEST_M, NEAREST_M, rock_performance, score_depth
-from polarsim.detect.stereo.truth import depth_truth
+from polarsim.detect.stereo.truth import FARTHEST_M, NEAREST_M, depth_truth, rock_performance, score_depth
 from polarsim.errors import DetectError, with_path
 from polarsim.formats import png, tables
 from polarsim.geometry.casters import make_caster
-from polarsim.photo import PhotoKey
+from polarsim.photo import ROCK, PhotoKey
 from polarsim.progress import track
 from polarsim.run_files.rigs import read_all_localised
 from polarsim.run_files.scene import read_terrain
-from polarsim.schemas.detect import STEREO, STEREO_INSTANCES
+from polarsim.schemas.detect import STEREO, STEREO_INSTANCES, STEREO_IPD
 
 PAIR_COLUMNS, ROCK_COLUMNS = STEREO.columns, STEREO_INSTANCES.columns
 
@@ -44,21 +45,12 @@ def measure_stereo(
 
     Parameters
     ----------
-    keys
-        Keys of left and right photos of the terrain.
-    cameras : Path
-        Folder with `PosX.json` of the terrain.
-    meshes : Path
-        Folder with the meshes of the terrain.
+    cameras, meshes : Path
+        Folders of the terrain.
     pictures : mapping of str to Path
         Table of photos or folder of twins by domain, see `pictures.picture_paths`.
     pairs, rocks : Path
         Parquet files to write, `PAIR_COLUMNS` and `ROCK_COLUMNS`; key is the key of the left photo.
-
-    Raises
-    ------
-    PolarsimError
-        Missing or invalid file, or no pair in any domain.
     """
     import cv2
 
@@ -114,3 +106,32 @@ def stereo_table(table: pd.DataFrame) -> pd.DataFrame:
             table[name] = table[name].astype("str")
     order = [name for name in ("domain", "key", "rock") if name in table.columns]
     return table.round(6).sort_values(order, kind="stable", ignore_index=True)
+
+
+def compare_stereo(
+    *, pairs: list[Path], rocks: list[Path], stereo: Path, instances: Path, ipd: Path, options: ComparisonOptions
+) -> None:
+    """Merge the tables of `measure_stereo` of all terrains, and write the IPD of every pair of domains.
+
+    The performance of a rock is the share of its pixels with correct depth. It replaces the IoU of detectors.
+    """
+    tables.write_parquet(stereo, stereo_table(pd.concat([tables.read_parquet(path, PAIR_COLUMNS) for path in pairs])))
+    performances = stereo_table(pd.concat([tables.read_parquet(path, ROCK_COLUMNS) for path in rocks]))
+    tables.write_parquet(instances, performances)
+    by_domain = {
+        str(domain): rows.rename(columns={"performance": "iou"}).assign(kind=ROCK)
+        for domain, rows in performances.groupby("domain")
+    }
+    differences = [
+        {"first": first, "second": second}
+        | asdict(
+            instance_performance_difference(
+                by_domain[first],
+                by_domain[second],
+                rules=IpdRules(unit=options.resampled),
+                resamples=options.resamples,
+            )
+        )
+        for first, second in combinations(sorted(by_domain), 2)
+    ]
+    tables.write_parquet(ipd, pd.DataFrame(differences, columns=list(STEREO_IPD.columns)).round(6))
