@@ -3,6 +3,7 @@
 Needs Chromium, which is no package of Python's; skips where there is none.
 """
 
+import os
 import shutil
 import threading
 import time
@@ -15,7 +16,7 @@ import pytest
 
 from polarsim.explore.corrections import Corrections
 from polarsim.explore.server import server
-from polarsim.explore.site import page_of_run, write_site
+from polarsim.explore.site import page_of_run
 from polarsim.labels.seeds import read_corrections
 from polarsim.photo import HEIGHT, PhotoKey
 from polarsim.run_files.run import Run
@@ -31,6 +32,8 @@ FLAGS = [
     "--enable-unsafe-swiftshader",
     "--disable-gpu-compositing",  # quicker without a GPU; WebGL stays
 ]
+VIEWPORT = {"width": 1300, "height": 800}
+LOCAL = ("http://127.0.0.1:", "blob:", "data:", "about:")
 VIEWS = ("photos", "compare", "terrain", "detectors", "rover", "correct")
 MARKS = {"boxes": ".box", "masks": ".mask", "ids": "text", "lines": ".link"}
 playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright: pip install polarsim[dev]")
@@ -43,9 +46,9 @@ def is_wrong(message) -> bool:
 
 
 @contextmanager
-def served(run: Path):
+def served(run: Path, *, saves: bool = True):
     opened = Run.at(run)
-    with server(page_of_run(opened, 484), corrections=Corrections(opened)) as running:
+    with server(page_of_run(opened, 484), corrections=Corrections(opened) if saves else None) as running:
         thread = threading.Thread(target=running.serve_forever, daemon=True)
         thread.start()
         yield f"http://127.0.0.1:{running.server_address[1]}/"
@@ -54,8 +57,8 @@ def served(run: Path):
 
 
 @pytest.fixture(scope="module")
-def address(made):
-    with served(made) as found:
+def address(copied):
+    with served(copied) as found:
         yield found
 
 
@@ -67,28 +70,27 @@ def browser():
         chromium.close()
 
 
-@pytest.fixture
-def page(browser, address):
-    """Open an empty page; after the test, check for console errors and requests to other hosts."""
-    with opened_page(browser, address) as opened:
-        yield opened
-
-
-@contextmanager
-def opened_page(browser, address: str):
-    context = browser.new_context(viewport={"width": 1300, "height": 800}, accept_downloads=True)
+@pytest.fixture(scope="module")
+def opened(browser):
+    """Open an empty page; return the page and a list of console errors, failed requests and other hosts."""
+    context = browser.new_context(viewport=VIEWPORT, accept_downloads=True)
     context.set_default_timeout(60_000)
-    opened, wrong = context.new_page(), []
-    opened.on("console", lambda message: wrong.append(message.text) if is_wrong(message) else None)
-    opened.on("pageerror", lambda error: wrong.append(str(error)))
-    opened.on(
-        "request", lambda asked: None if asked.url.startswith((address, "blob:", "data:")) else wrong.append(asked.url)
-    )
-    opened.on(
-        "response", lambda answer: wrong.append(f"{answer.status} {answer.url}") if answer.status >= 400 else None
-    )
-    yield opened
+    page, wrong = context.new_page(), []
+    page.on("console", lambda message: wrong.append(message.text) if is_wrong(message) else None)
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("request", lambda asked: None if asked.url.startswith(LOCAL) else wrong.append(asked.url))
+    page.on("response", lambda answer: wrong.append(f"{answer.status} {answer.url}") if answer.status >= 400 else None)
+    yield page, wrong
     context.close()
+
+
+@pytest.fixture
+def page(opened):
+    """Return the page; after the test, check for errors and requests to other hosts."""
+    page, wrong = opened
+    page.set_viewport_size(VIEWPORT)
+    yield page
+    page.goto("about:blank")  # ends requests before the server ends
     assert wrong == []
 
 
@@ -349,18 +351,6 @@ def test_a_drive_is_on_the_map_with_its_frames(page, address):
     page.locator("#rock h2", has_text="Rock 1").wait_for()
 
 
-def test_a_corrected_box_is_downloaded_as_a_correction(browser, made, tmp_path):
-    run = shutil.copytree(made, tmp_path / made.name)
-    with served(run) as address, opened_page(browser, address) as page:
-        put_right(page, address)
-        with page.expect_download() as waiting:
-            page.locator("#download").click()
-        waiting.value.save_as(tmp_path / "corrections" / waiting.value.suggested_filename)
-        until(page, "document.querySelector('#save-status').textContent.startsWith('saved in ')")
-    is_put_right(tmp_path / "corrections")
-    is_put_right(run / "corrections")
-
-
 def put_right(page, address):
     shown(page, address, f"view=correct&key={SEED}&rock=3.1")
     page.wait_for_selector("#editor .edited")
@@ -391,16 +381,22 @@ def is_put_right(folder):
     assert len(found[SEED].shadows) == 2
 
 
-def test_corrections_persist_until_they_are_discarded(browser, made, tmp_path):
-    run = shutil.copytree(made, tmp_path / made.name)
-    kept = run / "corrections"
-    state = f"view=correct&key={SEED}&rock=3.1"
-    with served(run) as address, opened_page(browser, address) as page:
-        put_right(page, address)
-        until(page, lambda: kept.exists() and page.locator("#save-status").inner_text().startswith(f"saved in {kept}:"))
-        before = [one["x0"] for one in edited(page)]
-    with served(run) as address, opened_page(browser, address) as page:  # another port, another browser
-        shown(page, address, state)
+def download(page, folder):
+    with page.expect_download() as waiting:
+        page.locator("#download").click()
+    waiting.value.save_as(folder / waiting.value.suggested_filename)
+
+
+def test_corrections_are_downloaded_and_persist_until_they_are_discarded(page, address, corrected, tmp_path):
+    kept = corrected / "corrections"
+    put_right(page, address)
+    download(page, tmp_path / "downloaded")
+    is_put_right(tmp_path / "downloaded")
+    until(page, lambda: kept.exists() and page.locator("#save-status").inner_text().startswith(f"saved in {kept}:"))
+    is_put_right(kept)
+    before = [one["x0"] for one in edited(page)]
+    with served(corrected) as address:  # another port
+        shown(page, address, f"view=correct&key={SEED}&rock=3.1")
         page.wait_for_selector("#editor .edited")
         assert page.locator("#corrected").inner_text() == "corrected"
         assert page.locator("#undo").is_disabled()  # undo reaches back to the last start
@@ -424,6 +420,7 @@ def test_corrections_persist_until_they_are_discarded(browser, made, tmp_path):
         assert page.locator("#corrected").inner_text() == "as propagated"
         page.locator("#undo").click()
         until(page, lambda: len(list(kept.glob("*.txt"))) == 2)
+        page.goto("about:blank")
     assert set(read_corrections(kept, 3)) == {SEED, KEYS[1]}
 
 
@@ -433,26 +430,23 @@ def edited(page) -> list[dict[str, float]]:
     return page.locator("#editor rect.box").evaluate_all(script)
 
 
-def test_boxes_cannot_be_dragged_out_of_the_photo(browser, made, tmp_path):
-    run = shutil.copytree(made, tmp_path / made.name)
-    with served(run) as address, opened_page(browser, address) as page:
-        shown(page, address, f"view=correct&key={SEED}&rock=3.1")
-        page.wait_for_selector("#editor .edited")
-        page.get_by_role("button", name="whole photo").click()
-        box = page.locator("#editor .edited").bounding_box()
-        page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-        page.mouse.down()
-        page.mouse.move(3, 790, steps=3)
-        page.mouse.up()
-        until(page, "document.querySelector('#save-status').textContent.startsWith('saved in ')")
-    moved = read_corrections(run / "corrections", 3)[SEED].rocks[0]
+def test_boxes_cannot_be_dragged_out_of_the_photo(page, address, corrected):
+    shown(page, address, f"view=correct&key={SEED}&rock=3.1")
+    page.wait_for_selector("#editor .edited")
+    page.get_by_role("button", name="whole photo").click()
+    box = page.locator("#editor .edited").bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(3, 790, steps=3)
+    page.mouse.up()
+    until(page, "document.querySelector('#save-status').textContent.startsWith('saved in ')")
+    moved = read_corrections(corrected / "corrections", 3)[SEED].rocks[0]
     size = boxes_of(SEED)["rock", 1][2:] - boxes_of(SEED)["rock", 1][:2]
     np.testing.assert_allclose(moved, [0, HEIGHT - size[1], size[0], HEIGHT], atol=2e-3)
 
 
-def test_a_correction_that_cannot_be_saved_is_named_and_can_be_downloaded(browser, made, tmp_path):
-    run = shutil.copytree(made, tmp_path / made.name)
-    with served(run) as address:
+def test_a_correction_that_cannot_be_saved_is_named_and_can_be_downloaded(browser, corrected):
+    with served(corrected) as address:
         page = browser.new_page()
         shown(page, address, f"view=correct&key={SEED}&rock=3.1")
         page.wait_for_selector("#editor .edited")
@@ -462,32 +456,23 @@ def test_a_correction_that_cannot_be_saved_is_named_and_can_be_downloaded(browse
     page.close()
 
 
-def test_a_written_page_offers_the_download_only(browser, made, tmp_path):
-    write_site(Run.at(made), tmp_path / "page", 242)
-    files = {str(path.relative_to(tmp_path / "page")): path.read_bytes for path in (tmp_path / "page").rglob("*.*")}
-    with server(files) as running:
-        thread = threading.Thread(target=running.serve_forever, daemon=True)
-        thread.start()
-        address = f"http://127.0.0.1:{running.server_address[1]}/"
-        with opened_page(browser, address) as page:
-            put_right(page, address)
-            assert page.locator("#save-status").inner_text().startswith("1 photo not saved: this page has no server")
-            with page.expect_download() as waiting:
-                page.locator("#download").click()
-            waiting.value.save_as(tmp_path / "corrections" / waiting.value.suggested_filename)
-        running.shutdown()
-        thread.join()
+def test_a_page_without_server_offers_the_download_only(page, made, tmp_path):
+    with served(made, saves=False) as address:  # the content of a written page, see test_site
+        put_right(page, address)
+        assert page.locator("#save-status").inner_text().startswith("1 photo not saved: this page has no server")
+        download(page, tmp_path / "corrections")
+        page.goto("about:blank")
     is_put_right(tmp_path / "corrections")
 
 
 @pytest.mark.parametrize("view", ["compare", "correct"])
-@pytest.mark.parametrize("key", ["99_Z_off_30_L_0256", "03_B_off_30_L_0256", "what"])
-def test_an_unknown_key_is_named(page, address, view, key):
-    shown(page, address, f"view={view}&key={key}")
-    note = page.locator(f"#{view} .empty")
-    note.wait_for()
-    assert key in note.inner_text()
-    assert page.locator(f"#{view} input, #{view} #editor").locator("visible=true").count() == 0
+def test_an_unknown_key_is_named(page, address, view):
+    shown(page, address)
+    for key in ("99_Z_off_30_L_0256", "03_B_off_30_L_0256", "what"):
+        page.evaluate(f"location.hash = 'view={view}&key={key}'")
+        note = page.locator(f"#{view} .empty", has_text=key)
+        note.wait_for()
+        assert page.locator(f"#{view} input, #{view} #editor").locator("visible=true").count() == 0
 
 
 def test_labels_that_depend_on_a_seed_are_counted(page, address):
@@ -536,15 +521,11 @@ def test_the_page_is_accessible(page, address):
         assert [(view, one["id"], [node["html"][:120] for node in one["nodes"]][:3]) for one in found] == []
 
 
-def test_a_run_without_photos_meshes_and_detectors_is_shown(browser, made, tmp_path):
+def test_a_run_without_photos_meshes_and_detectors_is_shown(page, made, tmp_path):
     """Labels and twins only, as in runs of the published release."""
     for part in ("labels", "renders/hapke", "renders/tables", "renders/instances"):
-        shutil.copytree(made / part, tmp_path / "bare" / part)
-    wrong = []
+        shutil.copytree(made / part, tmp_path / "bare" / part, copy_function=os.link)
     with served(tmp_path / "bare") as address:
-        page = browser.new_page()
-        page.on("console", lambda message: wrong.append(message.text) if is_wrong(message) else None)
-        page.on("pageerror", lambda error: wrong.append(str(error)))
         shown(page, address)
         assert page.locator("#count").inner_text() == f"{len(KEYS)} of {len(KEYS)} images"
         page.locator(f"[data-key='{KEYS[1]}']").click()
@@ -552,8 +533,7 @@ def test_a_run_without_photos_meshes_and_detectors_is_shown(browser, made, tmp_p
         assert page.locator("#compare .tag.left").inner_text() == "photo: not available"
         for view in VIEWS:
             page.locator(f"#tab-{view}").click()
-            page.wait_for_timeout(250)
+            page.wait_for_timeout(100)
         page.locator("#editor .box").first.wait_for()
         assert page.locator("#status").inner_text().startswith("terrains 3")
-        page.close()
-    assert wrong == []
+        page.goto("about:blank")
