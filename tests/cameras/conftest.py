@@ -8,6 +8,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import ConvexHull
 
+from polarsim.cameras import scans as registration
 from polarsim.cameras import search
 from polarsim.geometry import boxes
 from polarsim.geometry.meshes import Mesh
@@ -123,6 +124,16 @@ def coarse_search() -> Iterator[None]:
         patch.setattr(search, "DISTANCE_STEP", 0.6)
         patch.setattr(search, "HEIGHT_STEP", 0.3)
         patch.setattr(search, "STARTS", 5)
+        yield
+
+
+@pytest.fixture(scope="module")
+def coarse_scans() -> Iterator[None]:
+    """Thin scans more, and search their rotation in larger steps, to save time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(registration, "VOXEL", 0.015)
+        patch.setattr(registration, "YAW_STEP_DEG", 3.0)
+        patch.setattr(registration, "CANDIDATES", 2)
         yield
 
 

@@ -5,30 +5,18 @@ import pandas as pd
 import pycolmap
 import pytest
 
-from polarsim.cameras import scans, search
 from polarsim.cameras.labels import MIN_FIT
 from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.options import LocalisationOptions
-from polarsim.cameras.rounding import rounded
 from polarsim.errors import FormatError, RegistrationError
 from polarsim.formats import nasa, obj, yolo
-from polarsim.geometry.poses import angle_between, camera_pose
+from polarsim.geometry.poses import angle_between
 from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.rigs import SURVEYED, UNCERTAIN_LABELS, read_all_localised, write_rig
 from polarsim.schemas.stages import ALIGNMENT, MATCHES
 
-
-@pytest.fixture(autouse=True, scope="module")
-def quick():
-    """Use coarser steps, to save time."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(scans, "VOXEL", 0.015)
-        patch.setattr(scans, "YAW_STEP_DEG", 3.0)
-        patch.setattr(search, "DISTANCE_STEP", 0.6)
-        patch.setattr(search, "HEIGHT_STEP", 0.3)
-        patch.setattr(search, "STARTS", 10)
-        yield
+pytestmark = pytest.mark.usefixtures("coarse_search", "coarse_scans")
 
 
 def locate(folder, inventory, rig, positions="ABC", seeds=None, name="cameras", threads=1):
@@ -51,14 +39,13 @@ def contents(folder):
     return {path.relative_to(folder): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
-@pytest.fixture
-def scanned(tmp_path, range_maps):
+@pytest.fixture(scope="module")
+def scanned(tmp_path_factory, range_maps):
     """An inventory of range maps of A and C."""
-    paths = {}
+    folder, paths = tmp_path_factory.mktemp("scanned"), {}
     for position, points in range_maps.items():
-        path = tmp_path / f"Pos{position}_org-XYZ.tif"
-        nasa.write_range_map(path, points)
-        paths[position] = str(path)
+        paths[position] = str(folder / f"Pos{position}_org-XYZ.tif")
+        nasa.write_range_map(paths[position], points)
     return Inventory(terrain=3, kind="polar", range_maps=paths)
 
 
@@ -98,22 +85,19 @@ def test_scans_localise_their_rigs_and_the_survey_localises_the_rest(tmp_path, s
     image = pycolmap.Reconstruction(str(tmp_path / "cameras" / "colmap")).find_image_with_name("PosB_CamL")
     expected = localised["B"].sandbox_from_left.inverse().matrix
     np.testing.assert_allclose(image.cam_from_world().matrix(), expected[:3], atol=1e-9)
+    locate(tmp_path, scanned, sandbox.rig, name="again", threads=2)
+    assert contents(tmp_path / "again") == contents(tmp_path / "cameras")
 
 
 def test_a_scan_of_a_wall_leaves_its_position_to_the_survey(tmp_path, scanned, sandbox, range_maps, caplog):
     flat = range_maps["C"] * (2.8 / range_maps["C"][..., 2:])  # every beam ends at a wall 2.8 m in front of the camera
-    nasa.write_range_map(scanned.range_maps["C"], flat)
+    nasa.write_range_map(tmp_path / "flat.tif", flat)
+    maps = {**scanned.range_maps, "C": str(tmp_path / "flat.tif")}
     with caplog.at_level(logging.WARNING):
-        localised = locate(tmp_path, scanned, sandbox.rig, "AC")
+        localised = locate(tmp_path, Inventory(terrain=3, kind="polar", range_maps=maps), sandbox.rig, "AC")
     assert {position: one.method for position, one in localised.items()} == {"A": "scans", "C": "survey"}
     assert "the scan of position C" in caplog.text
     assert "position C has" in caplog.text
-
-
-def test_the_same_scans_give_the_same_bytes(tmp_path, scanned, sandbox):
-    for name, threads in (("one", 1), ("two", 2)):
-        locate(tmp_path, scanned, sandbox.rig, "AC", name=name, threads=threads)
-    assert contents(tmp_path / "one") == contents(tmp_path / "two")
 
 
 def test_a_single_scan_is_registered(tmp_path, scanned, sandbox, true_poses):
@@ -154,14 +138,11 @@ def test_positions_without_any_pose_are_an_error_and_write_nothing(tmp_path):
 
 
 def test_a_position_without_a_survey_is_left_to_photos(tmp_path, caplog):
-    assert set(locate(tmp_path, Inventory(terrain=6, kind="release"), default_rig(), "AF")) == {"A"}
-    assert "position F" in caplog.text
-
-
-def test_a_terrain_without_rocks_and_scans_gets_surveyed_poses(tmp_path):
-    localised = locate(tmp_path, Inventory(terrain=6, kind="release"), default_rig())
-    assert {one.method for one in localised.values()} == {"survey"}
+    localised = locate(tmp_path, Inventory(terrain=6, kind="release"), default_rig(), "AF")
+    assert set(localised) == {"A"}
+    assert localised["A"].method == SURVEYED
     assert localised["A"].sandbox_from_left.translation[0] == pytest.approx(3.541)
+    assert "position F" in caplog.text
 
 
 def test_labels_of_another_terrain_localise_no_position(tmp_path, annotated, rng, caplog):
@@ -203,11 +184,3 @@ def test_a_broken_seed_names_its_file_and_line(tmp_path, annotated):
     (tmp_path / "seeds" / "03_B_off_30_L_0256.txt").write_text("0 0.5 0.5 nonsense 0.1\n")
     with pytest.raises(FormatError, match=r"03_B_off_30_L_0256\.txt:1"):
         locate(tmp_path, annotated, default_rig())
-
-
-def test_rounding_keeps_a_rotation_a_rotation():
-    pose = camera_pose(np.array([3.6000004, -0.4, 1.5]), 3.1, 0.43, 0.01)
-    kept = rounded(pose)
-    np.testing.assert_allclose(kept.rotation @ kept.rotation.T, np.eye(3), atol=1e-14)
-    assert angle_between(pose, kept) < 1e-7
-    assert kept.translation[0] == 3.6

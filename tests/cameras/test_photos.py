@@ -200,7 +200,10 @@ def test_shared_features_localise_positions(photographed, tmp_path, caplog):
     known = pd.read_parquet(photographed / "photos.parquet")
     pd.concat([known, pd.DataFrame(rows)]).to_parquet(tmp_path / "photos.parquet")
     guessed = LocalisedRig(TRUE.rig, camera_pose(np.array([3.0, 0.5, 1.5]), np.pi, 0.4), SURVEYED)
-    found = refine(photographed, tmp_path, {"A": LOCATED, "E": guessed}, photos=tmp_path / "photos.parquet")
+    found = refine(
+        photographed, tmp_path, {"A": LOCATED, "E": guessed}, photos=tmp_path / "photos.parquet",
+        options=RefinementOptions(scales=(0.25,)),
+    )  # fmt: skip
     assert sorted(found) == ["A", "D", "E"]
     for position in "DE":
         pose = found[position].sandbox_from_left
