@@ -26,19 +26,20 @@ from polarsim.rover.drive.control import Command
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.drive.state import OffGridError, RoverState, is_upside_down
-from polarsim.rover.drive.trace import CONTACTS
-from polarsim.rover.learn.collisions import Collisions
+from polarsim.rover.drive.trace import CONTACTS, trace_table
 from polarsim.rover.learn.courses import Course, PracticeCourse
 from polarsim.rover.learn.observation import STATE, crop, observation_values
 from polarsim.rover.learn.options import TaskOptions
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.observation import Perception
 from polarsim.rover.perception.options import Mode, OnboardDetector
+from polarsim.rover.planning.contacts import REACH_M, body_touch, rock_surface_points
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.pilot import OBSERVATIONS_HZ
 from polarsim.rover.vehicle.mounts import FRONT, mount_of
 from polarsim.rover.vehicle.table import WHEELS
 from polarsim.run_files.picture_sets import AUTO
+from polarsim.schemas.rover import HIGH_M
 
 ACTION_HZ = 10
 ARRIVED_M = 0.3  # distance before the goal's line, as in autonomous drives
@@ -47,6 +48,38 @@ _PICTURE_SCALE = 1 / 16
 _BESIDE_M = 1.5  # distance from the line; ground farther away is rendered without changes
 # A quarter of the camera's size; observations cost half as much as at 0.5.
 CAMERAS = CameraSuiteOptions(scale=0.25, models=("hapke",), exposures_ms=(256.0,))
+
+
+class Collisions:
+    """Rocks above `HIGH_M` that the rover touches, counted as in `planning.contacts` for recorded drives."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        world = simulation.world
+        high = world.rocks[world.rocks["height_m"] > HIGH_M]
+        self._simulation, self._steps = simulation, simulation.steps
+        self._rocks, self._radii = high["rock"].to_numpy(int), high["radius_m"].to_numpy(float)
+        self._places = high[["x_m", "y_m"]].to_numpy(float)
+        self._points: dict[int, np.ndarray] = {}  # of rocks near the rover's path
+        self.touched: frozenset[int] = frozenset()
+
+    def update(self, state: RoverState) -> frozenset[int]:
+        """Return the numbers of the rocks touched since the last call and not at the last call.
+
+        Wheel contacts include all physics steps since the last call; body contacts are computed for the current state.
+        """
+        by_wheels = self._simulation.rocks_touched_since(self._steps) & frozenset(self._rocks.tolist())
+        self._steps = self._simulation.steps
+        distance = np.hypot(*(self._places - state.position[:2]).T)
+        near = self._rocks[distance < self._radii + REACH_M].tolist()
+        touched = by_wheels | frozenset(rock for rock in near if self._touches_body(rock, state))
+        new, self.touched = touched - self.touched, touched
+        return new
+
+    def _touches_body(self, rock: int, state: RoverState) -> bool:
+        if rock not in self._points:
+            self._points[rock] = rock_surface_points(self._simulation.world, rock)
+        table = trace_table(state.row(0.0, 0.0))
+        return bool(body_touch(table, self._simulation.vehicle, self._points[rock], np.zeros(1, int)))
 
 
 class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
@@ -105,13 +138,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
 
     @property
     def simulation(self) -> Simulation:
-        """Physics of the episode.
-
-        Raises
-        ------
-        RoverError
-            `reset` was not called.
-        """
+        """Physics of the episode; an error before `reset`."""
         if self._simulation is None:
             raise RoverError("step before reset")
         return self._simulation
@@ -119,13 +146,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """Place the rover near the line's first point, let it settle, and observe once.
-
-        Raises
-        ------
-        PolarsimError
-            An option is unknown, a Sun or light does not exist, or meshes or a detector are missing.
-        """
+        """Place the rover near the line's first point, let it settle, and observe once."""
         super().reset(seed=seed, options=options)
         episode_seed = int(self.np_random.integers(2**31))
         self.light = self._lit(options or {})
@@ -209,18 +230,18 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         unknown = set(given) - set(LIGHT)
         if unknown:
             raise RoverError(f"reset option {min(unknown)!r}, expected {', '.join(LIGHT)}")
-        cameras = self.cameras
+        cameras, suns = self.cameras, (*SUN_AZIMUTHS_DEG, NIGHT)
         drawn = {
             name: values[int(self.np_random.integers(len(values)))]
             for name, values in (("sun", cameras.suns), ("exposure_ms", cameras.exposures_ms))
         }
         chosen = {"lights": cameras.lights, **drawn, **given}
-        if chosen["sun"] not in (*SUN_AZIMUTHS_DEG, NIGHT):
-            raise RoverError(f"reset option sun: {chosen['sun']!r}, expected {', '.join((*SUN_AZIMUTHS_DEG, NIGHT))}")
-        exposure_ms = chosen["exposure_ms"]
+        sun, exposure_ms = chosen["sun"], chosen["exposure_ms"]
+        if sun not in suns:
+            raise RoverError(f"reset option sun: {sun!r}, expected {', '.join(suns)}")
         if exposure_ms != AUTO and not (isinstance(exposure_ms, int | float) and exposure_ms > 0):
             raise RoverError(f"reset option exposure_ms: {exposure_ms!r}, expected a number above 0 or {AUTO!r}")
-        return ImagingCondition(chosen["sun"], chosen["exposure_ms"], tuple(chosen["lights"]), cameras.models[0])
+        return ImagingCondition(sun, exposure_ms, tuple(chosen["lights"]), cameras.models[0])
 
     def _observe(self, state: RoverState) -> None:
         """Update the map if an observation is due."""
@@ -250,11 +271,9 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     def _picture(self, state: RoverState) -> np.ndarray:
         """Return the picture of the front camera as (h, w, 1) uint8, with the cells of the world."""
         assert self._camera is not None
-        base, name = (
-            self._camera.show_state(state, self.simulation.ground.level),
-            ("live", self._seed, FRONT, state.time),
-        )
-        grey, _ = self._camera.picture(mount_of(self.vehicle.camera(FRONT), _PICTURE_SCALE).at(base), self.light, *name)
+        base = self._camera.show_state(state, self.simulation.ground.level)
+        view = mount_of(self.vehicle.camera(FRONT), _PICTURE_SCALE).at(base)
+        grey, _ = self._camera.picture(view, self.light, "live", self._seed, FRONT, state.time)
         return to_8_bits(grey)[..., None]
 
     def _info(self, state: RoverState) -> dict[str, Any]:
