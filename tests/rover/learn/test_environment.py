@@ -50,7 +50,7 @@ def test_gymnasiums_checks_pass():
     ground = replace(GROUND, length_m=5.0, width_m=4.0, rocks=1)
     environment = gymnasium.make(
         "polarsim/Traverse-v0", image=True, course=PracticeCourse(ground, soil=FIRM), options=COARSE, cameras=CAMERAS,
-        render_mode="rgb_array", disable_env_checker=True,
+        render_mode="rgb_array", mode="blind", disable_env_checker=True,
     )  # fmt: skip
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -58,9 +58,9 @@ def test_gymnasiums_checks_pass():
 
 
 def test_equal_seeds_give_equal_episodes_and_other_seeds_differ():
-    first = episode(made(image=True), 7, 4)
-    assert first == episode(made(image=True), 7, 4)
-    assert first != episode(made(image=True), 8, 4)
+    first, again, other = (episode(made(image=True), seed, 2) for seed in (7, 7, 8))
+    assert first == again
+    assert first != other
 
 
 def test_the_light_depends_on_the_seed_or_on_the_options():
@@ -191,23 +191,22 @@ def test_the_crop_rotates_with_the_rover():
 
 
 @pytest.mark.slow
-def test_episodes_in_processes_equal_those_in_this_process():
-    """Two seeds in two processes; the module in the name registers the environment."""
+def test_an_episode_in_a_new_process_equals_one_in_this_process():
+    """The module in the name registers the environment."""
     name = "polarsim.rover.learn.environment:polarsim/Traverse-v0"
 
     def make():
         return gymnasium.make(name, course=PracticeCourse(GROUND, soil=FIRM), options=COARSE, cameras=CAMERAS)
 
-    expected = [episode(made(), seed, 2) for seed in (3, 4)]
-    vector = gymnasium.vector.AsyncVectorEnv([make, make], context="spawn")
+    expected = episode(made(), 3, 2)
+    vector = gymnasium.vector.AsyncVectorEnv([make], context="spawn")
     try:
-        observed, _ = vector.reset(seed=[3, 4])
-        actual = [[values[k].tobytes() for values in observed.values()] for k in range(2)]
+        observed, _ = vector.reset(seed=[3])
+        actual = [values[0].tobytes() for values in observed.values()]
         for _ in range(2):
-            observed, rewards, ended, cut, _ = vector.step(np.tile(AHEAD, (2, 1)))
-            for k in range(2):
-                actual[k] += [*(values[k].tobytes() for values in observed.values())]
-                actual[k].append([float(rewards[k]), bool(ended[k]), bool(cut[k])])
+            observed, rewards, ended, cut, _ = vector.step(AHEAD[None])
+            actual += [*(values[0].tobytes() for values in observed.values())]
+            actual.append([float(rewards[0]), bool(ended[0]), bool(cut[0])])
     finally:
         vector.close()
-    assert actual == [[part if isinstance(part, bytes) else part[:3] for part in parts] for parts in expected]
+    assert actual == [part if isinstance(part, bytes) else part[:3] for part in expected]
