@@ -16,7 +16,7 @@ import numpy as np
 
 from polarsim.kernels import njit
 from polarsim.rover.soil.nodes import FLOW, FREE, LEVEL, ORIGINAL, ROCK, START, SoilGround
-from polarsim.rover.soil.shapes import HALF_WIDTH, RADIUS, clear, lowest_wheel_point, wheel_window
+from polarsim.rover.soil.shapes import HALF_WIDTH, RADIUS, lowest_wheel_point, wheel_window
 
 TAPS = 5.0  # truncation of the spread, in standard deviations
 MOVED = 0.2  # share of the excess height between adjacent nodes moved in a sweep; sweeps oscillate from 0.25 on
@@ -109,16 +109,12 @@ def _push(part, slopes, owners, shape, height, rotation, dx, dy, cell, rule):  #
                 pressed[row, column] = part[row, column, FLOW] / slopes[row, column, 2]
             if owners[row, column] == FREE:
                 room[row, column] = 1.0
-                if clear(
-                    shape, rotation, dx + cell * column, dy + cell * row, height - headroom - part[row, column, LEVEL]
-                ):
-                    continue
                 hit = lowest_wheel_point(
                     ax, ay, az, shape[RADIUS], shape[HALF_WIDTH], dx + cell * column, dy + cell * row, cell
                 )
                 if hit[0] > 0 and height + hit[1] - part[row, column, LEVEL] < headroom:
                     room[row, column] = 0.0
-    reached = _blur_at(pressed, room, rule.weights)
+    reached = _blur(room, rule.weights)
     for row in range(rows):
         for column in range(columns):
             if pressed[row, column] > 0:
@@ -152,32 +148,6 @@ def _blur(field, weights):  # type: ignore[no-untyped-def]
             weight = weights[other - row + reach]
             for column in range(columns):
                 total[row, column] += weight * along[other, column]
-    return total
-
-
-@njit()
-def _blur_at(mask, field, weights):  # type: ignore[no-untyped-def]
-    """Return `_blur` where `mask` is above 0, which holds for few nodes; 0 elsewhere."""
-    rows, columns = field.shape
-    reach = len(weights) // 2
-    total = np.zeros((rows, columns))
-    along = np.empty(rows)
-    for column in range(columns):
-        top, bottom = rows, 0
-        for row in range(rows):
-            if mask[row, column] > 0:
-                top, bottom = min(top, row), max(bottom, row + 1)
-        if top >= bottom:
-            continue
-        for row in range(max(top - reach, 0), min(bottom + reach, rows)):
-            value = 0.0
-            for other in range(max(column - reach, 0), min(column + reach + 1, columns)):
-                value += weights[column - other + reach] * field[row, other]
-            along[row] = value
-        for row in range(top, bottom):
-            if mask[row, column] > 0:
-                for other in range(max(row - reach, 0), min(row + reach + 1, rows)):
-                    total[row, column] += weights[other - row + reach] * along[other]
     return total
 
 

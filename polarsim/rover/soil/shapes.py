@@ -88,15 +88,6 @@ def lowest_wheel_point(ax, ay, az, radius, half, dx, dy, cell):  # type: ignore[
 
 
 @njit()
-def clear(shape, rotation, dx, dy, depth):  # type: ignore[no-untyped-def]
-    """Return whether a point `depth` below a wheel's centre is certainly below the wheel; such nodes are skipped."""
-    if depth <= 0:
-        return False
-    along = dx * rotation[0, 1] + dy * rotation[1, 1] - depth * rotation[2, 1]
-    return dx * dx + dy * dy + depth * depth - along * along > shape[RADIUS] ** 2
-
-
-@njit()
 def _bound(at, count, last):  # type: ignore[no-untyped-def]
     """Return a bound of a range of nodes, within 0 and `count`.
 
