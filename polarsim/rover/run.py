@@ -11,9 +11,9 @@ from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.frames import render_frames
 from polarsim.rover.drive.ride import run_drive
 from polarsim.rover.drive.table import rover_metrics
-from polarsim.rover.export.bag import write_bag_if_stale
+from polarsim.rover.export.bag import write_bag
 from polarsim.rover.export.urdf import write_urdf
-from polarsim.rover.export.video import write_missing_videos
+from polarsim.rover.export.video import write_videos
 from polarsim.rover.options import RoverOptions
 from polarsim.rover.perception.detections import detect_drive
 from polarsim.rover.perception.measure import measure_drive
@@ -49,7 +49,7 @@ def run_drive_pipeline(
                 detect_drive(folder, vehicle, suite, detector, seed, threads)
             measure_drive(folder, vehicle, suite, detector, seed)
         if suite.videos:
-            write_missing_videos(folder, vehicle, suite, seed, threads)
+            write_videos(folder, vehicle, suite, seed, threads)
     if options.bags:
-        write_bag_if_stale(folder, folder / BAG, vehicle, options.bag, seed)
+        write_bag(folder, folder / BAG, vehicle, options.bag, seed)
     return rover_metrics(trace)

@@ -4,11 +4,11 @@ from pathlib import Path
 
 from polarsim.reporting import reporting
 from polarsim.rover.cameras.options import CameraSuiteOptions
-from polarsim.rover.export.video import write_missing_videos
+from polarsim.rover.export.video import write_videos
 from polarsim.rover.vehicle.table import read_vehicle
 
 with reporting(log=snakemake.log[0]):
-    write_missing_videos(
+    write_videos(
         folder=Path(snakemake.output.videos).parent,
         vehicle=read_vehicle(Path(snakemake.input.vehicle)),
         options=CameraSuiteOptions(**snakemake.params.options),

@@ -11,20 +11,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from polarsim.formats import bags, ros
+from polarsim.errors import FormatError, with_path
+from polarsim.formats import bags, png, ros, tables
 from polarsim.formats.files import writing
 from polarsim.formats.ros import Message, Stamped, stamp_ns
+from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
-from polarsim.provenance import identity, is_current, store_identity
 from polarsim.randomness import generator
-from polarsim.rover.drive.trace import TRACE, TRACKS, WORLD, Trace, read_trace
+from polarsim.rover.cameras.layout import DETECTION_COLUMNS, POSE_COLUMNS, TRUTH_COLUMNS, picture_folder
+from polarsim.rover.drive.trace import Trace, read_trace
 from polarsim.rover.export import messages
-from polarsim.rover.export.bag_pictures import PictureTopics
 from polarsim.rover.export.options import BagOptions
 from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of_quaternion
-from polarsim.rover.vehicle.table import WHEELS, Vehicle
+from polarsim.rover.vehicle.table import WHEELS, CameraPart, Vehicle
 
 STATE_HZ, IMU_HZ = 50.0, 100.0  # messages per second
 ACCELEROMETER_SD, GYROSCOPE_SD = 0.01, 0.001  # noise of a reading on /imu, m/s2 and rad/s
@@ -35,28 +37,13 @@ UP = np.array([0.0, 0.0, 1.0])
 def write_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, seed: int = 0) -> dict[str, int]:
     """Write a drive's folder as a bag and return the number of messages by topic."""
     trace = read_trace(folder)
-    streams: list[Iterator[Stamped]] = [
-        _still(trace, vehicle),
-        _states(trace, vehicle),
-        _imu(trace, seed),
-        _heights(trace, options),
-    ]
-    streams += PictureTopics(folder, vehicle, options).streams()
+    streams = [_still(trace, vehicle), _states(trace, vehicle), _imu(trace, seed), _heights(trace, options)]
+    for camera in vehicle.cameras:
+        pictures = picture_folder(folder, camera.name, options.sun, options.model, options.exposure_ms)
+        if pictures.is_dir():
+            streams.append(_pictures(camera, pictures, options))
     with writing(out) as temporary:
         return bags.write_mcap_bag(temporary, streams)
-
-
-def write_bag_if_stale(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, seed: int = 0) -> bool:
-    """Write the bag unless it is current; return whether it was written."""
-    files = [folder / name for name in (TRACE, TRACKS)] + sorted((folder / WORLD).glob("*.*"))
-    files = [path for path in files + PictureTopics(folder, vehicle, options).files() if path.is_file()]
-    places = (str(path.relative_to(folder)) for path in files)
-    made_with = identity(__name__, files, vehicle.model_dump_json(), options.model_dump_json(), str(seed), *places)
-    if is_current(out, made_with):
-        return False
-    with store_identity(out, made_with):
-        write_bag(folder, out, vehicle, options, seed)
-    return True
 
 
 def first_per_period(times: np.ndarray, hz: float) -> np.ndarray:
@@ -79,22 +66,19 @@ def _still(trace: Trace, vehicle: Vehicle) -> Iterator[Stamped]:
 def _states(trace: Trace, vehicle: Vehicle) -> Iterator[Stamped]:
     table = trace.table
     times = table["time_s"].to_numpy()
-    rates = {name: np.gradient(table[name].to_numpy(), times) for name in _joint_columns(("lift_m", "steer_rad"))}
-    rates |= {f"{code}_spin_rad": table[f"{code}_spin_rad_s"].to_numpy() for code in WHEELS}
     order = [f"{code}_{name}" for code in WHEELS for name in ("lift_m", "steer_rad", "spin_rad")]
+    rates = {
+        name: table[f"{name}_s"].to_numpy() if name.endswith("spin_rad") else np.gradient(table[name].to_numpy(), times)
+        for name in order
+    }
     for index in first_per_period(times, STATE_HZ):
         row = {str(name): value for name, value in table.iloc[int(index)].items()}
-        time_ns = stamp_ns(row["time_s"])
-        base = _base(row)
+        time_ns, base = stamp_ns(row["time_s"]), _pose(row)
         yield time_ns, "/tf", "tf2_msgs/msg/TFMessage", {"transforms": _moving(time_ns, base, row, vehicle)}
         velocity = np.array([row[name] for name in ("vx_m_s", "vy_m_s", "vz_m_s")])
         angular_velocity = np.array([row[name] for name in ("wx_rad_s", "wy_rad_s", "wz_rad_s")])
-        yield (
-            time_ns,
-            "/odom",
-            "nav_msgs/msg/Odometry",
-            messages.odometry_message(time_ns, base, velocity, angular_velocity),
-        )
+        odometry = messages.odometry_message(time_ns, base, velocity, angular_velocity)
+        yield time_ns, "/odom", "nav_msgs/msg/Odometry", odometry
         joints = messages.joint_state(time_ns, [row[n] for n in order], [rates[n][index] for n in order])
         yield time_ns, "/joint_states", "sensor_msgs/msg/JointState", joints
         yield time_ns, "/wheels/state", "polarsim_msgs/msg/WheelStates", messages.wheel_states(time_ns, row)
@@ -148,10 +132,57 @@ def _heights(trace: Trace, options: BagOptions) -> Iterator[Stamped]:
             yield time_ns, "/terrain/height", "grid_map_msgs/msg/GridMap", thinned
 
 
-def _base(row: dict[str, Any]) -> Pose:
+def _pictures(camera: CameraPart, pictures: Path, options: BagOptions) -> Iterator[Stamped]:
+    """Yield the images of a camera, and the ground truth and detections in them."""
+    view, frame, lens = pictures.parent, f"{camera.name}_optical", None
+    boxes = {
+        "truth": _by_frame(view / f"{options.sun}_truth.parquet", TRUTH_COLUMNS),
+        "detections": _by_frame(pictures / "detections.parquet", DETECTION_COLUMNS),
+    }
+    for pose in _records(tables.read_parquet(view / "poses.parquet", POSE_COLUMNS)):
+        number, picture = int(pose["frame"]), pictures / f"{int(pose['frame']):05d}.png"
+        if not picture.is_file():
+            continue
+        time_ns, content = stamp_ns(float(pose["time_s"])), picture.read_bytes()
+        lens = lens or _picture_lens(camera, content, picture)
+        if camera.name in FOLLOWING:  # follows the rover and has no link
+            moved = ros.transform(time_ns, "map", frame, _pose(pose))
+            yield time_ns, "/tf", "tf2_msgs/msg/TFMessage", {"transforms": [moved]}
+        info = ros.camera_info(time_ns, frame, lens)
+        yield time_ns, f"/{camera.name}/camera_info", "sensor_msgs/msg/CameraInfo", info
+        if options.images:
+            image = ros.image(time_ns, frame, content)
+            yield time_ns, f"/{camera.name}/image/compressed", "sensor_msgs/msg/CompressedImage", image
+        for topic, rows in boxes.items():
+            if rows is not None:
+                message = ros.detections(time_ns, frame, rows.get(number, []))
+                yield time_ns, f"/{camera.name}/{topic}", "vision_msgs/msg/Detection2DArray", message
+
+
+def _picture_lens(camera: CameraPart, content: bytes, path: Path) -> Lens:
+    """Return the lens of pictures, which may be smaller than the camera's size."""
+    with with_path(path):
+        header = png.parse_header(content)
+        lens = mount_of(camera, header.width / camera.width_px).lens
+        if (lens.width, lens.height) != (header.width, header.height):
+            raise FormatError(
+                f"{header.width} x {header.height} px, camera {camera.name} has "
+                f"{camera.width_px} x {camera.height_px} px"
+            )
+    return lens
+
+
+def _pose(row: dict[str, Any]) -> Pose:
     position = np.array([row[name] for name in ("x_m", "y_m", "z_m")])
     return pose_of_quaternion(position, np.array([row[name] for name in ("qw", "qx", "qy", "qz")]))
 
 
-def _joint_columns(names: tuple[str, ...]) -> list[str]:
-    return [f"{code}_{name}" for code in WHEELS for name in names]
+def _by_frame(path: Path, columns: tuple[str, ...]) -> dict[int, list[dict[str, Any]]] | None:
+    """Return the rows of a table by frame; None if the file does not exist."""
+    if not path.is_file():
+        return None
+    return {int(str(frame)): _records(rows) for frame, rows in tables.read_parquet(path, columns).groupby("frame")}
+
+
+def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
+    return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]

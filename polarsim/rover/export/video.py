@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from fractions import Fraction
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,6 @@ from polarsim.formats import png, tables
 from polarsim.formats.files import writing
 from polarsim.photo import BLACK_LEVEL, COLOURS, WHITE_LEVEL
 from polarsim.progress import track
-from polarsim.provenance import identity, is_current, store_identity
 from polarsim.render.options import Model
 from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, frame_files, picture_folder
 from polarsim.rover.cameras.options import CameraSuiteOptions
@@ -43,43 +43,33 @@ def video_name(view: str, sun: str, model: Model, exposure_ms: float) -> str:
     return f"{view}_{sun}_{_BRDF.get(model, model)}_{exposure_name(exposure_ms)}.webm"
 
 
-def write_missing_videos(
-    folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, seed: int, threads: int = 1
-) -> int:
-    """Write missing videos of a drive's pictures into `videos/` and return the number of written videos.
+def write_videos(folder: Path, vehicle: Vehicle, options: CameraSuiteOptions, seed: int, threads: int = 1) -> None:
+    """Write the videos of a drive's pictures into `videos/`; front camera videos with detections, if there are any.
 
     `threads`: number of videos encoded in parallel. Does not affect the output.
     """
     suite = CameraSuite(read_trace(folder), vehicle, options, seed=seed)
-    times = np.asarray(suite.trace.tracks.time)[suite.frames]
-    rate = frame_rate(times, SPEED)
-    selected = [(view, sun, *what) for view in options.views for sun in suite.suns for what in options.pictures]
+    rate = frame_rate(np.asarray(suite.trace.tracks.time)[suite.frames], SPEED)
 
-    def make(what: tuple[str, str, Model, float]) -> int:
-        pictures, video = picture_folder(folder, *what), folder / "videos" / video_name(*what)
-        return _make(video, pictures, suite.frames, _detections(pictures, what[0]), rate, options.onboard.confidence)
+    def write(view: str, sun: str, model: Model, exposure_ms: float) -> None:
+        pictures = picture_folder(folder, view, sun, model, exposure_ms)
+        files = frame_files(pictures, suite.frames)
+        detections = pictures / "detections.parquet"
+        boxes = tables.read_parquet(detections, DETECTION_COLUMNS) if view == FRONT and detections.is_file() else None
+        shown = _shown(files, suite.frames, boxes, options.onboard.confidence)
+        write_video(folder / "videos" / video_name(view, sun, model, exposure_ms), shown, rate)
 
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        jobs = [pool.submit(make, what) for what in selected]
+        jobs = [
+            pool.submit(write, view, sun, *what)
+            for view, sun, what in product(options.views, suite.suns, options.pictures)
+        ]
         try:
-            return sum(job.result() for job in track(jobs, f"videos in {folder}"))
+            for job in track(jobs, f"videos in {folder}"):
+                job.result()
         finally:
             for job in jobs:
                 job.cancel()
-
-
-def _make(
-    video: Path, pictures: Path, frames: list[int], boxes: pd.DataFrame | None, rate: Fraction, confidence: float
-) -> int:
-    """Write a video unless it is current; return the number of written videos."""
-    paths = frame_files(pictures, frames)
-    content = "" if boxes is None else boxes.to_csv()
-    made_with = identity(__name__, paths, str(rate), content, str(confidence))
-    if is_current(video, made_with):
-        return 0
-    with store_identity(video, made_with):
-        write_video(video, _shown(paths, frames, boxes, confidence), rate)
-    return 1
 
 
 def frame_rate(times: np.ndarray, speed: float) -> Fraction:
@@ -131,11 +121,6 @@ def _priority_kept() -> Iterator[None]:
                 os.sched_setscheduler(int(thread.name), policy, parameters)
 
 
-def to_8_bit_rgb(pixels: np.ndarray) -> np.ndarray:
-    """Return (h, w, 3) uint8 of a 12-bit picture (h, w): full range, gamma 2.2, the same for all frames."""
-    return to_8bit(pixels, WHITE_LEVEL - BLACK_LEVEL)
-
-
 def with_boxes(picture: np.ndarray, boxes: pd.DataFrame) -> np.ndarray:
     """Return the picture (h, w, 3) with boxes, columns kind, confidence and corners: rocks yellow, shadows blue."""
     import cv2
@@ -153,13 +138,8 @@ def with_boxes(picture: np.ndarray, boxes: pd.DataFrame) -> np.ndarray:
 
 def _shown(paths: list[Path], frames: list[int], boxes: pd.DataFrame | None, confidence: float) -> Iterator[np.ndarray]:
     for path, frame in zip(paths, frames, strict=True):
-        picture = to_8_bit_rgb(png.read_png(path))
+        picture = to_8bit(png.read_png(path), WHITE_LEVEL - BLACK_LEVEL)  # full range, the same for all frames
         if boxes is not None:
             selected = boxes[(boxes["frame"] == frame) & (boxes["confidence"] >= confidence)]
             picture = with_boxes(picture, selected[["kind", "confidence", *BOX]])
         yield picture
-
-
-def _detections(pictures: Path, view: str) -> pd.DataFrame | None:
-    path = pictures / "detections.parquet"
-    return tables.read_parquet(path, DETECTION_COLUMNS) if view == FRONT and path.is_file() else None

@@ -24,54 +24,44 @@ def model():
     return mujoco.MjModel.from_xml_string(text.replace("</robot>", f"{joint}</robot>"))
 
 
-def test_mujoco_finds_twelve_joints_and_the_total_mass(model):
-    names = [f"{code}_{name}" for code in WHEELS for name in ("lift", "steer", "spin")]
+def test_joints_masses_limits_and_positions_in_mujoco_are_those_of_the_table(model):
+    import mujoco
+
     joints = [model.joint(number).name for number in range(model.njnt)]
-    assert set(names) <= set(joints)
+    assert {f"{code}_{name}" for code in WHEELS for name in ("lift", "steer", "spin")} <= set(joints)
     assert len(joints) == 12 + 1  # and the free joint of the body
     assert model.body_mass.sum() == pytest.approx(430.0, abs=1e-6)
-
-
-def test_limits_are_those_of_the_table(model):
     assert model.joint("lf_steer").range == pytest.approx(np.radians([-90, 90]))
     assert model.joint("rr_lift").range == pytest.approx([-0.15, 0.15])
     assert not model.joint("lr_spin").limited[0]
-
-
-def test_wheel_positions_are_those_of_the_table(model):
-    import mujoco
-
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     base = data.body("base_link").xpos
     for wheel in VEHICLE.wheels:
         np.testing.assert_allclose(data.body(f"{wheel.code}_wheel").xpos - base, wheel.position_m, atol=1e-9)
+    # The top of the rim moves forward if the angle grows.
+    np.testing.assert_allclose(np.cross(model.joint("lf_spin").axis, [0, 0, 1]), [1, 0, 0])
 
 
-def test_a_positive_rotation_of_a_wheel_drives_forward(model):
-    axis = model.joint("lf_spin").axis
-    np.testing.assert_allclose(np.cross(axis, [0, 0, 1]), [1, 0, 0])  # the top of the rim moves forward
+def mounted(root: ET.Element, name: str) -> tuple[list[float], np.ndarray]:
+    """Return position and rotation (3, 3) of a part."""
+    origin = root.find(f"joint[@name='{name}_mount']/origin")
+    xyz, rpy = ([float(value) for value in origin.get(key).split()] for key in ("xyz", "rpy"))
+    return xyz, Rotation.from_euler("xyz", rpy).as_matrix()
 
 
-def test_camera_poses_are_those_of_the_table():
+def test_poses_of_cameras_and_lights_are_those_of_the_table():
     root = ET.fromstring(urdf(VEHICLE))
-    camera = VEHICLE.camera("hap")
-    origin = root.find("joint[@name='hap_mount']/origin")
-    rotation = Rotation.from_euler("xyz", [float(value) for value in origin.get("rpy").split()]).as_matrix()
+    camera, (_, rotation) = VEHICLE.camera("hap"), mounted(root, "hap")
     expected = base_from_camera(np.array(camera.position_m), camera.yaw_deg, camera.pitch_deg, camera.roll_deg)
     np.testing.assert_allclose(rotation, expected.rotation, atol=1e-8)
     assert rotation[0, 2] < -0.8  # the axis of an aft camera points backwards
     assert root.find("joint[@name='CamBirdViewLeft_mount']") is None
-
-
-def test_light_poses_are_those_of_the_table():
-    root = ET.fromstring(urdf(VEHICLE))
     beams = {}
     for light in VEHICLE.lights:
-        origin = root.find(f"joint[@name='{light.name}_mount']/origin")
-        rotation = Rotation.from_euler("xyz", [float(value) for value in origin.get("rpy").split()]).as_matrix()
+        position, rotation = mounted(root, light.name)
+        assert position == pytest.approx(light.position_m)
         beams[light.name] = rotation[:, 0]
-        assert [float(value) for value in origin.get("xyz").split()] == pytest.approx(light.position_m)
     assert len(beams) == 8
     down = np.radians(25)
     np.testing.assert_allclose(beams["hazlight_fore_port"], [np.cos(down), 0, -np.sin(down)], atol=1e-8)
