@@ -22,7 +22,7 @@ from polarsim.run_files.picture_sets import AUTO, exposure_name
 from polarsim.schemas.rover import ANY
 
 AXES = ("mode", "sun", "exposure", "lights", "model", "detector")
-MODES_WITHOUT_PICTURES = ("truth", "blind")  # modes without pictures
+MODES_WITHOUT_PICTURES = ("truth", "blind")
 
 
 @dataclass(frozen=True)

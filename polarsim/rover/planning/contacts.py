@@ -104,8 +104,9 @@ def _wheel_gaps(table: pd.DataFrame, vehicle: Vehicle, points: np.ndarray, rows:
     for code, wheel in zip(WHEELS, vehicle.wheels, strict=True):
         local = _local(table, f"{code}_", points, rows)
         gap, tread = cylinder_gap(local, wheel.radius_m, wheel.width_m)
-        row, point = np.unravel_index(int(gap.argmin()), gap.shape)
-        gaps.append(("tread" if tread[row, point] else "flank", float(gap[row, point]), int(rows[row])))
+        nearest = int(gap.argmin())
+        part = "tread" if tread.flat[nearest] else "flank"
+        gaps.append((part, float(gap.flat[nearest]), int(rows[nearest // len(points)])))
     return gaps
 
 
@@ -124,8 +125,8 @@ def _body_gaps(table: pd.DataFrame, vehicle: Vehicle, points: np.ndarray, rows: 
         if shape.kind != "box" or link.translation[2] > _BODY_BELOW_M:
             continue
         gap = box_gap(link.inverse().apply(base - offset[:, None]), np.array(shape.size_m, float))
-        row, point = np.unravel_index(int(gap.argmin()), gap.shape)
-        gaps.append((BODY, float(gap[row, point]), int(rows[row])))
+        nearest = int(gap.argmin())
+        gaps.append((BODY, float(gap.flat[nearest]), int(rows[nearest // len(points)])))
     return gaps
 
 

@@ -1,7 +1,7 @@
 """Run an autonomous drive, or a blind drive along the straight line, and write its files.
 
-A folder contains the trace of the drive, `map.npz` (the rover's map at the end of the drive) and `pictures/`. The map
-of a blind drive has no observations.
+A folder contains the trace of the drive, `map.npz` (the rover's map at the end of the drive) and `pictures/`, of the
+front camera with detected rocks, by milliseconds. The map of a blind drive has no observations.
 """
 
 from __future__ import annotations
@@ -12,7 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from polarsim.formats.files import write_bytes, writing_folder
 from polarsim.formats.npz import write_arrays
+from polarsim.photo import COLOURS, ROCK
 from polarsim.render.hits import one_blas_thread
 from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.options import CameraSuiteOptions, ImagingCondition
@@ -26,7 +28,6 @@ from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.observation import Perception
 from polarsim.rover.perception.options import Mode, OnboardDetector
 from polarsim.rover.planning.options import AutonomyOptions
-from polarsim.rover.planning.pictures import write_observations
 from polarsim.rover.planning.pilot import OBSERVATIONS_HZ, Pilot, make_pilot
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
@@ -36,6 +37,9 @@ _LOG_HZ = 20.0
 _CHUNK_S = 10.0
 _BEHIND_M = 1.5  # ground behind the rover's centre at the start, for the rear wheels and a margin
 MAP, PICTURES = "map.npz", "pictures"
+WIDTH_PX = 640  # of the pictures
+_QUALITY = 85
+_BOX = COLOURS[ROCK][::-1]  # blue, green, red
 
 
 @dataclass(frozen=True)
@@ -88,7 +92,22 @@ def write_outcome(folder: Path, outcome: Outcome, options: AutonomyOptions) -> N
         folder / MAP, x_m=grid.x, y_m=grid.y, log_odds=grid.log_odds, seen=grid.seen, height_m=grid.height,
         surface_m=grid.surface_of_cells(), hazard=grid.hazards(options.planner.hazard_m),
     )  # fmt: skip
-    write_observations(folder / PICTURES, outcome.pilot.observations if outcome.pilot else [])
+    with writing_folder(folder / PICTURES) as temporary:
+        for time_s, observation in outcome.pilot.observations if outcome.pilot else []:
+            if observation.shown is not None:
+                write_bytes(temporary / f"{1000 * time_s:07.0f}.jpg", _with_boxes(observation.shown, observation.found))
+
+
+def _with_boxes(grey: np.ndarray, boxes: np.ndarray) -> bytes:
+    """Return a JPEG of a picture (h, w) uint8 with boxes (n, 4+) in pixels."""
+    import cv2
+
+    scale = WIDTH_PX / grey.shape[1]
+    size = (WIDTH_PX, round(scale * grey.shape[0]))
+    canvas = cv2.cvtColor(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), cv2.COLOR_GRAY2BGR)
+    for x0, y0, x1, y1 in np.rint(scale * boxes[:, :4]).astype(int):
+        cv2.rectangle(canvas, (int(x0), int(y0)), (int(x1), int(y1)), _BOX, 2, cv2.LINE_AA)
+    return bytes(cv2.imencode(".jpg", canvas, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1])
 
 
 def run_autonomous_drive(

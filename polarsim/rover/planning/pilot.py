@@ -48,7 +48,6 @@ class Pilot(Driver):
     options: AutonomyOptions = field(default_factory=AutonomyOptions)
     stops: list[Stop] = field(default_factory=list)
     observations: list[tuple[float, Observation]] = field(default_factory=list)
-    plans: list[tuple[float, np.ndarray]] = field(default_factory=list)
     given_up: bool = False
     travelled: float = 0.0  # m in any direction, since a detour may cross the line or lead back along it
 
@@ -123,13 +122,12 @@ class Pilot(Driver):
         assert self.perception is not None
         start = time.process_time()
         ground = self.field()
-        kept = self._still_free(ground, x, y, heading)
-        self._plan = kept if kept is not None else self.planner.plan(ground, x, y, heading, self.path.points[-1])
+        self._plan = self._still_free(ground, x, y, heading)
+        if self._plan is None:
+            self._plan = self.planner.plan(ground, x, y, heading, self.path.points[-1])
         self.perception.seconds["plan"] += time.process_time() - start
         if self._plan is not None:
             self._at_rest = 0
-            if kept is None:
-                self.plans.append((now, self._plan))
             return
         self._at_rest += 1
         if self._at_rest == 1:
@@ -166,14 +164,8 @@ class Pilot(Driver):
         count = math.ceil((distance + _ROLLS_ON_M) / _BACK_STEP_M)
         for curvature in (0.0, limit, -limit):
             steps = -np.linspace(0.1, distance + _ROLLS_ON_M, count)
-            headings = heading + curvature * steps
-            poses = np.column_stack(
-                [
-                    x + steps * np.cos(heading + curvature * steps / 2),
-                    y + steps * np.sin(heading + curvature * steps / 2),
-                    headings,
-                ]
-            )
+            chord = heading + curvature * steps / 2
+            poses = np.column_stack([x + steps * np.cos(chord), y + steps * np.sin(chord), heading + curvature * steps])
             room = float(self.planner.clearance(ground, poses).min())
             if room > best + 1e-9:
                 best, self._back_steer = room, self._steer(curvature)

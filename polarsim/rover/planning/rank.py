@@ -41,17 +41,9 @@ def rank_detectors(
 ) -> None:
     """Write metrics of all detectors that drove, and how their order by gap agrees with the order by drives.
 
-    Parameters
-    ----------
-    each
-        rover/autonomy_metrics.parquet.
-    detection, ipd
-        detect/detection.parquet and detect/ipd.parquet of the run with the detectors `<domain>-seed<N>`.
-    pair
-        Domain of the photos and domain of the rover's pictures. The IPD is between both, the mAP in the second. Drives
-        in other models are excluded.
-    split
-        Split of the photos for training; by default the first in the tables.
+    `each` is rover/autonomy_metrics.parquet; `detection` and `ipd` are tables of the run with the detectors
+    `<domain>-seed<N>`. `pair`: domain of the photos and domain of the rover's pictures; the IPD is between both, the
+    mAP in the second, and drives in other models are excluded. `split`: by default the first in the tables.
     """
     every = tables.read_parquet(each, AUTONOMY_METRICS.columns)
     drives = detector_drives(every, pair[1])
@@ -71,24 +63,23 @@ def detector_drives(every: pd.DataFrame, model: str) -> pd.DataFrame:
         every["mode"].isin(MODES_WITH_DETECTOR) & every["metric"].isin(_METRICS) & (every["model"] == model)
     ]
     keys = ["mode", "detector", "sun", "exposure", "lights", "seed"]
-    wide = selected.pivot_table("value", keys, "metric").rename(columns=_METRICS).reset_index()
-    return (
-        wide.rename_axis(columns=None).groupby("mode", group_keys=False)[list(wide)].apply(matched_drives, "detector")
+    wide = (
+        selected.pivot_table("value", keys, "metric").rename(columns=_METRICS).reset_index().rename_axis(columns=None)
     )
+    return wide.groupby("mode", group_keys=False)[list(wide)].apply(matched_drives, "detector")
 
 
 def gap_metrics(detection: Path | None, ipd: Path | None, pair: tuple[str, str], split: str | None) -> pd.DataFrame:
     """Return `ipd` and `map50` of rocks by detector; NaN without a value in the table."""
-    metrics = []
+    found = pd.DataFrame(columns=["ipd", "map50"], dtype=float)
     if detection is not None:
         table = _rocks(detection, ("map50", "evaluated"), split)
-        metrics.append(table[table["evaluated"] == pair[1]].set_index("detector")["map50"])
+        found = found.combine_first(table[table["evaluated"] == pair[1]].set_index("detector")[["map50"]])
     if ipd is not None:
         table = _rocks(ipd, ("ipd", "first", "second"), split)
         same = [set(both) == set(pair) for both in zip(table["first"], table["second"], strict=True)]
-        metrics.append(table[same].set_index("detector")["ipd"])
-    columns = ["ipd", "map50"]
-    return pd.concat(metrics, axis=1).reindex(columns=columns) if metrics else pd.DataFrame(columns=columns)
+        found = found.combine_first(table[same].set_index("detector")[["ipd"]])
+    return found
 
 
 def _rocks(path: Path, columns: tuple[str, ...], split: str | None) -> pd.DataFrame:
@@ -133,9 +124,8 @@ def _rank(drives: pd.DataFrame, gaps: pd.DataFrame, gap: str, metric: str) -> tu
     unit = "seed" if len(set(drives["seed"])) > 1 else "light"
     units = drives["seed"] if unit == "seed" else drives[["sun", "exposure", "lights"]].agg("_".join, axis=1)
     count = units.nunique()
-    drawn = np.concatenate(
-        [np.ones((1, count)), bootstrap_draws(count, RESAMPLES, 0)]
-    )  # point estimate, then bootstrap replicates
+    # Point estimate, then bootstrap replicates.
+    drawn = np.concatenate([np.ones((1, count)), bootstrap_draws(count, RESAMPLES, 0)])
     after = DRIVES[metric] * _means(drives, units, metric, drawn)
     if gap == "rock_f1":
         before = _means(drives, units, "rock_points", drawn)
@@ -146,8 +136,8 @@ def _rank(drives: pd.DataFrame, gaps: pd.DataFrame, gap: str, metric: str) -> tu
     intervals = [percentile_interval(values[1:], count) for values in estimates]
     p = float(stats.kendalltau(before[0], after[0]).pvalue) if len(names) > 1 else np.nan
     says = verdict(len(names), float(estimates[1][0]), intervals[1], p)
-    coefficients = [(float(values[0]), *bounds) for values, bounds in zip(estimates, intervals, strict=True)]
-    return len(names), len(drives), count, unit, *coefficients[0], *coefficients[1], p, says
+    spearmans, kendalls = ((float(values[0]), *interval) for values, interval in zip(estimates, intervals, strict=True))
+    return len(names), len(drives), count, unit, *spearmans, *kendalls, p, says
 
 
 def _means(drives: pd.DataFrame, units: pd.Series, metric: str, drawn: np.ndarray) -> np.ndarray:

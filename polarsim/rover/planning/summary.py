@@ -72,13 +72,8 @@ def summarise_autonomy(*, drives: Sequence[Path], each: Path, together: Path, ef
 
 def with_derived(every: pd.DataFrame) -> pd.DataFrame:
     """Return the metrics with additional rows: points of both maps, and path and energy relative to the blind drive."""
-    parts = [every]
-    maps = every[every["metric"].isin(MAPS)]
-    parts.append(
-        maps.groupby([*AXES, "seed", "ended"], as_index=False)["value"]
-        .sum()
-        .assign(metric=BOTH_MAPS, unit="points of 600")
-    )
+    maps = every[every["metric"].isin(MAPS)].groupby([*AXES, "seed", "ended"], as_index=False)["value"].sum()
+    parts = [every, maps.assign(metric=BOTH_MAPS, unit="points of 600")]
     for metric, name in OVER_BLIND.items():
         rows = every[every["metric"] == metric]
         blind = rows[rows["mode"] == "blind"].set_index("seed")["value"]

@@ -8,7 +8,7 @@ from polarsim.rover.perception import hazard_map
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.map_updates import update_from_boxes
 from polarsim.rover.perception.measure import front_camera_drive
-from polarsim.rover.planning.challenge import true_cells
+from polarsim.rover.planning.metrics import true_cells
 from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.world.surface import bare_world
 from tests.rover import driven

@@ -73,17 +73,11 @@ def test_distances_are_to_the_edges_of_hazards_and_rounded_down(rng):
         assert (computed >= true - 2.5 * field.cell).all()
 
 
-def test_paths_over_free_ground_are_straight_and_low_rocks_pass_between_the_wheels():
-    for cells in (blocked(), blocked((3.0, 0.0))):
+def test_paths_over_free_ground_are_straight_low_rocks_pass_between_the_wheels_and_a_wall_allows_no_path():
+    between = blocked((3.0, 0.0))
+    for cells in (blocked(), between):
         np.testing.assert_allclose(planned(cells)[:, 1], 0.0, atol=1e-9)
-
-
-def test_a_rock_too_high_for_the_body_is_avoided():
-    cells = blocked((3.0, 0.0))
-    assert np.abs(planned(cells, cells)[:, 1]).max() > 0.5
-
-
-def test_a_wall_allows_no_path():
+    assert np.abs(planned(between, between)[:, 1]).max() > 0.5  # too high for the body
     assert planned(np.abs(X - 3.0) < 0.16) is None
 
 
@@ -102,16 +96,7 @@ def pilot_at(*stops):
     return driver
 
 
-def test_a_rover_backs_off_only_if_it_stops_on_the_ground():
-    driver = pilot_at()
-    free = hazard_field(GRID, blocked(), blocked(), np.ones_like(blocked()))
-    for x, backs in ((0.3, True), (-0.1, False)):  # the ground ends at -2 m: rear wheels stop at -1.14 and -1.54 m
-        driver._back_to = None
-        driver._back_off(free, x, 0.0, 0.0)
-        assert (driver._back_to == (x, 0.0)) is backs, x
-
-
-def test_a_repeated_stop_backs_off_farther_if_there_is_room():
+def test_a_repeated_stop_backs_off_farther_if_there_is_room_on_the_ground():
     """Otherwise the rover returns to the same dead end, too close to turn away."""
     free = hazard_field(GRID, blocked(), blocked(), np.ones_like(blocked()))
     for stops, x, times in (([3.0], 3.0, 1), ([1.0, 3.0], 3.0, 1), ([3.4, 3.0], 3.0, 2), ([2.0] * 9, 2.0, 4)):
@@ -121,10 +106,15 @@ def test_a_repeated_stop_backs_off_farther_if_there_is_room():
     driver = pilot_at(0.4, 0.3)  # the ground has room for a single distance only
     driver._back_off(free, 0.3, 0.0, 0.0)
     assert driver._back_by == pytest.approx(0.8)
+    assert driver._back_to == (0.3, 0.0)
+    driver._back_to = None
+    driver._back_off(free, -0.1, 0.0, 0.0)  # the ground ends at -2 m: rear wheels would stop at -1.54 m
+    assert driver._back_to is None
 
 
-def test_a_rover_next_to_a_hazard_leaves_it_and_a_hazard_below_the_rover_is_ignored():
-    beside = blocked((-0.6, 0.75))  # cells within the gap of the left rear wheel
+@pytest.mark.parametrize("ahead", [(), ((2.5, 0.6), (2.5, -0.6))])
+def test_a_rover_next_to_a_hazard_leaves_it_and_a_hazard_below_the_rover_is_ignored(ahead):
+    beside = blocked((-0.6, 0.75), *ahead)  # cells within the gap of the left rear wheel
     ground = hazard_field(GRID, beside, np.zeros_like(beside), np.ones_like(beside))
     here = np.zeros(3)
     least = PLANNER.clearance(ground, here)
@@ -137,12 +127,3 @@ def test_a_rover_next_to_a_hazard_leaves_it_and_a_hazard_below_the_rover_is_igno
     under = blocked((-0.6, 0.0))
     assert planned(under, under) is not None
     assert planned(blocked((1.5, 0.6)), None) is not None
-
-
-def test_a_hazard_ahead_is_avoided_also_by_a_rover_too_close_to_another():
-    cells = blocked((-0.6, 0.75), (2.5, 0.6), (2.5, -0.6))
-    path = planned(cells)
-    ground = hazard_field(GRID, cells, np.zeros_like(cells), np.ones_like(cells))
-    assert path is not None
-    ahead = np.hypot(path[:, 0], path[:, 1]) > 1.0
-    assert (PLANNER.clearance(ground, path[ahead]) > 0).all()

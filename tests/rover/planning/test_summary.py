@@ -38,6 +38,7 @@ EVERY = rows(
 
 
 def test_there_is_a_drive_for_each_combination_and_names_read_back():
+    assert get_args(Mode) == MODES
     options = AutonomyOptions(modes=("truth", "stereo", "both"), headlights=("off", "on"))
     cameras = CameraSuiteOptions(suns=("1", "3"), exposures_ms=(64.0, 12.5))
     made = cases(options, cameras, (0, 3), ["packaged", "sun_mix-seed1"])
@@ -52,10 +53,6 @@ def test_there_is_a_drive_for_each_combination_and_names_read_back():
     assert case.light(vehicle) == ImagingCondition("night", "auto", lights_ahead(vehicle), "principled")
     assert parse_case("stereo_1_0064_off_hapke_seed0").light(vehicle) == ImagingCondition("1", 64.0)
     assert parse_case("truth_seed3").axes == {"mode": "truth", **dict.fromkeys(AXES[1:], "any")}
-
-
-def test_tables_list_all_modes():
-    assert get_args(Mode) == MODES
 
 
 def test_ratios_are_relative_to_the_blind_drive_of_the_seed_and_maps_are_summed():
