@@ -36,7 +36,7 @@ def test_a_job_a_drive_and_one_a_view_of_it(dry_run, tmp_path, name, drives, vie
     assert jobs["measure_drive"] == drives
     assert jobs["detect_drive"] == drives  # by the packaged detector
     assert jobs.get("film_drive") == (None if name == "overlays/rover" else drives)
-    assert jobs["draw_front"] == jobs["draw_sequence"] == jobs["tabulate_rover"] == jobs["tabulate_onboard"] == 1
+    assert jobs["draw_front"] == jobs["draw_drive"] == jobs["summarise_drives"] == jobs["summarise_onboard"] == 1
     assert "train_detector" not in jobs
 
 
@@ -62,23 +62,10 @@ def test_a_drive_of_all_that_it_depends_on_then_tables_and_figures(checkout, sna
     assert len(re.findall(r"input: .*Terrain11, site\.tif", text)) == len(cases)  # another ground repeats the drives
     trained = re.findall(r"site\.tif.*detect/position/(seed\d)/detectors/hapke\.pt", text)
     assert [trained.count(seed) for seed in ("seed0", "seed1")] == [8, 8]
-    for rule in (
-        "summarise_autonomy",
-        "tabulate_autonomy",
-        "rank_detectors",
-        "tabulate_rank",
-        "draw_autonomy",
-        "draw_autonomy_maps",
-    ):
-        assert jobs[rule] == 1
+    assert jobs["summarise_autonomy"] == jobs["rank_detectors"] == jobs["draw_autonomy"] == 1
     assert "results/demo/detect/ipd.parquet" in re.search(r"rule rank_detectors:\n +input: (.*)", text)[1]
     assert "drive_rover" not in jobs
-    for name in (
-        "tables/rover_autonomy.csv",
-        "tables/rover_autonomy_effects.csv",
-        "figures/rover_ways.png",
-        "figures/rover_maps.png",
-    ):
+    for name in ("tables/rover_autonomy_effects.csv", "figures/rover_ways.png", "figures/rover_maps.png"):
         assert f"results/demo/{name}" in text
 
 
@@ -144,36 +131,6 @@ def test_a_detector_is_trained_on_other_drives_before_it_looks(checkout, snakema
     assert re.search(r"rule make_drive_dataset:\n +input: results/other/rover/seed0/front_end_cam/poses\.parquet", text)
 
 
-@pytest.mark.slow
-def test_one_more_seed_leaves_finished_drives_as_they_are(checkout, snakemake):
-    pytest.importorskip("mujoco", reason="mujoco is not installed")
-    write_meshes(checkout / "results/small/meshes/Terrain03", 3)
-    rules = ("drive_alone", "summarise_autonomy")
-    call = ("results/small/rover/autonomy.parquet", "--configfile", "config/small.yaml", "--allowed-rules", *rules)
-    for seeds, options in (([0], ()), ([0, 1], ("--dry-run",))):
-        autonomy = {"run": True, "modes": ["blind"], "longest_s": 1}
-        content = configured(**SMALL, seeds=seeds, autonomy=autonomy) | {"run": "small", "terrains": [3]}
-        (checkout / "config/small.yaml").write_text(yaml.safe_dump(content))
-        done = snakemake(checkout, *call, *options)
-        assert done.returncode == 0, done.stderr[-3000:]
-    table = pd.read_parquet(checkout / "results/small/rover/autonomy.parquet").set_index("metric")
-    assert table.loc["time", ["mode", "sun", "drives", "value"]].tolist() == ["blind", "any", 1, 1.0]
-    assert planned(done) == {"drive_alone": 1, "summarise_autonomy": 1, "total": 2}
-
-
-def test_another_detector_does_not_repeat_rendering(checkout, snakemake):
-    content = yaml.safe_load((checkout / "config/overlays/rover.yaml").read_text())
-    text = {}
-    for detector in ("hapke", "analog"):
-        content["rover"]["detector"] = detector
-        (checkout / "config/evaluated.yaml").write_text(yaml.safe_dump(content))
-        done = snakemake(checkout, "rover", "--dry-run", "-p", "--configfile", "config/evaluated.yaml")
-        assert done.returncode == 0, done.stderr
-        text[detector] = done.stdout + done.stderr
-    assert "detect/position/seed0/detectors/hapke.pt" in text["hapke"]
-    assert "detect/position/seed0/detectors/hapke.pt" not in text["analog"]
-
-
 @pytest.mark.parametrize(
     ("rover", "key"),
     [
@@ -199,17 +156,29 @@ def test_runs_without_drives_have_no_rover_tables():
     assert parse_config(configured(**drives)).digest() != plain
 
 
+DRAWN = ("rover_sequence", "rover_front", "rover_drive")
+OF_A_DRIVE = ("drive_rover", "render_drive", "measure_drive", "write_bag", "drive_alone")
+OF_ALL = ("summarise_drives", "summarise_onboard", "draw_drive", "summarise_autonomy")
+
+
 @pytest.mark.slow
-def test_a_drive_of_five_seconds_ends_in_tables_figures_and_a_bag(checkout, snakemake):
+def test_drives_end_in_tables_figures_and_a_bag_and_one_more_seed_keeps_finished_drives(checkout, snakemake):
     pytest.importorskip("mujoco", reason="mujoco is not installed")
     pytest.importorskip("mcap_ros2", reason="mcap-ros2-support is not installed")
     write_meshes(checkout / "results/small/meshes/Terrain03", 3)
-    content = configured(**SMALL) | {"run": "small", "terrains": [3]}
-    (checkout / "config/small.yaml").write_text(yaml.safe_dump(content))
-    # The call excludes the rules of meshes and writes only missing files.
-    call = ("rover", "--configfile", "config/small.yaml", "--allowed-rules", "rover", *RULES)
-    done = snakemake(checkout, *call)
-    assert done.returncode == 0, done.stderr[-3000:]
+
+    def run(seeds: list[int], *options: str) -> str:
+        autonomy = {"run": True, "modes": ["blind"], "longest_s": 1}
+        content = configured(**SMALL, seeds=seeds, autonomy=autonomy) | {"run": "small", "terrains": [3]}
+        (checkout / "config/small.yaml").write_text(yaml.safe_dump(content))
+        # The call excludes the rules of meshes and writes only missing files.
+        targets = ("rover", "results/small/rover/autonomy.parquet")
+        allowed = ("--allowed-rules", "rover", "write_urdf", "draw_front", *OF_A_DRIVE, *OF_ALL)
+        done = snakemake(checkout, *targets, "--configfile", "config/small.yaml", *options, *allowed)
+        assert done.returncode == 0, done.stderr[-3000:]
+        return done
+
+    run([0])
     results = checkout / "results/small"
     drive = results / "rover/seed0"
     assert json.loads((drive / "drive.json").read_text())["seconds"] == 5
@@ -218,11 +187,13 @@ def test_a_drive_of_five_seconds_ends_in_tables_figures_and_a_bag(checkout, snak
     assert each["duration s"].item() == 5
     assert each["energy missing %"].item() < 2
     assert each["ended"].item() == "out of time"  # the time limit was reached
-    for name in ("rover", "rover_drives", "rover_onboard"):
+    for name in ("rover", "rover_drives", "rover_onboard", "rover_autonomy"):
         for form in ("csv", "md", "tex", "parquet"):
             assert (results / f"tables/{name}.{form}").stat().st_size
-    for name in ("rover_sequence", "rover_front", "rover_drive"):
+    for name in DRAWN:
         assert (results / f"figures/{name}.png").stat().st_size
+    table = pd.read_parquet(results / "rover/autonomy.parquet").set_index("metric")
+    assert table.loc["time", ["mode", "sun", "drives", "value"]].tolist() == ["blind", "any", 1, 1.0]
 
     from mcap.reader import make_reader
 
@@ -233,21 +204,9 @@ def test_a_drive_of_five_seconds_ends_in_tables_figures_and_a_bag(checkout, snak
     }
     assert topics["/front_end_cam/image/compressed"] == 6
     assert topics["/odom"] == 251
-
-    again = snakemake(checkout, *call)
-    assert "Nothing to be done" in again.stdout + again.stderr
-    before = (drive / "drive.mcap").read_bytes()
-    for path in (drive / "trace.parquet", drive / "drive.mcap"):
-        path.unlink()
-    done = snakemake(checkout, "results/small/rover/seed0/drive.mcap", *call[1:])
-    assert done.returncode == 0, done.stderr[-3000:]
-    assert (drive / "drive.mcap").read_bytes() == before
-
-
-RULES = (
-    "drive_rover", "render_drive", "measure_drive", "write_bag", "write_urdf", "summarise_drives",
-    "summarise_onboard", "tabulate_rover", "tabulate_onboard", "draw_drive", "draw_sequence", "draw_front",
-)  # fmt: skip
+    assert "Nothing to be done" in run([0], "--dry-run").stdout
+    jobs = planned(run([0, 1], "--dry-run"))
+    assert jobs == dict.fromkeys((*OF_A_DRIVE, *OF_ALL, "rover"), 1) | {"total": len(OF_A_DRIVE) + len(OF_ALL) + 1}
 
 
 def test_the_rover_takes_a_finished_demo_as_it_is():

@@ -195,39 +195,13 @@ rule write_urdf:
 
 
 rule summarise_drives:
-    """Slip, sinkage, torque, energy, offset and rocks of every drive, and means with intervals."""
+    """Slip, sinkage, torque, energy, offset and rocks of every drive, and means with intervals, with tables."""
     input:
         drives=of_drives("results/{run}/rover/seed{seed}/drive.json"),
         traces=of_drives("results/{run}/rover/seed{seed}/trace.parquet"),  # read through drives
     output:
         each="results/{run}/rover/drive_metrics.parquet",
         together="results/{run}/rover/drives.parquet",
-    resources:
-        mem_mb=memory_per_attempt(1000),
-        runtime=10,
-    script:
-        "../scripts/summarise_drives.py"
-
-
-rule summarise_onboard:
-    """Metrics on board over all drives and Suns, with intervals."""
-    input:
-        tables=of_drives("results/{run}/rover/seed{seed}/onboard/stops.parquet"),
-    output:
-        table="results/{run}/rover/onboard.parquet",
-    resources:
-        mem_mb=memory_per_attempt(1000),
-        runtime=20,
-    script:
-        "../scripts/summarise_onboard.py"
-
-
-rule tabulate_rover:
-    """Tables of the means and of every drive."""
-    input:
-        drives="results/{run}/rover/drives.parquet",
-        each="results/{run}/rover/drive_metrics.parquet",
-    output:
         table=shown("results/{run}/tables/rover.csv", "Rover", picture="drives"),
         each_table=shown(
             "results/{run}/tables/rover_drives.csv", "Rover", caption="tables/rover", picture="every drive"
@@ -239,58 +213,47 @@ rule tabulate_rover:
             form=["md", "tex", "parquet"],
         ),
     resources:
-        mem_mb=memory_per_attempt(500),
-        runtime=5,
+        mem_mb=memory_per_attempt(1000),
+        runtime=10,
     params:
         origin=ORIGIN,
     script:
-        "../scripts/tabulate_rover.py"
+        "../scripts/summarise_drives.py"
 
 
-rule tabulate_onboard:
-    """Table of the metrics of the front camera."""
+rule summarise_onboard:
+    """Metrics on board over all drives and Suns, with intervals, and their table."""
     input:
-        onboard="results/{run}/rover/onboard.parquet",
+        tables=of_drives("results/{run}/rover/seed{seed}/onboard/stops.parquet"),
     output:
+        onboard="results/{run}/rover/onboard.parquet",
         table=shown("results/{run}/tables/rover_onboard.csv", "Rover", picture="on board"),
         others=multiext("results/{run}/tables/rover_onboard", ".md", ".tex", ".parquet"),  # written through table
     resources:
-        mem_mb=memory_per_attempt(500),
-        runtime=5,
+        mem_mb=memory_per_attempt(1000),
+        runtime=20,
     params:
         origin=ORIGIN,
     script:
-        "../scripts/tabulate_onboard.py"
+        "../scripts/summarise_onboard.py"
 
 
 rule draw_drive:
-    """Slip, sinkage and offset over time."""
+    """Slip, sinkage and offset over time; images of the first drive, from a view that follows the rover if available."""
     input:
         traces=of_drives("results/{run}/rover/seed{seed}/trace.parquet"),
+        poses=f"{DRIVES.first}/{ROVER.shown_view}/poses.parquet",
     output:
         figure=shown("results/{run}/figures/rover_drive.png", "Rover", picture="slip and sinkage"),
+        sequence=shown("results/{run}/figures/rover_sequence.png", "Rover", picture="the drive"),
     resources:
         mem_mb=memory_per_attempt(1000),
         runtime=5,
     params:
         origin=ORIGIN,
-    script:
-        "../scripts/draw_drive.py"
-
-
-rule draw_sequence:
-    """Images at several times of the first drive, from a view that follows the rover if available."""
-    input:
-        poses=f"{DRIVES.first}/{ROVER.shown_view}/poses.parquet",
-    output:
-        figure=shown("results/{run}/figures/rover_sequence.png", "Rover", picture="the drive"),
-    resources:
-        mem_mb=memory_per_attempt(1000),
-        runtime=5,
-    params:
         pictures=ROVER.shown_set,
     script:
-        "../scripts/draw_sequence.py"
+        "../scripts/draw_drive.py"
 
 
 rule draw_front:

@@ -41,26 +41,13 @@ rule drive_alone:
 
 
 rule summarise_autonomy:
-    """Metrics of every drive, means over seeds with intervals, and effects of each axis."""
+    """Metrics of every drive, means over seeds with intervals, and effects of each axis, with tables."""
     input:
         drives=expand("results/{{run}}/rover/autonomy/{case}/figures.parquet", case=DRIVES.cases),
     output:
         each="results/{run}/rover/autonomy_metrics.parquet",
         together="results/{run}/rover/autonomy.parquet",
         effects="results/{run}/rover/autonomy_effects.parquet",
-    resources:
-        mem_mb=memory_per_attempt(1000),
-        runtime=10,
-    script:
-        "../scripts/summarise_autonomy.py"
-
-
-rule tabulate_autonomy:
-    """Tables of autonomous drives and of the effects of Sun, exposure, lights and detector."""
-    input:
-        together="results/{run}/rover/autonomy.parquet",
-        effects="results/{run}/rover/autonomy_effects.parquet",
-    output:
         table=shown("results/{run}/tables/rover_autonomy.csv", "Rover", picture="finding its way"),
         effects_table=shown(
             "results/{run}/tables/rover_autonomy_effects.csv", "Rover", picture="what the light changes"
@@ -72,16 +59,16 @@ rule tabulate_autonomy:
             form=["md", "tex", "parquet"],
         ),
     resources:
-        mem_mb=memory_per_attempt(500),
-        runtime=5,
+        mem_mb=memory_per_attempt(1000),
+        runtime=10,
     params:
         origin=ORIGIN,
     script:
-        "../scripts/tabulate_autonomy.py"
+        "../scripts/summarise_autonomy.py"
 
 
 rule rank_detectors:
-    """Ranks of detectors by gap and by drive metrics, and their correlation."""
+    """Ranks of detectors by gap and by drive metrics, and their correlation, with a table."""
     input:
         each="results/{run}/rover/autonomy_metrics.parquet",
         detection="results/{run}/detect/detection.parquet" if DRIVES.has_gap else [],
@@ -89,41 +76,30 @@ rule rank_detectors:
     output:
         by_detector="results/{run}/rover/autonomy_detectors.parquet",
         ranks="results/{run}/rover/autonomy_rank.parquet",
+        table=shown("results/{run}/tables/rover_rank.csv", "Rover", picture="gap and drive"),
+        others=multiext("results/{run}/tables/rover_rank", ".md", ".tex", ".parquet"),  # written through table
     resources:
         mem_mb=memory_per_attempt(1000),
         runtime=10,
     params:
         pair=[CONFIG.photo_domain, ROVER.cameras.models[0]],
         split=SPLITS[0],
+        origin=ORIGIN,
     script:
         "../scripts/rank_detectors.py"
 
 
-rule tabulate_rank:
-    """Table of the correlation between gap and drive metrics of detectors."""
-    input:
-        by_detector="results/{run}/rover/autonomy_detectors.parquet",
-        ranks="results/{run}/rover/autonomy_rank.parquet",
-    output:
-        table=shown("results/{run}/tables/rover_rank.csv", "Rover", picture="gap and drive"),
-        others=multiext("results/{run}/tables/rover_rank", ".md", ".tex", ".parquet"),  # written through table
-    resources:
-        mem_mb=memory_per_attempt(500),
-        runtime=5,
-    params:
-        origin=ORIGIN,
-    script:
-        "../scripts/tabulate_rank.py"
-
-
 rule draw_autonomy:
-    """Collisions, success, map and energy of the modes, and the paths of the drives of the first seed."""
+    """Metrics of the modes, the paths of the drives of the first seed, and maps and images of a drive of each mode."""
     input:
         drives=expand("results/{{run}}/rover/autonomy/{case}/trace.parquet", case=DRIVES.cases),
+        events=expand("results/{{run}}/rover/autonomy/{case}/events.parquet", case=DRIVES.cases),  # read through drives
+        pictures=expand("results/{{run}}/rover/autonomy/{case}/pictures", case=DRIVES.cases),  # read through drives
         together="results/{run}/rover/autonomy.parquet",
     output:
         figure=shown("results/{run}/figures/rover_autonomy.png", "Rover", picture="modes"),
         ways=shown("results/{run}/figures/rover_ways.png", "Rover", picture="ways"),
+        maps=shown("results/{run}/figures/rover_maps.png", "Rover", picture="map, way, hits and pictures"),
     resources:
         mem_mb=memory_per_attempt(1000),
         runtime=5,
@@ -131,20 +107,3 @@ rule draw_autonomy:
         origin=ORIGIN,
     script:
         "../scripts/draw_autonomy.py"
-
-
-rule draw_autonomy_maps:
-    """Map, path, collisions and stops of one drive of each mode, with front camera images."""
-    input:
-        drives=expand("results/{{run}}/rover/autonomy/{case}/trace.parquet", case=DRIVES.cases),
-        events=expand("results/{{run}}/rover/autonomy/{case}/events.parquet", case=DRIVES.cases),  # read through drives
-        pictures=expand("results/{{run}}/rover/autonomy/{case}/pictures", case=DRIVES.cases),  # read through drives
-    output:
-        figure=shown("results/{run}/figures/rover_maps.png", "Rover", picture="map, way, hits and pictures"),
-    resources:
-        mem_mb=memory_per_attempt(1000),
-        runtime=5,
-    params:
-        origin=ORIGIN,
-    script:
-        "../scripts/draw_autonomy_maps.py"

@@ -1,16 +1,19 @@
-"""Draw metrics and paths of autonomous drives for each mode."""
+"""Draw metrics, paths and maps of autonomous drives for each mode."""
 
 from pathlib import Path
 
 from polarsim.job_files import list_of_paths
 from polarsim.report.figures.autonomy import draw_autonomy
+from polarsim.report.figures.autonomy_maps import draw_autonomy_maps
 from polarsim.reporting import reporting
 
+folders = [path.parent for path in list_of_paths(snakemake.input.drives)]
 with reporting(log=snakemake.log[0]):
     draw_autonomy(
-        folders=[path.parent for path in list_of_paths(snakemake.input.drives)],
+        folders=folders,
         together=Path(snakemake.input.together),
         figure=Path(snakemake.output.figure),
         ways=Path(snakemake.output.ways),
         origin=snakemake.params.origin,
     )
+    draw_autonomy_maps(folders=folders, figure=Path(snakemake.output.maps), origin=snakemake.params.origin)
