@@ -70,13 +70,23 @@ def off_the_step(normal, to_lamp, to_viewer):
     return np.abs((normal * to_lamp).sum(axis=1) - (to_viewer * to_lamp).sum(axis=1)) > 1e-5
 
 
-def test_reflectance_equals_all_pinned_values():
+@pytest.fixture(scope="module", params=["numpy", "numba", "taichi"])
+def engine(request):
+    if request.param == "taichi":
+        from polarsim.geometry import taichi_device
+        from polarsim.render import brdf_taichi
+
+        taichi_device.start(threads=1)
+        return brdf_taichi
+    return brdf if request.param == "numpy" else brdf_numba
+
+
+def test_reflectance_equals_all_pinned_values(engine):
     assert len(PINNED) == 175
     for _, row in PINNED.iterrows():
-        value = brdf.reflectance(
-            parameters_of(row), *directions(row.incidence_deg, row.emergence_deg, row.azimuth_deg)
-        )[0]
-        assert value == pytest.approx(pinned_value(row), rel=1e-9), (row.model, row.set, tuple(row[-6:-2]))
+        vectors = directions(row.incidence_deg, row.emergence_deg, row.azimuth_deg)
+        expected = pytest.approx(pinned_value(row), rel=1e-9 if engine is brdf else 1e-3)
+        assert engine.reflectance(parameters_of(row), *vectors)[0] == expected, (row.model, row.set, tuple(row[-6:-2]))
 
 
 @pytest.mark.parametrize("parameters", RECIPROCAL)
@@ -101,33 +111,29 @@ def test_chronos_hapke_differs_only_where_the_branch_is_wrong(rng):
 
 @pytest.mark.parametrize("parameters", SAMPLES)
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_singular_directions_have_finite_nonnegative_values(parameters, dtype):
+def test_singular_directions_have_finite_values_that_are_zero_for_surfaces_that_face_away(engine, parameters, dtype):
     angles = np.array(
         [
             (0, 0, 0), (0, 40, 0), (40, 0, 90), (1e-4, 1e-4, 0), (30, 30, 0), (85, 85, 0), (30, 30, 180),
             (89, 89, 180), (89, 89, 0), (89.9, 10, 90), (10, 89.9, 180), (60, 60, 1e-5), (45, 45, 179.99999),
-            (90, 45, 0), (45, 90, 0), (90, 90, 180), (120, 30, 0), (30, 120, 180),
+            (90, 45, 0), (45, 90, 0), (90, 90, 180), (120, 30, 0), (30, 120, 180), (120, 120, 0),
         ]
     )  # fmt: skip
-    value = brdf.reflectance(parameters, *directions(*angles.T, dtype=dtype))
-    assert value.dtype == dtype
+    value = engine.reflectance(parameters, *directions(*angles.T, dtype=dtype))
     assert np.isfinite(value).all()
+    np.testing.assert_array_equal(value > 0, (angles[:, :2] < 90).all(axis=1))
     assert (value >= 0).all()
 
 
 @pytest.mark.parametrize("parameters", SAMPLES)
-def test_surfaces_that_face_away_reflect_nothing(parameters):
-    normal, to_lamp, to_viewer = directions([100, 30, 120], [30, 100, 120], [0, 90, 0])
-    assert not brdf.reflectance(parameters, normal, to_lamp, to_viewer).any()
-
-
-@pytest.mark.parametrize("parameters", SAMPLES)
-def test_float32_stays_close_to_double(parameters, rng):
+def test_engines_agree_in_float32_with_the_reference_in_double(engine, parameters, rng):
     for widest_deg, tolerance in ((88, 2e-5), (89.9, 1e-3)):
         vectors = random_directions(rng, 20_000, widest_deg)
         vectors = [v[off_the_step(*vectors)].astype(np.float32) for v in vectors]
         expected = brdf.reflectance(parameters, *(v.astype(float) for v in vectors))
-        np.testing.assert_allclose(brdf.reflectance(parameters, *vectors), expected, rtol=tolerance)
+        found = engine.reflectance(parameters, *vectors)
+        assert found.dtype == np.float32
+        np.testing.assert_allclose(found, expected, rtol=tolerance)
 
 
 @pytest.mark.parametrize(
@@ -152,50 +158,8 @@ def test_light_scattered_into_the_hemisphere_matches_quadrature(parameters, expe
         assert 2 * np.pi * (value * np.cos(np.radians(e))).mean() == pytest.approx(share, rel=2e-3)
 
 
-@pytest.mark.parametrize("name", sorted(HAPKE_SETS))
-def test_the_opposition_surge_of_lunar_soil_is_there(name):
-    value = brdf.reflectance(HAPKE_SETS[name], *directions([30, 30], [30, 40], [0, 0]))
-    assert 1.38 < value[0] / value[1] < 1.75
-
-
-@pytest.fixture(scope="module", params=["numba", "taichi"])
-def engine(request):
-    if request.param == "numba":
-        return brdf_numba
-    from polarsim.geometry import taichi_device
-    from polarsim.render import brdf_taichi
-
-    taichi_device.start(threads=1)
-    return brdf_taichi
-
-
-@pytest.mark.parametrize("parameters", SAMPLES)
-def test_engines_agree_with_the_reference(engine, parameters, rng):
-    for widest_deg, tolerance in ((88, 2e-5), (89.9, 1e-3)):
-        vectors = random_directions(rng, 20_000, widest_deg)
-        vectors = [v[off_the_step(*vectors)].astype(np.float32) for v in vectors]
-        expected = brdf.reflectance(parameters, *(v.astype(float) for v in vectors))
-        np.testing.assert_allclose(engine.reflectance(parameters, *vectors), expected, rtol=tolerance)
-
-
 @pytest.mark.parametrize("parameters", [one for one in SAMPLES if not hasattr(one, "w") and not hasattr(one, "soil")])
 def test_numba_equals_the_reference_for_models_without_functions(parameters, rng):
     vectors = [v.astype(np.float32) for v in random_directions(rng, 20_000, 89.9)]
     expected = brdf.reflectance(parameters, *vectors)
     np.testing.assert_array_equal(brdf_numba.reflectance(parameters, *vectors), expected)
-
-
-def test_engines_agree_with_the_pinned_values(engine):
-    for _, row in PINNED.iterrows():
-        vectors = directions(row.incidence_deg, row.emergence_deg, row.azimuth_deg)
-        value = engine.reflectance(parameters_of(row), *vectors)[0]
-        assert value == pytest.approx(pinned_value(row), rel=1e-3), (row.model, row.set, tuple(row[-6:-2]))
-
-
-@pytest.mark.parametrize("parameters", SAMPLES)
-def test_engines_are_finite_where_the_reference_is(engine, parameters):
-    angles = np.array([(0, 0, 0), (0, 40, 0), (30, 30, 0), (89, 89, 180), (30, 30, 180), (90, 90, 180), (120, 30, 0)])
-    value = engine.reflectance(parameters, *directions(*angles.T))
-    assert np.isfinite(value).all()
-    assert (value[:5] > 0).all()
-    assert not value[5:].any()

@@ -109,7 +109,7 @@ def test_without_usable_photos_materials_are_constant_with_a_warning(folders, ph
         assert path.read_bytes() == with_nothing[key].read_bytes()
 
 
-def test_a_gain_in_the_options_has_priority_over_the_fit():
+def test_a_gain_in_the_options_has_priority_over_the_fit_and_unknown_parameters_are_rejected():
     found = FittedMaterials(True, True, {"lambert": fit_of({"albedo": 0.3}, **{"30": 2.0, "rover": 9.0})}, np.ones(4))
     options, albedo = with_fit(RenderOptions(gain={"lambert": 5}), found)
     assert options.gain["lambert"] == 5
@@ -117,6 +117,9 @@ def test_a_gain_in_the_options_has_priority_over_the_fit():
     assert (options.falloff, options.vignetting) == (True, True)
     assert options.parameters("lambert") == LambertParameters(albedo=0.3)
     assert list(albedo) == ["lambert"]
+    unknown = FittedMaterials(True, True, {"lambert": fit_of({"w": 0.3}, **{"30": 2.0})}, np.ones(4))
+    with pytest.raises(FormatError):
+        with_fit(RenderOptions(), unknown)
 
 
 def test_fitted_intensities_are_relative_to_the_median_sun_lamp():
@@ -131,9 +134,3 @@ def test_fitted_intensities_are_relative_to_the_median_sun_lamp():
     assert brightness == pytest.approx({"30": 2 / 3, "180": 4, "350": 1, ROVER: 1})  # there is no photo of 350
     assert with_fitted_intensities(lamps, None, "lambert") is lamps
     assert with_fitted_intensities(lamps, found, "hapke") is lamps
-
-
-def test_unknown_parameters_of_a_fit_are_rejected():
-    found = FittedMaterials(True, True, {"lambert": fit_of({"w": 0.3}, **{"30": 2.0})}, np.ones(4))
-    with pytest.raises(FormatError):
-        with_fit(RenderOptions(), found)

@@ -32,6 +32,8 @@ def files_of(maps):
 def test_only_selected_maps_are_written(folders):
     assert not make(folders, ()).exists()
     assert files_of(make(folders, ("depth",))) == {"depth": ["01_A_L.png"]}
+    with pytest.raises(ValidationError):
+        RenderOptions(maps=("albedo",))
 
 
 def test_maps_without_light_are_per_view_and_others_per_bracket(folders):
@@ -66,8 +68,3 @@ def test_the_same_bytes_with_one_thread_and_two(folders):
     first = {path: path.read_bytes() for path in make(folders, names).rglob("*.*")}
     assert len(first) == 11
     assert first == {path: path.read_bytes() for path in make(folders, names, threads=2).rglob("*.*")}
-
-
-def test_an_unknown_map_is_rejected():
-    with pytest.raises(ValidationError):
-        RenderOptions(maps=("albedo",))

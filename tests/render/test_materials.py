@@ -2,14 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from polarsim.geometry.camera import Camera
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import Lamp
-from polarsim.render.materials import between_corners
 from polarsim.render.olat import render_view
 from polarsim.render.options import LambertParameters, Material, RenderOptions
 from polarsim.render.surfaces import build_surfaces
@@ -44,26 +41,17 @@ def with_(options, **changed):
         ("ground", [GROUND], {"ambient": 0.05}),
         ("rocks", [ROCK_IDS + 1, ROCK_IDS + 2], {"bounce": 0.05}),
         ("2", [ROCK_IDS + 2], {}),
+        ("walls", [BACKGROUND], {"rim": True, "rim_half_width_m": 1.0}),
     ],
 )
 def test_an_albedo_factor_scales_only_the_named_objects(mesh, camera, lens, plain, engine, surround, name, shown):
     options = with_(plain, engine=engine, **surround)
     plainly, ids = olat_image(mesh, camera, lens, options, "hapke")
     brighter, _ = olat_image(mesh, camera, lens, with_(options, materials={name: Material(albedo=1.5)}), "hapke")
-    named = np.isin(ids, shown)
+    named = np.isin(ids, shown) & (plainly > 0)
     assert (plainly[named] > 0).sum() > 50
     np.testing.assert_allclose(brighter[named], 1.5 * plainly[named], rtol=1e-6)
     np.testing.assert_array_equal(brighter[~named], plainly[~named])
-
-
-def test_walls_have_a_material(mesh, camera, lens, plain):
-    options = with_(plain, rim=True, rim_half_width_m=1.0)
-    plainly, ids = olat_image(mesh, camera, lens, options)
-    darker, _ = olat_image(mesh, camera, lens, with_(options, materials={"walls": Material(albedo=0.5)}))
-    walls = (ids == BACKGROUND) & (plainly > 0)
-    assert walls.sum() > 100
-    np.testing.assert_allclose(darker[walls], plainly[walls] / 2, rtol=1e-6)
-    np.testing.assert_array_equal(darker[~walls], plainly[~walls])
 
 
 @pytest.mark.parametrize("engine", ["numba", "numpy", "taichi"])
@@ -149,10 +137,3 @@ def test_skirts_have_the_mean_albedo_of_the_rock_and_walls_have_1(blocks, plain)
     feet = np.setdiff1d(np.arange(len(added)), walls)
     assert len(feet) == 16  # four rims, four corners each
     np.testing.assert_allclose(added[feet], 0.7, rtol=1e-6)
-
-
-@given(st.floats(0, 1), st.floats(0, 1), st.lists(st.floats(-5, 5), min_size=3, max_size=3))
-def test_interpolated_values_are_between_the_corner_values(second, third, corners):
-    second, third = min(second, 1 - third), third
-    found = between_corners(np.array(corners), np.array([[0, 1, 2]]), np.array([[second, third]]))[0]
-    assert min(corners) - 1e-5 <= found <= max(corners) + 1e-5

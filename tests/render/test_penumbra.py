@@ -110,9 +110,8 @@ def test_sparse_and_full_probes_agree(surfaces, every):
 @pytest.mark.parametrize("count", [0, 1, 2, 9])
 def test_sparse_probes_of_few_points(surfaces, count):
     points = np.tile(np.array([[0.9, 0.9, 0.5]], np.float32), (count, 1))
-    to_lamp = (LAMP.position - points).astype(np.float32)
-    found = visible_share(surfaces, points, to_lamp, 0.2, 16, np.zeros(count), 8)
-    np.testing.assert_array_equal(found, visible_share(surfaces, points, to_lamp, 0.2, 16, np.zeros(count)))
+    arguments = (surfaces, points, (LAMP.position - points).astype(np.float32), 0.2, 16, np.zeros(count))
+    np.testing.assert_array_equal(visible_share(*arguments, 8), visible_share(*arguments))
 
 
 def test_sparse_probes_change_few_pixels_of_an_image(surfaces, above, lens, plain):

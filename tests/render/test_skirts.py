@@ -26,12 +26,7 @@ def test_open_edges_of_a_block_without_underside_exclude_seams(floating):
     np.testing.assert_allclose(lengths, 0.4)
 
 
-def test_a_closed_rock_has_no_skirt(blocks):
-    mesh = blocks()
-    assert len(add_skirts(mesh, 0.05).faces) == len(mesh.faces)
-
-
-def test_skirts_face_the_same_side_as_the_faces_above():
+def test_skirts_face_the_same_side_as_the_faces_above_and_closed_rocks_have_none(blocks):
     start, end = np.array([[0.0, 0, 1]]), np.array([[1.0, 0, 1]])  # under a face with the third corner (0, 0, 2)
     vertices, faces, normals = skirt_strips(start, end, 0.1)
     a, b, c = (vertices[faces[:, k]] for k in range(3))
@@ -39,6 +34,7 @@ def test_skirts_face_the_same_side_as_the_faces_above():
     np.testing.assert_allclose(flat / np.linalg.norm(flat, axis=1, keepdims=True), [[0, -1, 0]] * 2)
     np.testing.assert_allclose(normals, [[0, -1, 0]] * 4)
     assert vertices[:, 2].min() == 0.9
+    assert len(add_skirts(blocks(), 0.05).faces) == len(blocks().faces)
 
 
 def test_skirts_prevent_light_leaks(floating, camera, lens, plain, ids_of):

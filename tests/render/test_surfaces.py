@@ -20,15 +20,12 @@ def test_boxes_are_closed_and_face_outwards():
 def test_walls_surround_the_sand_and_have_the_background_id(blocks, surfaces):
     options = RenderOptions(rim=True, rim_half_width_m=1.5, rim_height_m=0.3)
     mesh_faces = len(surfaces.faces)
+    assert surfaces.id_of_face.tolist() == [GROUND] * 2 + [ROCK_IDS + 1] * 12
     walled = build_surfaces(blocks(), options)
     assert (walled.id_of_face[mesh_faces:] == BACKGROUND).all()
     added = walled.vertices[len(surfaces.vertices) :]
     assert np.abs(added[:, :2]).max(axis=1).min() == 1.5
     assert added[:, 2].max() == 0.3
-
-
-def test_faces_have_the_ids_of_ground_and_rock(surfaces):
-    assert surfaces.id_of_face.tolist() == [GROUND] * 2 + [ROCK_IDS + 1] * 12
 
 
 def test_hit_points_project_back_to_their_pixels(surfaces, camera, lens):

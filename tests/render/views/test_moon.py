@@ -4,7 +4,7 @@ from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.render.views.moon import (
@@ -63,6 +63,7 @@ def test_the_subsolar_latitude_is_below_1_62_degrees(moment):
     assert abs(subsolar_point(moment)[1]) < 1.62
 
 
+@settings(max_examples=40)
 @given(MOMENTS, st.floats(-90, 90), st.floats(-180, 180))
 def test_the_elevation_follows_from_the_distance_to_the_subsolar_point(moment, latitude, longitude):
     sun_longitude, sun_latitude = subsolar_point(moment)
