@@ -6,16 +6,6 @@ from polarsim.analog.presets import PRESETS
 from polarsim.analog.sandbox import HALL_FLOOR
 
 
-def test_every_terrain_of_the_data_set_has_a_preset():
-    assert sorted(PRESETS) == list(range(1, 14))
-    assert PRESETS[6].rocks == 0  # Smooth
-
-
-def test_equal_seeds_generate_equal_sand():
-    first, second = (make_ground(PRESETS[4], 0.02, np.random.default_rng(5)) for _ in range(2))
-    np.testing.assert_array_equal(first.heights, second.heights)
-
-
 @pytest.mark.parametrize("terrain", [1, 6, 9])
 def test_sand_has_height_zero_at_the_centre_and_low_relief(terrain):
     ground = make_ground(PRESETS[terrain], 0.02, np.random.default_rng(terrain))
@@ -23,11 +13,9 @@ def test_sand_has_height_zero_at_the_centre_and_low_relief(terrain):
     assert np.abs(ground.heights).max() < 0.15
     assert ground.axis[0] <= -2
     assert ground.axis[-1] >= 2
-
-
-def test_a_smooth_terrain_is_smoother_than_a_trowelled_one():
-    smooth, rough = (make_ground(PRESETS[t], 0.02, np.random.default_rng(3)) for t in (6, 1))
-    assert np.abs(np.diff(smooth.heights)).mean() < 0.5 * np.abs(np.diff(rough.heights)).mean()
+    if terrain == 6:  # smooth, in contrast to a trowelled terrain
+        rough = make_ground(PRESETS[1], 0.02, np.random.default_rng(3))
+        assert np.abs(np.diff(ground.heights)).mean() < 0.5 * np.abs(np.diff(rough.heights)).mean()
 
 
 def test_a_fresh_crater_is_a_bowl_two_metres_wide_with_a_raised_rim():
@@ -43,18 +31,14 @@ def test_a_fresh_crater_is_a_bowl_two_metres_wide_with_a_raised_rim():
     assert profile[1.0] > profile[1.5] + 0.04
 
 
-def test_heights_between_nodes_are_bilinear():
+def test_heights_between_nodes_are_bilinear_and_the_mesh_faces_up():
     axis = np.linspace(-1, 1, 5)
     plane = HeightField(axis, 0.1 * axis[:, None] + 0.2 * axis[None, :])
     np.testing.assert_allclose(plane.height_at(np.array([0.3]), np.array([-0.7])), [0.03 - 0.14])
-
-
-def test_the_mesh_faces_up_and_keeps_the_heights():
-    ground = make_ground(PRESETS[3], 0.05, np.random.default_rng(1))
-    vertices, faces = ground.mesh()
+    vertices, faces = plane.mesh()
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     assert (np.cross(b - a, c - a)[:, 2] > 0).all()
-    np.testing.assert_allclose(ground.height_at(vertices[:, 0], vertices[:, 1]), vertices[:, 2], atol=1e-12)
+    np.testing.assert_allclose(plane.height_at(vertices[:, 0], vertices[:, 1]), vertices[:, 2], atol=1e-12)
 
 
 def test_sand_is_piled_around_a_rock_only():

@@ -39,15 +39,11 @@ def test_a_cast_shadow_is_the_sand_whose_rays_to_the_lamp_hit_the_rock(ball_scen
     assert points[:, 1].min() == pytest.approx(away - up / np.tan(tangent), rel=0.05)
 
 
-def test_sand_shaded_by_a_wall_belongs_to_no_rock_shadow(ball_scene, ball_caster, ball_view, rng):
+def test_sand_shaded_by_a_wall_and_scenes_without_rocks_have_no_rock_shadow(ball_scene, ball_caster, ball_view, rng):
     low = DiscLamp(np.array([0.0, 3.5, 0.34]), np.zeros(3), 0.03)  # below the wall top of 0.31: all sand is shaded
     seen = visibility(ball_view, ball_caster, low, rng, 1)
-    assert shadow_regions(ball_scene, ball_caster, ball_scene.rock_caster(), ball_view, low, seen, 1) == []
-
-
-def test_a_scene_without_rocks_has_no_shadows(ball_scene, ball_caster, ball_view):
-    seen = np.zeros(ball_view.shape, np.float32)
-    assert shadow_regions(ball_scene, ball_caster, None, ball_view, LAMP, seen, 1) == []
+    for rocks in (ball_scene.rock_caster(), None):
+        assert shadow_regions(ball_scene, ball_caster, rocks, ball_view, low, seen, 1) == []
 
 
 def test_contrast_is_the_difference_to_the_surroundings():

@@ -2,8 +2,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from polarsim.analog.ground import make_ground
 from polarsim.analog.placement import place_rocks
@@ -40,8 +38,7 @@ def test_the_icosphere_is_closed_and_coarser_ones_come_first():
     np.testing.assert_array_equal(vertices[:162], icosphere(2)[0])
 
 
-@settings(max_examples=15)
-@given(seed=st.integers(0, 10**6), size=st.floats(0.05, 0.6))
+@pytest.mark.parametrize(("seed", "size"), [(0, 0.05), (1, 0.2), (2, 0.6), (3, 0.1)])
 def test_a_carved_rock_has_the_given_size_and_outward_faces(seed, size):
     rock = carve(np.random.default_rng(seed), 1, size, 3)
     assert np.ptp(rock.vertices, axis=0).max() == pytest.approx(size)

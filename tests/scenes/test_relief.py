@@ -2,30 +2,23 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from polarsim.geometry.heightfields import crater, grid_mesh, rough_waves, smooth_noise, sum_noise
 from polarsim.scenes.options import SceneRanges
 from polarsim.scenes.relief import draw_relief
 
 
-def test_noise_has_mean_0_and_sd_1(rng):
-    noise = smooth_noise((120, 90), 8, 2, 0.3, rng)
-    assert abs(noise.mean()) < 1e-12
-    assert noise.std() == pytest.approx(1)
-
-
 @pytest.mark.parametrize(("angle", "smooth_axis"), [(0.0, 1), (np.pi / 2, 0)])
 def test_ridges_run_along_their_angle(rng, angle, smooth_axis):
     """Steps along a ridge are smaller than across the ridge by the ratio of the correlation lengths."""
     noise = smooth_noise((256, 256), 12, 3, angle, rng)
+    assert (abs(noise.mean()) < 1e-12, noise.std()) == (True, pytest.approx(1))
     along = np.abs(np.diff(noise, axis=smooth_axis)).mean()
     across = np.abs(np.diff(noise, axis=1 - smooth_axis)).mean()
     assert across / along == pytest.approx(4, rel=0.25)
 
 
-@given(radius=st.floats(0.1, 1), depth=st.floats(0.01, 0.3))
+@pytest.mark.parametrize(("radius", "depth"), [(0.1, 0.3), (1, 0.01), (0.5, 0.1)])
 def test_a_crater_is_deepest_in_the_centre_highest_at_its_crest_and_flat_far_off(radius, depth):
     x = np.linspace(0, 3 * radius, 3001)
     height = crater(x, np.zeros_like(x), radius, depth)

@@ -28,23 +28,16 @@ def test_a_grey_image_has_no_strokes_and_is_unchanged(rng):
     photo = grainy(rng)
     assert not find_strokes(np.repeat(photo[..., None], 3, axis=-1)).any()
     np.testing.assert_array_equal(erase_strokes(np.repeat(photo[..., None], 3, axis=-1)), photo)
+    np.testing.assert_array_equal(augment_with_annotations(photo, 0, rng, 480), photo)
 
 
 @pytest.mark.parametrize("colour", COLOURS)
-def test_only_strokes_are_changed(rng, colour):
+def test_only_strokes_are_changed_and_recover_the_photo_to_a_few_grey_values(rng, colour):
     photo = grainy(rng)
     drawn = draw_strokes(photo, BOXES, [3, 17], colour, 3, 20)
-    erased = erase_strokes(drawn)
-    outside = ~find_strokes(drawn)
-    np.testing.assert_array_equal(erased[outside], photo[outside])
-
-
-@pytest.mark.parametrize("colour", COLOURS)
-def test_erased_strokes_recover_the_photo_to_a_few_grey_values(rng, colour):
-    photo = grainy(rng)
-    drawn = draw_strokes(photo, BOXES, [3, 17], colour, 3, 20)
-    strokes = find_strokes(drawn)
-    error = erase_strokes(drawn)[strokes].astype(float) - photo[strokes]
+    strokes, erased = find_strokes(drawn), erase_strokes(drawn)
+    np.testing.assert_array_equal(erased[~strokes], photo[~strokes])
+    error = erased[strokes].astype(float) - photo[strokes]
     assert np.abs(error).mean() < 6  # the photo has a standard deviation of about 12, of which 2 are grain
     assert abs(error.mean()) < 1.5
 
@@ -93,11 +86,6 @@ def test_erased_strokes_have_the_grain_of_the_photo(rng):
     strokes, erased = find_strokes(drawn), erase_strokes(drawn).astype(float)
     fine = np.abs(erased - ndimage.gaussian_filter(erased, 1.5))
     assert 0.5 < fine[strokes].mean() / fine[~strokes].mean() < 1.5
-
-
-def test_augmentation_without_strokes_returns_the_photo(rng):
-    photo = grainy(rng)
-    np.testing.assert_array_equal(augment_with_annotations(photo, 0, rng, 480), photo)
 
 
 @pytest.mark.parametrize(("terrain", "position", "boxes"), [(1, "A", 15), (1, "C", 15), (11, "C", 9), (4, "C", 0)])
