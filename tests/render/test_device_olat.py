@@ -5,7 +5,6 @@ import pytest
 from pydantic import ValidationError
 
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.poses import camera_pose
 from polarsim.render.lamps import Lamp, Spotlight
 from polarsim.render.olat import render_view, renders_on_device
 from polarsim.render.options import Material, RenderOptions
@@ -49,13 +48,6 @@ def test_the_device_supports_materials_vertex_albedo_and_diffuse_walls(blocks, c
     albedo = {"hapke": rng.uniform(0.5, 1.5, len(mesh.vertices)).astype(np.float32)}
     reference, device = both(mesh, camera, lens, options, ["hapke", "lambert"], albedo)
     assert_close(device, reference)
-
-
-def test_the_sky_is_black_on_the_device(blocks, camera, lens, plain):
-    options = plain.model_copy(update=DEVICE)
-    upwards = camera_pose(camera.translation, 0.0, np.radians(-60))
-    view = render_view(build_surfaces(blocks(), options), Camera(upwards, lens), LAMPS, ["lambert"], None, options)
-    assert not any(olat_image.any() for olat_image in view.olat_images.values())
 
 
 def test_device_results_do_not_depend_on_threads(blocks, camera, lens, plain):

@@ -73,19 +73,3 @@ def test_an_invalid_key_or_value_is_reported_in_one_line(tmp_path, change, key):
         read_views(path)
     assert error.value.path == path
     assert "\n" not in str(error.value)
-
-
-@pytest.mark.parametrize("text", ["[unclosed", "just words", ""])
-def test_a_file_without_mapping_is_reported_in_one_line(tmp_path, text):
-    path = tmp_path / "views.yaml"
-    path.write_text(text)
-    with pytest.raises(ConfigError) as error:
-        read_views(path)
-    assert error.value.path == path
-    assert "\n" not in str(error.value)
-
-
-def test_a_missing_views_file_is_reported(tmp_path):
-    with pytest.raises(ConfigError) as error:
-        read_views(tmp_path / "nowhere.yaml")
-    assert error.value.path == tmp_path / "nowhere.yaml"
