@@ -175,8 +175,8 @@ def write_yolo_dataset(
 ) -> None:
     """Link the files of the entries into `folder`, the temporary folder of `dataset`, and write the index files.
 
-    A part in `needed` without images is an error. `facts` are additional entries of `dataset.json`, `left_out` the names
-    and parts of corrupt images.
+    A part in `needed` without images is an error. `facts` are additional entries of `dataset.json`, `left_out` the
+    names and parts of corrupt images.
     """
     for part in PARTS:
         for kind, _ in KINDS:

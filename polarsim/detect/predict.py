@@ -41,16 +41,9 @@ def predict_domains(
     meshes: Sequence[Path] = (),
 ) -> None:
     """Apply `predict` to the test part of each data set."""
+    common = {"weights": weights, "options": options, "threads": threads, "cameras": cameras, "meshes": meshes}
     for dataset, table in zip(datasets, predictions, strict=True):
-        predict(
-            weights=weights,
-            dataset=dataset,
-            predictions=table,
-            options=options,
-            threads=threads,
-            cameras=cameras,
-            meshes=meshes,
-        )
+        predict(dataset=dataset, predictions=table, **common)
 
 
 def predict(
@@ -65,17 +58,8 @@ def predict(
 ) -> None:
     """Write the predictions of a detector on the test part of a data set, boxes in pixels of the full photo.
 
-    Memory does not grow with the number of images. An interrupted call resumes.
-
-    Parameters
-    ----------
-    cameras, meshes : sequence of Path
-        Folders of camera poses and meshes, one per terrain. Boxes outside the sand are dropped on these terrains.
-
-    Raises
-    ------
-    PolarsimError
-        Invalid weights, image or data set.
+    Memory does not grow with the number of images. An interrupted call resumes. Boxes outside the sand are dropped on
+    terrains with folders of camera poses and meshes.
     """
     detector = detectors.read_detector(weights)
     sizes = inference_widths_of(detector, options)
@@ -122,12 +106,7 @@ def predict_images(
 ) -> Iterator[np.ndarray]:
     """Yield the boxes (n, 6) x0, y0, x1, y1, confidence, class of each image (h, w) uint8; images have equal sizes.
 
-    Parameters
-    ----------
-    nms_iou
-        IoU threshold of the suppression of boxes from different inference widths.
-    full
-        Width and height of the original image. Boxes are in pixels of the original image.
+    Boxes are in pixels of the original image of size `full` (width, height).
     """
     if len({picture.shape for picture in pictures}) > 1:
         raise DetectError(f"images of sizes {sorted({picture.shape for picture in pictures})}, expected equal sizes")

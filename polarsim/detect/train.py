@@ -33,34 +33,27 @@ def train_detector(
 
     Parameters
     ----------
-    dataset : Path
-        Folder written by `make_dataset`; it is not modified.
     weights : Path
         Detector to write, see `detectors.write_detector`.
     curve : Path
         CSV to write, a row per epoch: losses, and mAP on the validation part.
     prediction : PredictionOptions
         Inference options of validation, equal to those of the test.
-    imgsz : int
-        Longer side of the images, px.
     threads : int
         Number of torch threads on a CPU. Weights are bit-equal only for equal numbers of threads.
     work : Path
         Folder for checkpoints. An interrupted training resumes if data and options are unchanged.
     start : Path, optional
         Detector of the same model with the initial weights; overrides the pretrained weights of the options.
-
-    Raises
-    ------
-    PolarsimError
-        Invalid data set, data set without labels or masks, or full disk.
     """
     if not any(path.stat().st_size for path in (dataset / "labels" / TRAIN).glob("*.txt")):
         raise DetectError("no labelled box in the train part", path=dataset)
     if start:
         options = options.model_copy(update={"pretrained": start})
-    if options.masks:
-        _check_masks(dataset)
+    for part in (TRAIN, VAL) if options.masks else ():
+        for key in dataset_images(dataset, part):
+            if not (dataset / MASKS / part / f"{key}.png").is_file():
+                raise DetectError(f"detect.training.masks: {part} image {key} has no mask", path=dataset)
     if options.start_weights and not options.start_weights.is_file():
         raise DetectError("the pretrained weights are missing", path=options.start_weights)
     try:
@@ -74,13 +67,6 @@ def train_detector(
         shutil.rmtree(training.folder, ignore_errors=True)
     except OSError as error:
         raise PolarsimError(f"training failed, {error.strerror or error}", path=work) from error
-
-
-def _check_masks(dataset: Path) -> None:
-    for part in (TRAIN, VAL):
-        for key in dataset_images(dataset, part):
-            if not (dataset / MASKS / part / f"{key}.png").is_file():
-                raise DetectError(f"detect.training.masks: {part} image {key} has no mask", path=dataset)
 
 
 def _prepare(training: detectors.Training) -> None:

@@ -40,7 +40,7 @@ def test_the_same_detector_is_the_same_bytes_under_any_name(detector, tmp_path):
 
 
 def test_yolov5n_has_the_parameters_that_ultralytics_states(detector, tmp_path):
-    module = network(detector, tmp_path)
+    module = network(detector, tmp_path).eval()
     assert sum(value.numel() for value in module.parameters()) == pytest.approx(2.5e6, rel=0.01)
     assert module(torch.zeros(1, 3, 128, 160))[0].shape[1] == 4 + 2  # a box and two classes
 
@@ -65,6 +65,13 @@ def test_code_in_weights_to_start_from_is_not_executed(tmp_path, monkeypatch):
         load_start(tmp_path / "evil.pt", "yolov5n", tmp_path)
     assert len(str(caught.value).splitlines()) == 1
     assert not (tmp_path / "executed").exists()
+
+
+@pytest.mark.parametrize("model", ["yolov5s", "compact"])
+def test_weights_of_another_model_do_not_start_a_training(detector, tmp_path, model):
+    write_detector(tmp_path / "own.pt", Detector(model, 160, 2, "scratch", detector.state))
+    with pytest.raises(DetectError, match=rf"own\.pt.*{model}"):
+        load_start(tmp_path / "own.pt", "yolov5n", tmp_path)
 
 
 def test_the_error_of_invalid_weights_has_the_path(tmp_path):

@@ -9,13 +9,7 @@ from polarsim.errors import DetectError
 
 
 def load_torch() -> Any:
-    """Import torch.
-
-    Raises
-    ------
-    DetectError
-        Torch is not installed.
-    """
+    """Import torch."""
     # Effective only before the first import of torch. Actively waiting threads are many times slower if other jobs use
     # the cores.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
@@ -27,13 +21,7 @@ def load_torch() -> Any:
 
 
 def choose_device(device: str) -> str:
-    """Return `cpu` or `cuda`.
-
-    Raises
-    ------
-    DetectError
-        `cuda` is requested but not available.
-    """
+    """Return `cpu` or `cuda`; `cuda` that is not available is an error."""
     has_cuda = bool(load_torch().cuda.is_available())
     if device == "cuda" and not has_cuda:
         raise DetectError("device cuda is not available: set detect.prediction.device to cpu or auto")

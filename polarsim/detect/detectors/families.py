@@ -46,31 +46,13 @@ class Family(Protocol):
     """Family of detectors, implemented by a module."""
 
     def train(self, training: Training) -> Trained:
-        """Train, or resume an interrupted training.
-
-        Raises
-        ------
-        PolarsimError
-            Invalid data set or pretrained weights, or divergence.
-        """
+        """Train, or resume an interrupted training; divergence is a `DetectError`."""
         ...
 
     def load(self, detector: Detector, folder: Path, options: PredictionOptions, threads: int) -> LoadedDetector:
-        """Load a detector for inference; `folder` stores temporary files of the library until the process ends.
-
-        Raises
-        ------
-        DetectError
-            The weights do not match the model.
-        """
+        """Load a detector for inference; `folder` stores temporary files of the library until the process ends."""
         ...
 
     def load_masks(self, detector: Detector, options: PredictionOptions, threads: int) -> LoadedMasks:
-        """Load a detector for the inference of class masks.
-
-        Raises
-        ------
-        DetectError
-            The weights do not match the model, or the detector was trained without masks.
-        """
+        """Load a detector for the inference of class masks; a detector without masks is a `DetectError`."""
         ...

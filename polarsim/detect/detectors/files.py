@@ -41,13 +41,7 @@ def write_detector(path: Path, detector: Detector) -> None:
 
 @reader("detector", error=DetectError)
 def read_detector(path: Path) -> Detector:
-    """Read a file of `write_detector` without executing code.
-
-    Raises
-    ------
-    DetectError
-        Missing file, or not a detector written by polarsim.
-    """
+    """Read a file of `write_detector` without executing code."""
     content = load_tensors(path)
     if not isinstance(content, dict) or content.get("format") != _FORMAT:
         raise DetectError(f"not a detector written by polarsim, expected format {_FORMAT!r}", path=path)
@@ -76,12 +70,5 @@ def save_tensors(path: Path, content: dict[str, Any]) -> None:
 
 @reader("detector", error=DetectError)
 def load_tensors(path: Path) -> Any:
-    """Read a file of `save` without executing code.
-
-    Raises
-    ------
-    DetectError
-        Missing or invalid file.
-    """
-    torch = load_torch()
-    return torch.load(path, map_location="cpu", weights_only=True)
+    """Read a file of `save_tensors` without executing code."""
+    return load_torch().load(path, map_location="cpu", weights_only=True)

@@ -22,24 +22,16 @@ Predicted = TypeVar("Predicted")
 def family(model: str) -> Family:
     """Return the family of a model allowed by `TrainingOptions.model`. Only this family is imported."""
     if _is_compact(model):
-        from polarsim.detect.detectors.compact import family as compact
+        from polarsim.detect.detectors import compact
 
         return compact
-    from polarsim.detect.detectors.yolo import family as yolo
+    from polarsim.detect.detectors import yolo
 
     return yolo
 
 
 def load_detector(detector: Detector, folder: Path, options: PredictionOptions, threads: int) -> LoadedDetector:
-    """Load a detector with the precision, mirroring and device of the options, see `Family.load`.
-
-    Confidences are calibrated if the detector has a calibration.
-
-    Raises
-    ------
-    DetectError
-        The detector or processor does not support the precision.
-    """
+    """Load a detector with its calibration and the precision, mirroring and device of the options."""
     loaded = _in_precision(family(detector.model).load(detector, folder, options, threads), detector.model, options)
     if options.mirrored:
         loaded = detect_with_mirror(loaded, options.nms_iou)
@@ -56,28 +48,20 @@ def _in_precision(
     loaded: Callable[[np.ndarray], Predicted], model: str, options: PredictionOptions
 ) -> Callable[[np.ndarray], Predicted]:
     """Return the detector with convolutions in `options.precision`, without fallback."""
-    device = choose_device(options.device)
-    if options.precision == "float32":
-        return loaded if device == "cpu" else _without_tf32(loaded)
-    if not _is_compact(model):
+    device, torch = choose_device(options.device), load_torch()
+    if options.precision == "bfloat16" and not _is_compact(model):
         raise DetectError(f"precision bfloat16: model {model} supports only float32")
-    if not has_bfloat16(device):
+    if options.precision == "bfloat16" and not has_bfloat16(device):
         raise DetectError(f"precision bfloat16: not supported by this {device}, choose float32")
-    torch = load_torch()
+    if options.precision == "float32" and device == "cpu":
+        return loaded
 
     def predict(pictures: np.ndarray) -> Predicted:
-        with torch.autocast(device, torch.bfloat16):
-            return loaded(pictures)
-
-    return predict
-
-
-def _without_tf32(loaded: Callable[[np.ndarray], Predicted]) -> Callable[[np.ndarray], Predicted]:
-    """Return the detector with CUDA convolutions in float32 instead of TF32, the default of torch."""
-    torch = load_torch()
-
-    def predict(pictures: np.ndarray) -> Predicted:
-        with torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False):
+        with (
+            torch.autocast(device, torch.bfloat16)
+            if options.precision == "bfloat16"
+            else torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False)  # torch's default: TF32
+        ):
             return loaded(pictures)
 
     return predict

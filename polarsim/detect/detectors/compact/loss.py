@@ -48,13 +48,8 @@ def losses(logits: Tensor, boxes: Tensor, labels: Sequence[tuple[Tensor, Tensor]
     """Return class loss and box loss of a batch, each summed over cells and divided by the number of labelled cells.
 
     The target score of a cell is the IoU of its box with its label (quality focal loss, Li et al., NeurIPS 2020), so
-    that the confidence ranks boxes by accuracy. The box loss is 1 - GIoU (Rezatofighi et al., CVPR 2019).
-
-    Parameters
-    ----------
-    logits, boxes : see `Compact.forward`
-    labels
-        Classes (n,) and boxes (n, 4) of each image.
+    that the confidence ranks boxes by accuracy. The box loss is 1 - GIoU (Rezatofighi et al., CVPR 2019). Logits and
+    boxes are of `Compact.forward`; labels are classes (n,) and boxes (n, 4) of each image.
     """
     target = torch.zeros_like(logits)
     targets, predicted, indices = [], [], []
@@ -77,11 +72,7 @@ def losses(logits: Tensor, boxes: Tensor, labels: Sequence[tuple[Tensor, Tensor]
 def mask_loss(logits: Tensor, shares: Tensor) -> Tensor:
     """Return the cross entropy of masks, mean over labelled pixels.
 
-    Parameters
-    ----------
-    logits : (b, classes, h, w)
-    shares : (b, classes, h, w)
-        Share of the pixels of each cell by class; unlabelled pixels belong to no class.
+    `shares` (b, classes, h, w) are the shares of the pixels of each cell by class; unlabelled pixels have no class.
     """
     entropy = -(shares * functional.log_softmax(logits, dim=1)).sum()
     return MASK_WEIGHT * entropy / shares.sum().clamp(min=1)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.detect.dataset import MASKS, dataset_images
+from polarsim.detect.dataset import KINDS, MASKS, dataset_images
 from polarsim.detect.frame import PADDING, letterbox, read_picture
 from polarsim.errors import DetectError
 from polarsim.formats import yolo
@@ -56,15 +56,12 @@ class TrainingImages:
         return picture
 
     def _read(self, key: str) -> TrainingImage:
-        pixels, offset, scale = letterbox(
-            read_picture(self._dataset / "images" / self._part / f"{key}.png"), self._imgsz
+        image, label, mask_file = (
+            self._dataset / kind / self._part / f"{key}{ending}" for kind, ending in (*KINDS, (MASKS, ".png"))
         )
-        classes, boxes = yolo.read_boxes(self._dataset / "labels" / self._part / f"{key}.txt")
-        mask = None
-        if self._masks:
-            mask = _framed(
-                class_masks.read_class_mask(self._dataset / MASKS / self._part / f"{key}.png"), pixels, offset, scale
-            )
+        pixels, offset, scale = letterbox(read_picture(image), self._imgsz)
+        classes, boxes = yolo.read_boxes(label)
+        mask = _framed(class_masks.read_class_mask(mask_file), pixels, offset, scale) if self._masks else None
         return TrainingImage(pixels, classes, boxes / np.tile(scale, 2) + np.tile(offset, 2), mask)
 
 
@@ -87,13 +84,7 @@ def class_shares(mask: np.ndarray, cell: int) -> np.ndarray:
 
 
 def batches(pictures: TrainingImages, order: np.ndarray, size: int) -> Iterator[list[TrainingImage]]:
-    """Yield batches of images in the given order.
-
-    Raises
-    ------
-    DetectError
-        Images of a batch have different sizes.
-    """
+    """Yield batches of images in the given order; different sizes in a batch are an error."""
     for start in range(0, len(order), size):
         batch = [pictures[int(index)] for index in order[start : start + size]]
         if len({picture.pixels.shape for picture in batch}) > 1:
@@ -114,18 +105,14 @@ def augment(picture: TrainingImage, random: np.random.Generator) -> TrainingImag
     offset = centre + translation - factor * centre  # origin at the corner of the image
     # The origin of OpenCV is the centre of the first pixel.
     matrix = np.column_stack([np.diag(factor), offset + HALF_PIXEL * factor - HALF_PIXEL])
-    pixels = np.asarray(
-        cv2.warpAffine(
-            picture.pixels, matrix, (width, height), flags=cv2.INTER_LINEAR, borderValue=(float(PADDING),) * 4
+
+    def warped(values: np.ndarray, flags: int, border: int) -> np.ndarray:
+        return np.asarray(
+            cv2.warpAffine(values, matrix, (width, height), flags=flags, borderValue=(float(border),) * 4)
         )
-    )
-    mask = picture.mask
-    if mask is not None:
-        mask = np.asarray(
-            cv2.warpAffine(
-                mask, matrix, (width, height), flags=cv2.INTER_NEAREST, borderValue=(float(class_masks.IGNORED),) * 4
-            )
-        )
+
+    pixels = warped(picture.pixels, cv2.INTER_LINEAR, PADDING)
+    mask = None if picture.mask is None else warped(picture.mask, cv2.INTER_NEAREST, class_masks.IGNORED)
     gain = 1 + random.uniform(-_BRIGHTNESS, _BRIGHTNESS)
     pixels = np.clip(pixels * gain + 0.5, 0, 255).astype(np.uint8)
     low, high = picture.boxes[:, :2] * factor + offset, picture.boxes[:, 2:] * factor + offset

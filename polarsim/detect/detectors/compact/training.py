@@ -32,6 +32,7 @@ _DECAY = 0.01  # weight decay of convolutions; none for biases and norms
 _AVERAGE = 0.98  # decay of the averaged weights per step; Polyak and Juditsky, SIAM J. Control 30 (1992) 838
 _MAX_GRADIENT_NORM = 10.0  # maximum norm of the gradient
 _MIN_MAJORITY = 0.5  # minimum share of the class of a cell in the IoU of validation
+_TRAINED = ("module", "average", "optimizer")  # fields of `TrainingState` with a state of torch
 log = logging.getLogger("polarsim")
 
 
@@ -62,7 +63,9 @@ def train(training: Training) -> Trained:
     If the training diverges after the first epoch, it stops with a warning and returns the best weights.
     """
     options, checkpoint = training.options, training.folder / "checkpoint.pt"
-    device = _set_up_torch(training)
+    torch.set_num_threads(training.threads)
+    torch.backends.cudnn.deterministic, torch.backends.cudnn.benchmark = True, False
+    device = choose_device(training.prediction.device)
     pictures, held_out = (
         TrainingImages(training.dataset, part, training.imgsz, options.masks) for part in (TRAIN, VAL)
     )
@@ -95,12 +98,6 @@ def train(training: Training) -> Trained:
 def fitness_of(row: dict[str, float]) -> float:
     """Return the selection criterion of weights: mAP weighted as by Ultralytics, plus the mask IoU."""
     return 0.1 * row["val_map50"] + 0.9 * row["val_map50_95"] + row.get("val_mask_iou", 0.0)
-
-
-def _set_up_torch(training: Training) -> str:
-    torch.set_num_threads(training.threads)
-    torch.backends.cudnn.deterministic, torch.backends.cudnn.benchmark = True, False
-    return choose_device(training.prediction.device)
 
 
 def _start(training: Training, device: str) -> TrainingState:
@@ -188,14 +185,18 @@ def _validate(module: Compact, pictures: TrainingImages, training: Training, dev
 
 
 def _forward(module: Compact, batch: list[TrainingImage], device: str) -> NetworkOutput:
-    features = module.features(_input(batch, device))
+    features = module.features(to_input(np.stack([picture.pixels for picture in batch]), device))
     return NetworkOutput(*module.boxes(features), None if module.mask is None else module.masks(features))
 
 
 def _losses(
     answers: NetworkOutput, batch: list[TrainingImage], targets: np.ndarray | None, device: str
 ) -> dict[str, torch.Tensor]:
-    class_loss, box_loss = losses(answers.logits, answers.boxes, _labels(batch, device))
+    labels = [
+        (torch.from_numpy(picture.classes).to(device), torch.from_numpy(picture.boxes).float().to(device))
+        for picture in batch
+    ]
+    class_loss, box_loss = losses(answers.logits, answers.boxes, labels)
     parts = {"class_loss": class_loss, "box_loss": box_loss}
     if answers.masks is not None and targets is not None:
         parts["mask_loss"] = mask_loss(answers.masks, torch.from_numpy(targets).to(device))
@@ -224,33 +225,14 @@ def _shares(batch: list[TrainingImage]) -> np.ndarray | None:
     return np.stack(by_picture) if by_picture else None
 
 
-def _input(batch: list[TrainingImage], device: str) -> torch.Tensor:
-    return to_input(np.stack([picture.pixels for picture in batch]), device)
-
-
-def _labels(batch: list[TrainingImage], device: str) -> list[tuple[torch.Tensor, torch.Tensor]]:
-    return [
-        (torch.from_numpy(picture.classes).to(device), torch.from_numpy(picture.boxes).float().to(device))
-        for picture in batch
-    ]
-
-
 def _half(module: Compact) -> dict[str, Any]:
     values = module.state_dict().items()
     return {name: (value.half() if value.is_floating_point() else value).cpu().clone() for name, value in values}
 
 
 def _write_checkpoint(state: TrainingState, path: Path) -> None:
-    content = {
-        "module": state.module.state_dict(),
-        "average": state.average.state_dict(),
-        "optimizer": state.optimizer.state_dict(),
-        "steps": state.steps,
-        "best": state.best,
-        "best_fitness": state.best_fitness,
-        "curve": state.curve,
-    }
-    save_tensors(path, content)
+    trained = {name: value.state_dict() for name, value in vars(state).items() if name in _TRAINED}
+    save_tensors(path, vars(state) | trained)
 
 
 def _resume(state: TrainingState, path: Path) -> None:
@@ -259,9 +241,9 @@ def _resume(state: TrainingState, path: Path) -> None:
         content = load_tensors(path)
     except DetectError:  # missing or incomplete
         return
-    state.module.load_state_dict(content["module"])
-    state.average.load_state_dict(content["average"])
-    state.optimizer.load_state_dict(content["optimizer"])
-    state.steps, state.best = content["steps"], content["best"]
-    state.best_fitness, state.curve = content["best_fitness"], content["curve"]
+    for name, value in content.items():
+        if name in _TRAINED:
+            getattr(state, name).load_state_dict(value)
+        else:
+            setattr(state, name, value)
     log.info("resuming the training in %s after epoch %d", path.parent, len(state.curve))

@@ -29,16 +29,8 @@ _MAX_CANDIDATES = 1000  # maximum number of boxes of an image and class before s
 def network(model: str, state: dict[str, Any] | None = None, masks: bool | None = None) -> Compact:
     """Create a network with the weights `state`, or with random weights of the torch generator.
 
-    Parameters
-    ----------
-    masks
-        Whether to add a mask head; None: if the state has a mask head. A head missing in the state gets random weights.
-        With False, a mask head in the state is ignored.
-
-    Raises
-    ------
-    DetectError
-        The state belongs to a different network.
+    With `masks`, a mask head missing in the state gets random weights; with False, a mask head in the state is ignored;
+    with None, the network has a mask head if the state has one.
     """
     masks = has_masks(state) if masks is None else masks
     module = Compact(WIDTHS[model], len(BOX_CLASSES), len(CLASSES) if masks else 0)
@@ -61,9 +53,7 @@ def has_masks(state: dict[str, Any] | None) -> bool:
 
 def load(detector: Detector, folder: Path, options: PredictionOptions, threads: int) -> LoadedDetector:  # noqa: ARG001 - of the interface
     """Load a detector for inference, see `Family.load`."""
-    torch.set_num_threads(threads)
-    device = choose_device(options.device)
-    module = _fused(network(detector.model, detector.state).eval()).to(device)
+    module, device = _loaded(detector, options, threads)
 
     def detect(pictures: np.ndarray) -> list[np.ndarray]:
         with torch.inference_mode():
@@ -77,9 +67,7 @@ def load_masks(detector: Detector, options: PredictionOptions, threads: int) -> 
     """Load a detector for mask inference, see `Family.load_masks`."""
     if not has_masks(detector.state):
         raise DetectError("the detector has no mask head: train a detector with detect.training.masks")
-    torch.set_num_threads(threads)
-    device = choose_device(options.device)
-    module = _fused(network(detector.model, detector.state).eval()).to(device)
+    module, device = _loaded(detector, options, threads)
 
     def segment(pictures: np.ndarray) -> np.ndarray:
         with torch.inference_mode():
@@ -87,6 +75,12 @@ def load_masks(detector: Detector, options: PredictionOptions, threads: int) -> 
             return np.asarray(logits.softmax(dim=1).cpu().numpy())
 
     return segment
+
+
+def _loaded(detector: Detector, options: PredictionOptions, threads: int) -> tuple[Compact, str]:
+    torch.set_num_threads(threads)
+    device = choose_device(options.device)
+    return _fused(network(detector.model, detector.state).eval()).to(device), device
 
 
 def _fused(module: Module) -> Module:

@@ -18,13 +18,7 @@ from polarsim.errors import DetectError
 
 
 def ultralytics(folder: Path) -> SimpleNamespace:
-    """Import the required parts of Ultralytics. Its settings are stored in `folder` until the process ends.
-
-    Raises
-    ------
-    DetectError
-        Torch or Ultralytics is not installed.
-    """
+    """Import the required parts of Ultralytics. Its settings are stored in `folder` until the process ends."""
     if "ultralytics" not in sys.modules:
         _isolate(folder / f".ultralytics.{os.getpid()}")
     load_torch()

@@ -23,7 +23,7 @@ def load(detector: Detector, folder: Path, options: PredictionOptions, threads: 
     torch, library = load_torch(), ultralytics(folder)
     torch.set_num_threads(threads)
     device = choose_device(options.device)
-    module = network(detector, folder).to(device, memory_format=torch.channels_last)
+    module = network(detector, folder).eval().fuse(verbose=False).to(device, memory_format=torch.channels_last)
 
     def detect(pictures: np.ndarray) -> list[np.ndarray]:
         batch = torch.from_numpy(pictures)[:, None].expand(-1, 3, -1, -1).to(device)
@@ -45,31 +45,24 @@ def load_masks(detector: Detector, options: PredictionOptions, threads: int) -> 
 
 
 def network(detector: Detector, folder: Path) -> Any:
-    """Return the detector as a torch module for inference. `folder`: see `ultralytics`."""
+    """Return the detector as a torch module. `folder`: see `ultralytics`."""
     module = ultralytics(folder).DetectionModel(f"{detector.model}.yaml", nc=len(BOX_CLASSES), verbose=False)
     try:
         module.load_state_dict({name: value.float() for name, value in detector.state.items()})
     except RuntimeError as error:
         raise DetectError(f"weights do not fit {detector.model}: {str(error).splitlines()[0]}") from error
-    return module.eval().fuse(verbose=False)
+    return module
 
 
 def load_start(path: Path, model: str, folder: Path) -> Any:
-    """Load the initial weights of a training as a torch module, from a polarsim detector or an Ultralytics checkpoint.
-
-    Raises
-    ------
-    DetectError
-        The file has no weights of the model.
-    """
-    library = ultralytics(folder)
+    """Load initial weights as a torch module, from a polarsim detector or an Ultralytics checkpoint."""
     try:
         detector = read_detector(path)
     except DetectError:
         try:
-            return library.load_checkpoint(str(path))[0]  # safe mode, see `library`
+            return ultralytics(folder).load_checkpoint(str(path))[0]  # safe mode, see `library`
         except Exception as error:
             raise DetectError(f"no weights of {model}, {reason_of(error)}", path=path) from error
-    module = library.DetectionModel(f"{detector.model}.yaml", nc=len(BOX_CLASSES), verbose=False)
-    module.load_state_dict({name: value.float() for name, value in detector.state.items()})
-    return module
+    if detector.model != model:
+        raise DetectError(f"weights of {detector.model}, expected {model}", path=path)
+    return network(detector, folder)
