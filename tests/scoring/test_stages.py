@@ -36,37 +36,24 @@ def metrics(path):
 
 
 def cameras_scored(folder, **changes):
-    paths = {"truth": None, "matches": None, "annotated": None, "meshes": folder / "meshes"}
-    score_cameras(terrain=3, **{**paths, **changes})
+    """Return the metrics of cameras in `folder/own` against `folder/truth`, or with other arguments."""
+    paths = {"cameras": folder / "own/cameras", "truth": folder / "truth", "meshes": folder / "meshes"}
+    score_cameras(terrain=3, evaluation=folder / "q.csv", **{**paths, "matches": None, "annotated": None, **changes})
+    return metrics(folder / "q.csv")
 
 
 def test_cameras_that_are_correct_up_to_the_frame_have_no_error_after_alignment(tmp_path, world):
     world.write(tmp_path / "truth")
     world.write(tmp_path / "own", OTHER_FROM_TRUTH)
-    cameras_scored(
-        tmp_path,
-        cameras=tmp_path / "own/cameras",
-        truth=tmp_path / "truth",
-        matches=None,
-        evaluation=tmp_path / "q.csv",
-    )
-    found = metrics(tmp_path / "q.csv")
+    found = cameras_scored(tmp_path)
     assert found["worst position", "position_error_aligned"] < 1e-3  # mm
     assert found["worst position", "angle_error_aligned"] < 1e-4
     assert found["A", "angle_error_before"] == pytest.approx(np.degrees(np.linalg.norm([0.01, -0.02, 0.05])), rel=1e-4)
     assert found["C R", "reprojection_p90"] < 1e-3
     assert found["A (scans)", "rmse_mm"] == 1.5
-
-
-def test_a_truth_without_lamps_has_no_metrics_of_lamps(tmp_path, world):
-    world.write(tmp_path / "truth")
-    world.write(tmp_path / "own")
-    scored = {"cameras": tmp_path / "own/cameras", "truth": tmp_path / "truth", "evaluation": tmp_path / "q.csv"}
-    cameras_scored(tmp_path, **scored)
-    assert ("worst lamp", "direction_error") in metrics(tmp_path / "q.csv")
+    assert ("worst lamp", "direction_error") in found
     (tmp_path / "truth/lamps.json").unlink()
-    cameras_scored(tmp_path, **scored)
-    assert ("worst lamp", "direction_error") not in metrics(tmp_path / "q.csv")
+    assert ("worst lamp", "direction_error") not in cameras_scored(tmp_path)
 
 
 def test_an_error_of_a_single_camera_is_measured_in_millimetres_and_pixels(tmp_path, world):
@@ -77,14 +64,7 @@ def test_an_error_of_a_single_camera_is_measured_in_millimetres_and_pixels(tmp_p
     left = localised.sandbox_from_left
     up = Pose(left.rotation, left.translation + np.array([0, 0, 0.01]))
     write_localised(path, LocalisedRig(localised.rig, up))
-    cameras_scored(
-        tmp_path,
-        cameras=tmp_path / "own/cameras",
-        truth=tmp_path / "truth",
-        matches=None,
-        evaluation=tmp_path / "q.csv",
-    )
-    found = metrics(tmp_path / "q.csv")
+    found = cameras_scored(tmp_path)
     assert found["A", "position_error_before"] == pytest.approx(10)
     assert 3 < found["A", "position_error_aligned"] < 7  # the alignment removes half of the error
     assert found["A L", "reprojection_median"] > 1
@@ -93,14 +73,7 @@ def test_an_error_of_a_single_camera_is_measured_in_millimetres_and_pixels(tmp_p
 def test_a_single_position_has_no_errors_after_alignment(tmp_path, world):
     world.write(tmp_path / "truth")
     replace(world, poses={"A": world.poses["A"]}).write(tmp_path / "own")
-    cameras_scored(
-        tmp_path,
-        cameras=tmp_path / "own/cameras",
-        truth=tmp_path / "truth",
-        matches=None,
-        evaluation=tmp_path / "q.csv",
-    )
-    assert not [name for _, name in metrics(tmp_path / "q.csv") if name.endswith("aligned")]
+    assert not [name for _, name in cameras_scored(tmp_path) if name.endswith("aligned")]
 
 
 def test_cameras_are_scored_on_consensus_boxes_of_a_view(tmp_path, cube):
@@ -119,10 +92,7 @@ def test_cameras_are_scored_on_consensus_boxes_of_a_view(tmp_path, cube):
             path = tmp_path / "annotated" / f"03_A_off_{azimuth}_{camera}_0256.txt"
             path.parent.mkdir(exist_ok=True)
             yolo.write_boxes(path, np.zeros(3, int), moved)
-    cameras_scored(
-        tmp_path, cameras=tmp_path / "cameras", annotated=tmp_path / "annotated", evaluation=tmp_path / "q.csv"
-    )
-    found = metrics(tmp_path / "q.csv")
+    found = cameras_scored(tmp_path, cameras=tmp_path / "cameras", truth=None, annotated=tmp_path / "annotated")
     for camera in "LR":
         assert found[f"all boxes of {camera}", "box_iou_mean"] > 0.95  # sides are trimmed at the foot
         assert found[f"all boxes of {camera}", "box_dy_median"] < 0.5
@@ -130,28 +100,14 @@ def test_cameras_are_scored_on_consensus_boxes_of_a_view(tmp_path, cube):
 
 def test_matches_of_meshes_and_boxes_give_iou_and_offsets_and_may_be_missing(tmp_path, world):
     world.write(tmp_path)
-    matches = pd.DataFrame(
-        {
-            "position": ["A", "A", "C"],
-            "rock": [1, 2, 1],
-            "iou": [0.6, 0.8, 0.7],
-            "dx_px": [-3.0, 1, 5],
-            "dy_px": [0.0, 0, -1],
-        }
-    )
-    write_parquet(tmp_path / "matches.parquet", matches)
-    for name in ("matches.parquet", "none.parquet"):
-        cameras_scored(
-            tmp_path,
-            cameras=tmp_path / "cameras",
-            truth=None,
-            matches=tmp_path / name,
-            evaluation=tmp_path / f"{name}.csv",
-        )
-    found = metrics(tmp_path / "matches.parquet.csv")
+    matches = pd.DataFrame({"position": list("AAC"), "rock": [1, 2, 1], "iou": [0.6, 0.8, 0.7]})
+    write_parquet(tmp_path / "matches.parquet", matches.assign(dx_px=[-3.0, 1, 5], dy_px=[0.0, 0, -1]))
+    paths = {"cameras": tmp_path / "cameras", "truth": None}
+    found = cameras_scored(tmp_path, **paths, matches=tmp_path / "matches.parquet")
     assert found["A", "box_iou_mean"] == pytest.approx(0.7)
     assert found["all positions", "box_dx_median"] == 3
-    assert not [name for _, name in metrics(tmp_path / "none.parquet.csv") if name.startswith("box")]
+    without = cameras_scored(tmp_path, **paths, matches=tmp_path / "none.parquet")
+    assert not [name for _, name in without if name.startswith("box")]
 
 
 # rocks
@@ -196,23 +152,11 @@ def test_a_terrain_without_rocks_is_scored_by_its_ground(tmp_path, world):
 
 
 def test_without_truth_there_are_counts_and_soundness(tmp_path, world):
-    world.write(tmp_path)
-    evaluation = tmp_path / "q.csv"
-    score_rocks(
-        terrain=3,
-        rocks=tmp_path / "rocks.parquet",
-        meshes=tmp_path / "meshes",
-        located=tmp_path / "cameras",
-        cameras=tmp_path / "cameras",
-        truth=None,
-        inventory=None,
-        evaluation=evaluation,
-        scores=tmp_path / "scores.csv",
-        offsets=tmp_path / "offsets.parquet",
-    )
-    assert set(read_csv(evaluation)["against"]) == {"own"}
+    world.write(tmp_path / "own")
+    found = scored_rocks(tmp_path, truth=None)
+    assert set(read_csv(tmp_path / "q.csv")["against"]) == {"own"}
     assert read_csv(tmp_path / "scores.csv")["rock"].tolist() == [-1, 1, 2]
-    assert metrics(evaluation)["rocks", "count"] == 2
+    assert found["rocks", "count"] == 2
 
 
 def test_rocks_are_paired_one_to_one_within_half_their_size():
@@ -233,22 +177,12 @@ def test_rocks_are_paired_one_to_one_within_half_their_size():
     assert recall_and_precision(rock_rows([]), rock_rows([]), nothing, np.zeros(0, bool)) == []
 
 
-def scored_rocks(folder):
-    evaluation = folder / "q.csv"
+def scored_rocks(folder, **changes):
     own = folder / "own"
-    score_rocks(
-        terrain=3,
-        rocks=own / "rocks.parquet",
-        meshes=own / "meshes",
-        located=own / "cameras",
-        cameras=own / "cameras",
-        truth=folder / "truth",
-        inventory=None,
-        evaluation=evaluation,
-        scores=folder / "scores.csv",
-        offsets=folder / "offsets.parquet",
-    )
-    return metrics(evaluation)
+    inputs = {"rocks": own / "rocks.parquet", "meshes": own / "meshes", "truth": folder / "truth", "inventory": None}
+    outputs = {"evaluation": folder / "q.csv", "scores": folder / "scores.csv", "offsets": folder / "offsets.parquet"}
+    score_rocks(terrain=3, located=own / "cameras", cameras=own / "cameras", **{**inputs, **outputs, **changes})
+    return metrics(folder / "q.csv")
 
 
 def rock_rows(rocks):
@@ -290,18 +224,12 @@ def label_rows(key, *boxes, **told):
 
 
 def labels_scored(folder, keys, rows, truth="truth"):
-    """Score rows of photos; return the outputs and the arguments of a further call."""
-    write_parquet(folder / "labels.parquet", label_table(rows))
+    """Return the metrics of rows of photos."""
+    write_parquet(folder / "labels.parquet", rows if isinstance(rows, pd.DataFrame) else label_table(rows))
     score_labels(
-        terrain=3,
-        keys=[PhotoKey.parse(key) for key in keys],
-        table=folder / "labels.parquet",
-        truth=folder / truth,
-        seeds=folder / "seeds",
-        evaluation=folder / "q.csv",
-        pairs=folder / "pairs.parquet",
-        options=OPTIONS,
-    )
+        terrain=3, keys=[PhotoKey.parse(key) for key in keys], table=folder / "labels.parquet", truth=folder / truth,
+        seeds=folder / "seeds", evaluation=folder / "q.csv", pairs=folder / "pairs.parquet", options=OPTIONS,
+    )  # fmt: skip
     return metrics(folder / "q.csv")
 
 
@@ -382,18 +310,8 @@ def test_an_invalid_annotated_file_is_skipped_but_an_invalid_result_is_an_error(
     (tmp_path / "truth/03_A_off_30_R_0512.txt").write_text("name0 0.5 0.5\n")
     rows = [row for name in names for row in label_rows(name, ("rock", *BOX))]
     assert labels_scored(tmp_path, names, rows)["rock: Left to Right", "f1"] == 1
-    write_parquet(tmp_path / "torn.parquet", label_table(rows).drop(columns="confidence"))
-    with pytest.raises(FormatError, match=r"torn\.parquet: column 'confidence'"):
-        score_labels(
-            terrain=3,
-            keys=[],
-            table=tmp_path / "torn.parquet",
-            truth=tmp_path / "truth",
-            seeds=tmp_path / "seeds",
-            evaluation=tmp_path / "q.csv",
-            pairs=tmp_path / "pairs.parquet",
-            options=OPTIONS,
-        )
+    with pytest.raises(FormatError, match=r"labels\.parquet: column 'confidence'"):
+        labels_scored(tmp_path, [], label_table(rows).drop(columns="confidence"))
 
 
 # twins
