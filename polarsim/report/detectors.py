@@ -145,7 +145,7 @@ def format_breakdown(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def tabulate_differences(*, differences: Path, detection: Path, stem: Path, origin: dict[str, str]) -> None:
+def tabulate_differences(*, differences: Path, detection: Path | None, stem: Path, origin: dict[str, str]) -> None:
     """Write tables/differences.{csv,md,tex,parquet} from detect/differences.parquet."""
     table = tidy_differences(read_parquet(differences, DIFFERENCES.columns), origin["source"])
     resampled = [f"Resampled: {unit}s." for unit in sorted(set(table["unit"].astype(str)))]

@@ -32,27 +32,39 @@ def ipd(domains=("analog", "hapke", "principled")):
     return pd.DataFrame(rows, columns=list(IPD.columns[:-1]))
 
 
-def test_corrupt_images_excluded_from_training_are_counted_in_a_note(tmp_path):
+@pytest.fixture
+def tabulated(tmp_path):
+    """Return a function that writes a table (detection or ipd) and returns the Markdown text."""
+
+    def make(write, table, origin=ORIGIN, **further):
+        name = write.__name__.removeprefix("tabulate_")
+        for key, rows in {name: table, **further}.items():
+            write_parquet(tmp_path / f"{key}_in.parquet", rows)
+        paths = {key: tmp_path / f"{key}_in.parquet" for key in (name, *further)}
+        write(**paths, stem=tmp_path / name, origin=origin)
+        return (tmp_path / f"{name}.md").read_text()
+
+    return make
+
+
+def test_notes_name_the_detector_its_training_split_and_corrupt_images(tmp_path, tabulated):
     left_out = [0, 3, *[0] * (len(detection()) - 2)]
-    write_parquet(tmp_path / "d.parquet", detection().assign(left_out=left_out))
-    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
-    assert "3 corrupt" in (tmp_path / "detection.md").read_text()
-    write_parquet(tmp_path / "d.parquet", detection().assign(left_out=0))
-    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
-    assert "corrupt" not in (tmp_path / "detection.md").read_text()
+    table = detection().assign(start="random weights", seed=3, left_out=left_out)
+    texts = [tabulated(tabulate_detection, table), tabulated(tabulate_ipd, ipd(), detection=table)]
+    for text in texts:
+        facts = ("Detector yolov5n", "random weights", "12 epochs", "seed 3", "320 px", "split by photo", "96 test")
+        assert all(fact in text for fact in (*facts, "3 corrupt"))
+    assert all(part in texts[1] for part in ("confidence 0.25;", ": IoU 0;", ": excluded;", "bootstrap over views"))
+    assert set(read_parquet(tmp_path / "detection.parquet")["start"]) == {"random weights"}
+    assert "corrupt" not in tabulated(tabulate_detection, table.assign(left_out=0))
 
 
-def test_detectors_of_further_models_have_separate_rows(tmp_path):
+def test_detectors_of_further_models_have_separate_rows(tmp_path, tabulated):
     """Detectors are not averaged like seeds."""
     ours = detection(kinds=("rock",)).assign(detector="compact (polarsim's own)")
     theirs = detection(kinds=("rock",)).assign(detector="yolov8n", map50=0.75)
-    write_parquet(tmp_path / "d.parquet", ours)
-    write_parquet(tmp_path / "others.parquet", theirs)
-    tabulate_detection(
-        detection=tmp_path / "d.parquet", others=tmp_path / "others.parquet", stem=tmp_path / "detection", origin=ORIGIN
-    )
+    lines = tabulated(tabulate_detection, ours, others=theirs).splitlines()
     assert len(read_csv(tmp_path / "detection.csv")) == 2 * 9
-    lines = (tmp_path / "detection.md").read_text().splitlines()
     rows = [line for line in lines if line.startswith("| rock | Analog")]
     assert ["yolov8n, 12 epochs at 320 px" in row for row in rows] == [False, True] * 2  # figures, then intervals
     assert rows[1].count("0.750 /") == 3
@@ -66,44 +78,32 @@ def test_every_ipd_of_the_paper_is_the_difference_of_two_published_mean_ious():
         assert value == pytest.approx(abs(means[0] - means[1]), abs=1.1e-3)
 
 
-def test_published_values_are_in_separate_columns():
-    given = detection(("real", "hapke", "principled"))
-    table = tidy_detection(given, "polar")
-    points = ["kind", "trained", "evaluated"]
-    row = table.set_index(points).loc[("rock", "principled", "real")]
-    same = given.set_index(points).loc[("rock", "principled", "real")]
-    assert row["map50"] == same["map50"]
+def test_the_layout_is_that_of_the_paper_with_separate_columns_for_published_values():
+    table = tidy_detection(detection(("hapke", "real", "principled")), "release")
+    row = table.set_index(["kind", "trained", "evaluated"]).loc[("rock", "principled", "real")]
     assert (row["paper_map50"], row["paper_map50_95"], row["paper_iou_mean"]) == (0.662, 0.318, 0.513)
+    assert row["map50"] != row["paper_map50"]
     assert table.loc[table["kind"] != "rock", "paper_map50"].isna().all()
-
-
-def test_the_layout_is_that_of_the_paper():
-    shown = format_detection(tidy_detection(detection(("hapke", "real", "principled"), ("rock",)), "release"))
-    assert list(shown["T"]) == ["Real", "Principled", "Hapke"]
+    shown = format_detection(table)
+    assert list(shown["T"])[:3] == ["Real", "Principled", "Hapke"]
     assert list(shown.columns[2:5]) == ["E: Real", "E: Principled", "E: Hapke"]
     assert shown.loc[0, "paper, E: Real"] == "0.987 / 0.805 / 0.849"
     assert shown.loc[2, "paper, E: Principled"] == "0.887 / 0.730 / 0.872"
 
 
-def test_a_result_on_the_analog_is_never_named_real(tmp_path):
-    write_parquet(tmp_path / "detection.parquet", detection(("real", "principled", "hapke")))
-    tabulate_detection(detection=tmp_path / "detection.parquet", stem=tmp_path / "detection", origin=ORIGIN)
-    table = read_parquet(tmp_path / "detection.parquet")
-    assert set(table["trained"]) == {"analog", "principled", "hapke"}
-    text = (tmp_path / "detection.md").read_text()
-    assert "are no photos" in text
-    header = next(line for line in text.splitlines() if line.startswith("| labels"))
-    assert "| E: Real" not in header
-
-
-def test_published_values_are_not_compared_with_the_analog(tmp_path):
-    write_parquet(tmp_path / "d.parquet", detection(kinds=("rock",)))
-    write_parquet(tmp_path / "i.parquet", ipd())
-    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
-    tabulate_ipd(ipd=tmp_path / "i.parquet", stem=tmp_path / "ipd", origin=ORIGIN)
-    for name in ("detection", "ipd"):
-        assert "aper, " not in (tmp_path / f"{name}.md").read_text().replace("the paper's table", "")
-        published = read_parquet(tmp_path / f"{name}.parquet").filter(like="paper_")
+def test_results_on_the_analog_are_never_named_real_and_have_no_published_values(tmp_path, tabulated):
+    domains = ("real", "principled", "hapke")
+    texts = {
+        "detection": tabulated(tabulate_detection, detection(domains, ("rock",))),
+        "ipd": tabulated(tabulate_ipd, ipd(domains)),
+    }
+    for name, text in texts.items():
+        table = read_parquet(tmp_path / f"{name}.parquet")
+        assert set(table["trained"]) == {"analog", "principled", "hapke"}
+        assert "are no photos" in text
+        assert "Real" not in next(line for line in text.splitlines() if line.startswith("| labels"))
+        assert "aper, " not in text.replace("the paper's table", "")
+        published = table.filter(like="paper_")
         assert published.shape[1] > 0
         assert published.isna().all(axis=None)
 
@@ -116,22 +116,16 @@ def test_domains_missing_in_the_paper_have_no_published_value():
     assert "paper, E: Views" not in format_detection(table).columns
 
 
-def test_a_table_without_rows_is_written_with_all_columns(tmp_path):
-    write_parquet(tmp_path / "d.parquet", detection().iloc[:0])
-    write_parquet(tmp_path / "i.parquet", ipd().iloc[:0])
-    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
-    tabulate_ipd(ipd=tmp_path / "i.parquet", stem=tmp_path / "ipd", origin=ORIGIN)
+def test_a_table_without_rows_is_written_with_all_columns_and_a_missing_column_is_named(tmp_path, tabulated):
+    tabulated(tabulate_detection, detection().iloc[:0])
+    tabulated(tabulate_ipd, ipd().iloc[:0])
     assert len(read_csv(tmp_path / "detection.csv", ["run", "map50", "paper_map50"])) == 0
     assert len(read_csv(tmp_path / "ipd.csv", ["run", "ipd", "paper_ipd"])) == 0
+    with pytest.raises(FormatError, match=r"detection_in\.parquet"):
+        tabulated(tabulate_detection, detection().drop(columns="iou_mean"))
 
 
-def test_a_missing_column_is_named_with_its_file(tmp_path):
-    write_parquet(tmp_path / "d.parquet", detection().drop(columns="iou_mean"))
-    with pytest.raises(FormatError, match=r"d\.parquet"):
-        tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
-
-
-def test_ipd_pairs_are_sorted_in_the_order_of_the_paper():
+def test_ipd_pairs_are_sorted_in_the_order_of_the_paper_for_each_split():
     given = ipd()
     swapped = given.rename(columns={"first": "second", "second": "first"})
     pd.testing.assert_frame_equal(tidy_ipd(given, "analog"), tidy_ipd(swapped[given.columns], "analog"))
@@ -140,15 +134,8 @@ def test_ipd_pairs_are_sorted_in_the_order_of_the_paper():
     assert shown.loc[0, "Real - Principled"] == "0.1000 [0.050, 0.150] / 0.2000 [0.120, 0.280]"
     assert shown.loc[2, "paper, Real - Hapke"] == "0.4638"
     assert shown.loc[0, "paper, Principled - Hapke"] == "–"
-
-
-def test_ipd_has_a_row_for_each_split():
-    given = pd.concat([ipd().assign(split="photo", seed=0), ipd().assign(split="terrain", seed=0)], ignore_index=True)
-    table = tidy_ipd(given, "analog")
-    assert list(table.columns[:2]) == ["split", "seed"]
-    shown = format_ipd(table)
-    assert len(shown) == 2 * len(format_ipd(tidy_ipd(ipd(), "analog")))
-    assert set(shown["split by"]) == {"photo", "terrain"}
+    both = format_ipd(tidy_ipd(pd.concat([given, given.assign(split="terrain")], ignore_index=True), "analog"))
+    assert both["split by"].tolist() == ["photo"] * 3 + ["terrain"] * 3
 
 
 def with_intervals(table):
@@ -160,54 +147,23 @@ def with_intervals(table):
     return table.assign(**bounds, unit="view")
 
 
-def test_intervals_are_in_a_separate_block(tmp_path):
+def test_intervals_are_in_a_separate_block(tmp_path, tabulated):
     table = with_intervals(detection(kinds=("rock",)).assign(map50=0.5, map50_95=0.4, iou_mean=0.3))
-    write_parquet(tmp_path / "d.parquet", table)
-    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
-    text = (tmp_path / "detection.md").read_text()
+    text = tabulated(tabulate_detection, table)
     assert "bootstrap over views" in text
     assert text.count("[0.400, 0.600] / [0.300, 0.500] / [0.200, 0.400]") == 9
     assert {"map50_low", "iou_mean_high"} <= set(read_csv(tmp_path / "detection.csv").columns)
 
 
-def test_several_seeds_are_shown_by_mean_and_deviation_with_the_number_of_seeds(tmp_path):
+def test_several_seeds_are_shown_by_mean_and_deviation_with_the_number_of_seeds(tmp_path, tabulated):
     single = detection(("real", "hapke", "principled"), ("rock",)).assign(map50=0.5, map50_95=0.4, iou_mean=0.3)
     table = pd.concat([single.assign(seed=seed, map50=0.5 + 0.1 * seed) for seed in (0, 1, 2)])
-    write_parquet(tmp_path / "d.parquet", with_intervals(table))
-    origin = ORIGIN | {"source": "polar"}
-    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=origin)
-    text = (tmp_path / "detection.md").read_text()
+    text = tabulated(tabulate_detection, with_intervals(table), ORIGIN | {"source": "polar"})
     assert text.count("0.600 ± 0.100 / 0.400 ± 0.000 / 0.300 ± 0.000") == 9
     assert "n = 3 trainings" in text
     assert "0.987 / 0.805 / 0.849" in text  # the paper has a single training
     assert len(read_csv(tmp_path / "detection.csv", ["seed"])) == 27
     assert r"0.600 $\pm$ 0.100" in (tmp_path / "detection.tex").read_text()
-
-
-def test_several_seeds_of_ipd_are_shown_by_mean_and_deviation(tmp_path):
-    table = pd.concat([ipd().assign(seed=seed, ipd=0.1 + 0.1 * seed) for seed in (0, 1)])
-    write_parquet(tmp_path / "i.parquet", table)
-    tabulate_ipd(ipd=tmp_path / "i.parquet", stem=tmp_path / "ipd", origin=ORIGIN)
-    text = (tmp_path / "ipd.md").read_text()
+    text = tabulated(tabulate_ipd, pd.concat([ipd().assign(seed=seed, ipd=0.1 + 0.1 * seed) for seed in (0, 1)]))
     assert text.count("0.150 ± 0.071 / 0.200 ± 0.000") == 9
     assert "n = 2 trainings" in text
-
-
-def test_the_notes_of_an_ipd_list_its_options(tmp_path):
-    options = {"unit": "view", "units": 12, "undetected": "zero", "unpaired": "left_out", "confidence": 0.25}
-    write_parquet(tmp_path / "i.parquet", ipd().assign(**options))
-    tabulate_ipd(ipd=tmp_path / "i.parquet", stem=tmp_path / "ipd", origin=ORIGIN)
-    text = (tmp_path / "ipd.md").read_text()
-    assert all(part in text for part in ("confidence 0.25;", ": IoU 0;", ": excluded;", "bootstrap over views"))
-
-
-def test_every_table_of_detectors_has_a_note_on_detector_start_seed_and_split(tmp_path):
-    write_parquet(tmp_path / "d.parquet", detection().assign(start="random weights", seed=3))
-    write_parquet(tmp_path / "i.parquet", ipd())
-    tabulate_detection(detection=tmp_path / "d.parquet", stem=tmp_path / "detection", origin=ORIGIN)
-    tabulate_ipd(ipd=tmp_path / "i.parquet", stem=tmp_path / "ipd", origin=ORIGIN, detection=tmp_path / "d.parquet")
-    for name in ("detection", "ipd"):
-        text = (tmp_path / f"{name}.md").read_text()
-        facts = ("Detector yolov5n", "random weights", "12 epochs", "seed 3", "320 px", "split by photo", "96 test")
-        assert all(fact in text for fact in facts)
-    assert set(read_parquet(tmp_path / "detection.parquet")["start"]) == {"random weights"}

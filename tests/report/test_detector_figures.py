@@ -5,8 +5,13 @@ import pytest
 from polarsim.formats import png
 from polarsim.formats.tables import key_columns, label_table, write_parquet
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
-from polarsim.report.figures.detections import draw_predictions, read_detector_results, shown_keys
-from polarsim.report.figures.detections import draw_gap_rocks, most_different
+from polarsim.report.figures.detections import (
+    draw_gap_rocks,
+    draw_predictions,
+    most_different,
+    read_detector_results,
+    shown_keys,
+)
 from polarsim.report.figures.detectors import draw_curves, draw_ipd_histogram
 from polarsim.report.training_seeds import seed_means, split_panels, title_suffix
 from polarsim.schemas.detect import CURVES, INSTANCES, IPD_ROCKS

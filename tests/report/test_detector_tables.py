@@ -1,4 +1,5 @@
 import pandas as pd
+import pytest
 
 from polarsim.formats.tables import read_csv, read_parquet, write_parquet
 from polarsim.report import detectors, ipd_table
@@ -61,6 +62,58 @@ def test_the_rocks_with_the_largest_difference_are_shown_and_pairs_are_in_the_or
     assert len(lines) == ipd_table.SHOWN
     assert lines[0] == "| Hapke | Principled - Hapke | 1 | 8 | 4 | 0.580 | 0.500 | 0.080 |"
     assert len(read_csv(tmp_path / "t.csv")) == 8
+
+
+VALUES = {
+    "value": 0.6, "other_value": 0.3, "difference": 0.3, "difference_low": 0.1, "difference_high": 0.5, "pairs": 90,
+    "images": 144, "units": 16, "unit": "view",
+}  # fmt: skip
+
+
+def difference(metric, kind, against, sides, seed=0, **values):
+    names = ("trained", "evaluated", "other_trained", "other_evaluated")
+    keys = {"split": "photo", "seed": seed, "metric": metric, "kind": kind, "against": against}
+    return keys | dict(zip(names, sides, strict=True)) | VALUES | values
+
+
+@pytest.fixture
+def differences(tmp_path):
+    def tabulate(rows):
+        write_parquet(tmp_path / "differences.parquet", pd.DataFrame(rows))
+        detectors.tabulate_differences(
+            differences=tmp_path / "differences.parquet", detection=None, stem=tmp_path / "t", origin=ORIGIN
+        )
+        text = (tmp_path / "t.md").read_text()
+        shown = [line.strip("| ").split(" | ") for line in text.splitlines() if line.startswith("|")]
+        return read_parquet(tmp_path / "t.parquet"), shown, text
+
+    return tabulate
+
+
+def test_differences_of_rocks_are_first_and_each_row_names_both_sides(differences):
+    rows = [
+        difference("map50", "shadow", "", ("real", "real", "real", "hapke")),
+        difference("ipd", "rock", "real", ("hapke", "principled", "hapke", "hapke")),
+        difference("map50", "rock", "", ("real", "real", "real", "hapke")),
+    ]
+    table, shown, _ = differences(rows)
+    order = [("rock", "map50"), ("rock", "ipd"), ("shadow", "map50")]
+    assert list(zip(table["kind"], table["metric"], strict=True)) == order
+    sides = ["rock", "mAP@0.5", "Analog on Analog", "Analog on Hapke"]
+    assert shown[2] == [*sides, "0.600", "0.300", "0.300 [0.100, 0.500]"]
+    assert shown[3][2:4] == ["Hapke on Analog and Principled", "Hapke on Analog and Hapke"]
+    assert "real" not in set(table["trained"])  # images of the analog are never named real
+
+
+def test_differences_of_several_trainings_are_shown_with_standard_deviation(differences):
+    sides = ("real", "real", "real", "hapke")
+    rows = [
+        difference("map50", "rock", "", sides, seed, difference=d, value=v)
+        for seed, d, v in ((0, 0.3, 0.6), (1, 0.5, 0.8))
+    ]
+    _, shown, text = differences(rows)
+    assert shown[2][4:] == ["0.700 ± 0.141", "0.300 ± 0.000", "0.400 ± 0.141"]
+    assert "n = 2 trainings" in text
 
 
 def test_tables_without_rows_are_written_with_all_columns(tmp_path):

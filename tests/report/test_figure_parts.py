@@ -13,8 +13,8 @@ from polarsim.render.options import HAPKE_SETS
 from polarsim.report.figures.brdf import line_style
 from polarsim.report.figures.canvas import FIGURE_WIDTH, name_positions, note, page
 from polarsim.report.figures.detections import _with_boxes
-from polarsim.report.figures.offsets import RANGES_MM, range_mm
 from polarsim.report.figures.labels import stretched
+from polarsim.report.figures.offsets import RANGES_MM, range_mm
 
 LETTER = (0.09, 0.13)
 

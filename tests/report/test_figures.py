@@ -13,10 +13,9 @@ from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.report.figures.canvas import FIGURE_WIDTH
 from polarsim.report.figures.comparison import draw_comparison
 from polarsim.report.figures.cover_photos import cover_key
-from polarsim.report.figures.labels import draw_label_errors, edge_errors
 from polarsim.report.figures.detectors import draw_detection, draw_ipd
+from polarsim.report.figures.labels import draw_label_errors, draw_reliability, edge_errors
 from polarsim.report.figures.offsets import draw_offsets
-from polarsim.report.figures.labels import draw_reliability
 from polarsim.report.figures.residuals import draw_residuals
 from polarsim.report.figures.terrain import STEP, draw_terrain, oblique_view, top_view
 from polarsim.run_files.inventory import Inventory, write_inventory
