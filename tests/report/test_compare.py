@@ -40,10 +40,13 @@ def test_medians_are_over_terrains_shared_by_the_runs_that_have_the_metric(tmp_p
     assert "| 3.00 / – |" in (tmp_path / "both.md").read_text()
 
 
-def test_a_run_without_metrics_is_named(tmp_path):
-    measured(tmp_path, "seed1", 1, 1.0)
+@pytest.mark.parametrize("terrain", [None, 3])
+def test_a_run_without_metrics_or_without_common_metrics_is_an_error(tmp_path, terrain):
+    measured(tmp_path, "one", 1, 1.0)
+    if terrain:
+        measured(tmp_path, "other", terrain, 1.0)
     with pytest.raises(PolarsimError):
-        compare_runs(runs=[tmp_path / "seed1", tmp_path / "seed2"], stem=tmp_path / "both")
+        compare_runs(runs=[tmp_path / "one", tmp_path / "other"], stem=tmp_path / "both", common=True)
     assert not list(tmp_path.glob("both.*"))
 
 
@@ -80,12 +83,3 @@ def test_the_command_compares_common_metrics_and_prints_differences(tmp_path):
     rows = everything.set_index(["run", "terrain", "metric"])["difference"]
     assert rows.notna().sum() == 1
     assert rows["other", 1, "f1"] == 0.25
-
-
-def test_runs_without_a_common_metric_raise_an_error(tmp_path):
-    measured(tmp_path, "one", 1, 1.0)
-    measured(tmp_path, "other", 3, 1.0)
-    runs = [tmp_path / "one", tmp_path / "other"]
-    with pytest.raises(PolarsimError, match="--all"):
-        compare_runs(runs=runs, stem=tmp_path / "both", common=True)
-    assert not list(tmp_path.glob("both.*"))

@@ -59,39 +59,51 @@ def test_rocks_are_selected_by_mean_and_shown_in_the_photo_with_the_largest_diff
     assert most_different(first, first, 5) == []
 
 
-def test_crops_show_label_and_best_prediction_in_both_domains(tmp_path):
-    box = {"x0": 900.0, "y0": 500.0, "x1": 1000.0, "y1": 600.0}
+@pytest.fixture
+def results_of(tmp_path):
+    """Return a function that returns results with one label, predicted in real photos only."""
+    box = {"x0": 900.0, "y0": 500.0, "x1": 1300.0, "y1": 800.0}
     key = PhotoKey.parse(KEYS[0])
     label = key_columns(key) | {"kind": "rock", "rock": 1, "source": "truth", "confidence": 1.0} | box
     write_parquet(tmp_path / "labels.parquet", label_table([label]))
-    found = pd.DataFrame([{"key": str(key), "kind": "rock", "confidence": 0.9} | box | {"x0": 880.0, "y1": 620.0}])
+    found = pd.DataFrame([{"key": str(key), "kind": "rock", "confidence": 0.9} | box | {"x0": 700.0, "y1": 900.0}])
     write_parquet(tmp_path / "hit.parquet", found)
     write_parquet(tmp_path / "miss.parquet", found.assign(confidence=0.1))
-    instances = [("real", "real", str(key), "rock", 1, 1.0, 900.0), ("real", "hapke", str(key), "rock", 1, 0.0, 900.0)]
+    instances = [("real", "real", str(key), "rock", 1, 0.6, 900.0), ("real", "hapke", str(key), "rock", 1, 0.0, 900.0)]
     write_parquet(tmp_path / "instances.parquet", pd.DataFrame(instances, columns=list(INSTANCES.columns)))
     png.write_png(tmp_path / "photo.png", np.full((HEIGHT, WIDTH), 1000, np.uint16))
 
-    def draw(trained):
-        results = read_detector_results(
-            trained,
-            "analog",
-            instances=tmp_path / "instances.parquet",
-            predictions={"real": tmp_path / "hit.parquet", "hapke": tmp_path / "miss.parquet"},
+    def read(trained="real", real="hit"):
+        return read_detector_results(
+            trained, "analog", instances=tmp_path / "instances.parquet",
+            predictions={"real": tmp_path / f"{real}.parquet", "hapke": tmp_path / "miss.parquet"},
             labels=dict.fromkeys(("real", "hapke"), tmp_path / "labels.parquet"),
-            picture_of=lambda domain, key: tmp_path / "photo.png" if domain == "real" else None,
-            confidence=0.25,
-        )
-        draw_gap_rocks(results, tmp_path / f"{trained}.png", NARROW)
-        return png.read_png(tmp_path / f"{trained}.png")[..., :3].astype(int)
+            picture_of=lambda domain, key: tmp_path / "photo.png" if domain == "real" else None, confidence=0.25,
+        )  # fmt: skip
 
-    def shows(pixels, colour):
-        return bool((np.abs(pixels - colour).max(axis=2) < 40).any())
+    return read
 
-    page = draw("real")
-    assert shows(page, (255, 176, 0))  # label
-    assert shows(page, (0, 229, 255))  # prediction in the photo
-    draw("hapke")
-    assert is_drawn(tmp_path / "hapke.png", NARROW)  # a note
+
+def shows(path, colour):
+    return bool((np.abs(png.read_png(path)[..., :3].astype(int) - colour).max(axis=2) < 60).any())
+
+
+LABEL, PREDICTION = (255, 176, 0), (0, 229, 255)  # colours
+
+
+@pytest.mark.parametrize("draw", [draw_gap_rocks, draw_predictions])
+def test_labels_and_predictions_above_the_minimum_confidence_are_drawn(tmp_path, results_of, draw):
+    draw(results_of(), tmp_path / "hit.png", NARROW)
+    assert shows(tmp_path / "hit.png", LABEL)
+    assert shows(tmp_path / "hit.png", PREDICTION)
+    draw(results_of(trained="hapke"), tmp_path / "note.png", NARROW)
+    assert is_drawn(tmp_path / "note.png", NARROW)
+
+
+def test_predictions_below_the_minimum_confidence_are_not_drawn(tmp_path, results_of):
+    draw_predictions(results_of(real="miss"), tmp_path / "miss.png", NARROW)
+    assert shows(tmp_path / "miss.png", LABEL)
+    assert not shows(tmp_path / "miss.png", PREDICTION)
 
 
 def evaluated(*rows):
@@ -105,38 +117,6 @@ def test_shown_photos_are_labelled_in_every_domain_with_the_sun_on():
     assert [str(key) for key in shown_keys(evaluated(*rows, real_only))] == [sunny, other]
     assert shown_keys(evaluated(("real", sunny, 1), ("hapke", other, 1))) == []
     assert shown_keys(evaluated()) == []
-
-
-def test_predictions_are_drawn_with_labels_of_every_domain(tmp_path):
-    box = {"x0": 400.0, "y0": 300.0, "x1": 1400.0, "y1": 900.0}
-    key = PhotoKey.parse(KEYS[0])
-    label = key_columns(key) | {"kind": "rock", "rock": 7, "source": "truth", "confidence": 1.0} | box
-    write_parquet(tmp_path / "labels.parquet", label_table([label]))
-    found = pd.DataFrame([{"key": str(key), "kind": "rock", "confidence": 0.9} | box | {"x0": 600.0, "y1": 700.0}])
-    write_parquet(tmp_path / "hit.parquet", found)
-    write_parquet(tmp_path / "miss.parquet", found.assign(confidence=0.1))
-    instances = [("real", "real", str(key), "rock", 7, 0.6, 900.0), ("real", "hapke", str(key), "rock", 7, 0.0, 900.0)]
-    write_parquet(tmp_path / "instances.parquet", pd.DataFrame(instances, columns=list(INSTANCES.columns)))
-    png.write_png(tmp_path / "photo.png", np.full((HEIGHT, WIDTH), 1000, np.uint16))
-    for trained, hit in (("real", "hit"), ("hapke", "miss")):
-        results = read_detector_results(
-            "real",
-            "analog",
-            instances=tmp_path / "instances.parquet",
-            predictions={"real": tmp_path / f"{hit}.parquet", "hapke": tmp_path / "miss.parquet"},
-            labels=dict.fromkeys(("real", "hapke"), tmp_path / "labels.parquet"),
-            picture_of=lambda domain, key: tmp_path / "photo.png",
-            confidence=0.25,
-        )
-        draw_predictions(results, tmp_path / f"{trained}.png", NARROW)
-    hit, miss = (png.read_png(tmp_path / f"{name}.png")[..., :3].astype(int) for name in ("real", "hapke"))
-
-    def has(pixels, colour):
-        return bool((np.abs(pixels - colour).max(axis=2) < 60).any())
-
-    assert has(hit, (0, 229, 255))
-    assert not has(miss, (0, 229, 255))  # below the minimum confidence
-    assert has(miss, (255, 176, 0))
 
 
 def test_seeds_are_averaged_and_their_intervals_are_merged():

@@ -50,7 +50,7 @@ def terrain_drawn(folder, to):
     return to / "meshes.png", to / "crops.png"
 
 
-def test_figures_of_meshes_are_reproducible_and_depend_on_the_source_of_the_ground(tmp_path, world):
+def test_figures_of_meshes_are_reproducible_and_depend_on_rocks_and_the_source_of_the_ground(tmp_path, world):
     world.write(tmp_path)
     first, second = (terrain_drawn(tmp_path, tmp_path / name) for name in ("first", "second"))
     for figure, repeated in zip(first, second, strict=True):
@@ -60,11 +60,8 @@ def test_figures_of_meshes_are_reproducible_and_depend_on_the_source_of_the_grou
     write_csv(tmp_path / "meshes/meshes.csv", pd.DataFrame([{"mesh": obj.ground_name(3), "made_from": "fitted"}]))
     fitted, _ = terrain_drawn(tmp_path, tmp_path / "fitted")
     assert fitted.read_bytes() != first[0].read_bytes()
-
-
-def test_a_terrain_without_rocks_is_drawn(tmp_path, world):
-    world.write(tmp_path, rocks=())
-    assert all(is_drawn(figure) for figure in terrain_drawn(tmp_path, tmp_path))
+    world.write(tmp_path / "bare", rocks=())
+    assert all(is_drawn(figure) for figure in terrain_drawn(tmp_path / "bare", tmp_path / "bare"))
 
 
 def offsets_drawn(folder, rows, name, width=WIDE):
@@ -86,11 +83,8 @@ def test_surface_outside_the_true_one_is_drawn_red_and_inside_blue(tmp_path):
     assert blue > 4 * no_red
 
 
-def test_a_terrain_without_visible_surface_has_a_note(tmp_path):
+def test_offsets_have_whole_labels_and_a_note_without_visible_surface(tmp_path):  # labels: _words_are_whole
     assert (offsets_drawn(tmp_path, [], "none.png") < 200).any()
-
-
-def test_the_label_of_the_map_of_offsets_is_not_cut(tmp_path):  # by _words_are_whole
     rows = [(rock, 0.1, 0.2, 0.3, offset) for rock in (-1, 1) for offset in (-4.0, 4.5)]
     offsets_drawn(tmp_path, rows, "offsets.png", FIGURE_WIDTH)
 

@@ -133,14 +133,17 @@ def test_the_layout_has_a_block_a_kind_and_a_block_a_group(scored):
     assert rocks.set_index("task").loc["no Sun", "T11"] == f"{f1:.3f} ({miou:.3f})"
 
 
-def test_tables_are_written_in_four_forms_with_their_origin(tmp_path, scored):
-    paths = []
-    for number, pairs in enumerate([*scored[0], scored[0][0].iloc[:0]]):  # the last terrain has no box
-        paths.append(tmp_path / f"pairs{number}.parquet")
-        write_parquet(paths[-1], pairs)
+def tabulated(folder, tables):
+    paths = [folder / f"pairs{number}.parquet" for number in range(len(tables))]
+    for path, pairs in zip(paths, tables, strict=True):
+        write_parquet(path, pairs)
     tabulate_labels(
-        pairs=paths, table=tmp_path / "labels", reliability=tmp_path / "reliability", seeds="none", origin=ORIGIN
+        pairs=paths, table=folder / "labels", reliability=folder / "reliability", seeds="none", origin=ORIGIN
     )
+
+
+def test_tables_are_written_in_four_forms_with_their_origin(tmp_path, scored):
+    tabulated(tmp_path, [*scored[0], scored[0][0].iloc[:0]])  # the last terrain has no box
     for name in ("labels", "reliability"):
         for form in ("csv", "md", "tex", "parquet"):
             assert (tmp_path / f"{name}.{form}").stat().st_size
@@ -155,13 +158,6 @@ def test_tables_are_written_in_four_forms_with_their_origin(tmp_path, scored):
 
 
 def test_terrains_without_boxes_give_empty_tables(tmp_path, scored):
-    write_parquet(tmp_path / "pairs.parquet", scored[0][0].iloc[:0])
-    tabulate_labels(
-        pairs=[tmp_path / "pairs.parquet"],
-        table=tmp_path / "labels",
-        reliability=tmp_path / "reliability",
-        seeds="none",
-        origin=ORIGIN,
-    )
+    tabulated(tmp_path, [scored[0][0].iloc[:0]])
     assert len(read_csv(tmp_path / "labels.csv", ["kind", "task", "group", "value"])) == 0
     assert len(read_parquet(tmp_path / "reliability.parquet", ["confidence"])) == 0
