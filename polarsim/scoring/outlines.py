@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from polarsim.formats import release, yolo
 from polarsim.formats.coco import Annotation, read_coco
-from polarsim.geometry.boxes import box_of_mask, iou
 from polarsim.geometry.polygons import rasterised
 from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH, CameraSide, PhotoKey
 from polarsim.scoring.labels import box_metrics, read_sound_boxes
@@ -24,31 +23,7 @@ TASKS: dict[CameraSide, str] = {"L": "seeds' camera", "R": "Left to Right"}
 Polygons = list[tuple[int, np.ndarray]]  # class number, ring (n, 2) in pixels
 
 
-@dataclass(frozen=True)
-class PlacedMask:
-    """Mask (h, w) with the first pixel at a corner (x, y) in the photo."""
-
-    mask: np.ndarray
-    corner: np.ndarray
-
-    @property
-    def size(self) -> np.ndarray:
-        """Width and height of the mask."""
-        return np.array(self.mask.shape[::-1])
-
-    @property
-    def box(self) -> np.ndarray:
-        """Bounding box (4,) of the mask, which must not be empty."""
-        box = box_of_mask(self.mask)
-        assert box is not None
-        return box + np.tile(self.corner, 2)
-
-    def part(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """Return the mask between two points of the photo inside the mask."""
-        (left, top), (right, bottom) = low - self.corner, high - self.corner
-        return self.mask[top:bottom, left:right]
-
-
+Mask = np.ndarray  # (n,) indices of the pixels in the flattened photo, row by row
 Item = TypeVar("Item")  # a polygon or an annotation
 
 
@@ -88,23 +63,17 @@ def read_polygon_files(root: Path, terrain: int) -> dict[PhotoKey, Polygons]:
     return read_sound(release.polygon_files(root, terrain), yolo.read_polygons)[0]
 
 
-def overlaps(first: Sequence[PlacedMask], second: Sequence[PlacedMask]) -> np.ndarray:
-    """Return the IoU (n, m) of masks."""
-    near = iou(_boxes(first), _boxes(second)) > 0
-    overlap = np.zeros(near.shape)
-    for row, column in np.argwhere(near):
-        overlap[row, column] = mask_iou(first[row], second[column])
-    return overlap
+def overlaps(first: Sequence[Mask], second: Sequence[Mask]) -> np.ndarray:
+    """Return the IoU (n, m) of masks that are not empty."""
+    common = (_incidence(first) @ _incidence(second).T).toarray()
+    areas = np.array([len(mask) for mask in first])[:, None] + [len(mask) for mask in second]
+    return common / (areas - common)
 
 
-def mask_iou(first: PlacedMask, second: PlacedMask) -> float:
-    """Return the IoU of two masks."""
-    low = np.maximum(first.corner, second.corner)
-    high = np.minimum(first.corner + first.size, second.corner + second.size)
-    if (high <= low).any():
-        return 0.0
-    common = int((first.part(low, high) & second.part(low, high)).sum())
-    return common / float(first.mask.sum() + second.mask.sum() - common)
+def _incidence(masks: Sequence[Mask]) -> csr_array:
+    """Return a sparse matrix (masks, pixels) that is 1 for the pixels of a mask."""
+    pixels, starts = np.concatenate([[], *masks]).astype(int), np.cumsum([0, *map(len, masks)])
+    return csr_array((np.ones(len(pixels), int), pixels, starts), shape=(len(masks), WIDTH * HEIGHT))
 
 
 def _of_brackets(
@@ -119,37 +88,33 @@ def _of_brackets(
     return largest
 
 
-def _rasterised(polygons: Polygons, kind: str) -> list[PlacedMask]:
+def _rasterised(polygons: Polygons, kind: str) -> list[Mask]:
     """Return the masks of the polygons of a class that cover at least a pixel."""
     masks = [_mask_of(ring) for number, ring in polygons if number == POLYGON_CLASSES.index(kind)]
-    return [placed for placed in masks if placed.mask.any()]
+    return [mask for mask in masks if len(mask)]
 
 
-def _mask_of(ring: np.ndarray) -> PlacedMask:
+def _mask_of(ring: np.ndarray) -> Mask:
     low = np.clip(np.floor(ring.min(axis=0)), 0, [WIDTH, HEIGHT]).astype(int)
     high = np.clip(np.ceil(ring.max(axis=0)), 0, [WIDTH, HEIGHT]).astype(int)
     width, height = np.maximum(high - low, 1)
-    return PlacedMask(rasterised(ring - low, (int(height), int(width))), low)
+    rows, columns = np.nonzero(rasterised(ring - low, (int(height), int(width))))
+    return (low[1] + rows) * WIDTH + low[0] + columns
 
 
-def _masks(annotations: Sequence[Annotation], kind: str) -> list[PlacedMask]:
-    masks = []
-    for annotation in annotations:
-        if annotation.kind == kind and annotation.mask is not None:
-            mask = annotation.mask.mask()
-            box = box_of_mask(mask)
-            if box is not None:
-                left, top, right, bottom = box.astype(int)
-                masks.append(PlacedMask(mask[top:bottom, left:right], np.array([left, top])))
-    return masks
+def _masks(annotations: Sequence[Annotation], kind: str) -> list[Mask]:
+    masks = [one.mask.mask() for one in annotations if one.kind == kind and one.mask is not None]
+    return [np.flatnonzero(mask) for mask in masks if mask.any()]
 
 
-def _boxes(masks: Sequence[PlacedMask]) -> np.ndarray:
-    return np.array([mask.box for mask in masks]).reshape(-1, 4)
+def _boxes(masks: Sequence[Mask]) -> np.ndarray:
+    """Return the bounding boxes (n, 4) of masks."""
+    corners = [(mask % WIDTH, mask // WIDTH) for mask in masks]
+    return np.array([(x.min(), y.min(), x.max() + 1, y.max() + 1) for x, y in corners], float).reshape(-1, 4)
 
 
 def _polygons_against_boxes(
-    polygons: Sequence[PlacedMask], boxes: PhotoLabels | None, kind: str, options: ScoringOptions
+    polygons: Sequence[Mask], boxes: PhotoLabels | None, kind: str, options: ScoringOptions
 ) -> MatchCounts | None:
     """Compare boxes around polygons with the annotated boxes of the photo; None without boxes of the class."""
     of_kind = np.zeros((0, 4)) if boxes is None else boxes.boxes[boxes.classes == BOX_CLASSES.index(kind)]

@@ -4,10 +4,10 @@ import pytest
 from polarsim.formats import coco, rle, yolo
 from polarsim.formats.release import label_folder, polygon_folder
 from polarsim.formats.tables import read_csv
-from polarsim.photo import PhotoKey
+from polarsim.photo import WIDTH, PhotoKey
 from polarsim.scoring.metrics import COLUMNS
 from polarsim.scoring.options import ScoringOptions
-from polarsim.scoring.outlines import PlacedMask, mask_iou, overlaps, score_outlines
+from polarsim.scoring.outlines import overlaps, score_outlines
 
 ROCK_POLYGON, SHADOW_POLYGON = 2, 3
 LEFT, RIGHT = (PhotoKey.parse(f"03_A_off_30_{camera}_0256") for camera in "LR")
@@ -49,17 +49,17 @@ def scores(tmp_path):
 
 
 def region(mask, left, top):
-    return PlacedMask(np.asarray(mask, bool), np.array([left, top]))
+    rows, columns = np.nonzero(mask)
+    return (rows + top) * WIDTH + columns + left
 
 
 def test_the_overlap_of_masks_is_that_of_their_pixels():
-    square = region(np.ones((10, 10)), 5, 5)
-    assert mask_iou(square, square) == 1
-    assert mask_iou(square, region(np.ones((10, 10)), 10, 5)) == pytest.approx(50 / 150)
-    assert mask_iou(square, region(np.ones((4, 4)), 40, 40)) == 0
     hollow = np.ones((10, 10))
     hollow[2:8, 2:8] = 0
-    assert mask_iou(square, region(hollow, 5, 5)) == pytest.approx(0.64)
+    others = [(np.ones((10, 10)), 5, 5), (np.ones((10, 10)), 10, 5), (np.ones((4, 4)), 40, 40), (hollow, 5, 5)]
+    square = region(*others[0])
+    shares = overlaps([square], [region(*other) for other in others])
+    np.testing.assert_allclose(shares, [[1, 50 / 150, 0, 0.64]])
     np.testing.assert_allclose(overlaps([square], []), np.zeros((1, 0)))
 
 
