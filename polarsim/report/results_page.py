@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -28,65 +27,50 @@ _FORMS = (".csv", ".parquet", ".md", ".tex")
 PARTS = ("train", "val", "test")
 
 
-@dataclass(frozen=True)
-class PageFiles:
-    """Files of a run that are shown on the results page.
-
-    Attributes
-    ----------
-    tables
-        Markdown files of the run's tables by name; the template skips missing tables.
-    figures
-        PNG files by name; figures of one detector are `seen_<domain>` and `gap_rocks_<domain>`.
-    strip
-        Folder of one photo's strip, see `figures.strip`.
-    phases
-        Caption of the figure of the opposition effect, `figures/opposition.json`; empty for a run without photos.
-    datasets
-        Data set of each split and domain.
-    photos
-        Table of all photos of the run.
-    """
-
-    tables: Mapping[str, Path]
-    figures: Mapping[str, Path]
-    strip: Path | None
-    phases: Sequence[Path]
-    datasets: Mapping[tuple[str, str], Path]
-    photos: Path | None
-
-
-@dataclass(frozen=True)
-class RunFacts:
-    """Description of a run from the configuration; `others` maps the file names of further pages to titles."""
-
-    origin: Mapping[str, str]
-    terrains: Sequence[int]
-    positions: Sequence[str]
-    models: Sequence[str]
-    photo_domain: str
-    others: Mapping[str, str]
-
-
-def write_results_page(*, files: PageFiles, run: RunFacts, page: Path) -> None:
+def write_results_page(
+    *,
+    tables: Mapping[str, Path],
+    figures: Mapping[str, Path],
+    strip: Path | None,
+    phases: Sequence[Path],
+    datasets: Mapping[tuple[str, str], Path],
+    photos: Path | None,
+    origin: Mapping[str, str],
+    terrains: Sequence[int],
+    positions: Sequence[str],
+    models: Sequence[str],
+    photo_domain: str,
+    others: Mapping[str, str],
+    page: Path,
+) -> None:
     """Write the results page: description of the run, headline metrics, images, all tables and figures.
 
-    The page embeds small images that link to the full files.
+    The page embeds small images that link to the full files. `tables` are Markdown files and `figures` PNG files by
+    name (of one detector: `seen_<domain>`, `gap_rocks_<domain>`); the template skips missing ones. `phases` is the
+    caption of the figure of the opposition effect, empty for a run without photos, `datasets` has the data set of each
+    split and domain, and `others` maps the file names of further pages to titles.
     """
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    source = run.origin["source"]
-    content = _PageContent(files.tables, files.figures, source, page.parent)
-    forms = {name: path.with_suffix(".csv") for name, path in files.tables.items()}
+    source = origin["source"]
+    content = _PageContent(tables, figures, source, page.parent)
+    count = 0 if photos is None else len(read_parquet(photos, ["key"]))
+    facts = {
+        "terrains": f"{', '.join(f'{terrain:02d}' for terrain in terrains)} (positions {', '.join(positions)})",
+        "photos": f"{count:,}" if count else "none",
+        "twins": ", ".join(models),
+        "detectors": ", ".join(dict.fromkeys(domain for _, domain in datasets)) or "none",
+        "polarsim": __version__,
+    }
     text = environment.from_string(_TEMPLATE.read_text(encoding="utf-8")).render(
-        origin=run.origin,
-        facts=_facts(files, run),
-        headlines=headlines(forms, run.photo_domain, source),
-        strip=content.strip(files.strip) if files.strip else None,
-        others=run.others,
-        pictures=_html(markdown(picture_counts(files.datasets, source), "Number of images per domain.")),
-        comparison=next((name for name in files.figures if name.startswith("comparison_")), ""),
-        opposition="".join(map(_opposition, files.phases)),
-        has=files.tables.__contains__,
+        origin=origin,
+        facts=facts,
+        headlines=headlines({name: path.with_suffix(".csv") for name, path in tables.items()}, photo_domain, source),
+        strip=content.strip(strip) if strip else None,
+        others=others,
+        pictures=_html(markdown(picture_counts(datasets, source), "Number of images per domain.")),
+        comparison=next((name for name in figures if name.startswith("comparison_")), ""),
+        opposition="".join(map(_opposition, phases)),
+        has=tables.__contains__,
         table=content.table,
         figure=content.figure,
         figures=content.figures_of_detectors,
@@ -94,19 +78,6 @@ def write_results_page(*, files: PageFiles, run: RunFacts, page: Path) -> None:
         all_figures=content.all_figures(),
     )
     write_text(page, text)
-
-
-def _facts(files: PageFiles, run: RunFacts) -> dict[str, str]:
-    """Return the facts at the top of the page by name."""
-    count = 0 if files.photos is None else len(read_parquet(files.photos, ["key"]))
-    terrains = ", ".join(f"{terrain:02d}" for terrain in run.terrains)
-    return {
-        "terrains": f"{terrains} (positions {', '.join(run.positions)})",
-        "photos": f"{count:,}" if count else "none",
-        "twins": ", ".join(run.models),
-        "detectors": ", ".join(dict.fromkeys(domain for _, domain in files.datasets)) or "none",
-        "polarsim": __version__,
-    }
 
 
 def picture_counts(datasets: Mapping[tuple[str, str], Path], source: str) -> pd.DataFrame:

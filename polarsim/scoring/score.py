@@ -17,13 +17,7 @@ from polarsim.formats.files import existing_folder
 from polarsim.geometry.boxes import iou, match_by_iou, match_by_summed_iou
 from polarsim.photo import BOX_CLASSES, PhotoKey
 
-KEY_GROUPS: dict[str, Callable[[PhotoKey], str]] = {
-    "terrain": lambda key: f"{key.terrain:02d}",
-    "position": lambda key: key.position,
-    "light": lambda key: key.light,
-    "azimuth": lambda key: key.azimuth,
-    "camera": lambda key: key.camera,
-}
+KEY_GROUPS = ("terrain", "position", "light", "azimuth", "camera")
 
 Name = TypeVar("Name", PhotoKey, str)  # name of a label file: a photo key or any text
 Content = TypeVar("Content")  # content of a label file
@@ -113,9 +107,8 @@ def score_boxes(
     for key in sorted(truth):
         for name, counts in count_photo(truth[key], labels.get(key, PhotoLabels.none()), threshold).items():
             total[name] += counts
-            for group, value in _parts_of(key).items():
-                part = groups[group].setdefault(value, {n: MatchCounts() for n in BOX_CLASSES})
-                part[name] += counts
+            for group, value in zip(KEY_GROUPS, str(key).split("_"), strict=False) if isinstance(key, PhotoKey) else ():
+                groups[group].setdefault(value, {n: MatchCounts() for n in BOX_CLASSES})[name] += counts
     return {
         "threshold": threshold,
         "classes": _metrics(total),
@@ -136,51 +129,38 @@ def score_folders(
     """
     of_truth, of_labels = _label_files(truth), _label_files(labels)
     if not of_truth.files:
-        return _score_by_name(of_truth.stray, of_labels, truth, labels, threshold)
-    if not set(of_truth.files) & set(of_labels.files):
-        raise LabelError(f"no label file of a photo in {truth}", path=labels)
+        true = {path.stem: path for path in of_truth.stray if path.suffix == ".txt"}
+        predicted = {path.stem: path for path in [*of_labels.files.values(), *of_labels.stray] if path.suffix == ".txt"}
+        if not true:
+            raise LabelError("no label file, such as 01_A_off_180_L_0256.txt or image.txt", path=truth)
+        return _score_files(true, predicted, truth, labels, threshold)
     selected = {key: path for key, path in of_truth.files.items() if keys is None or keys(key)}
-    report = _score_files(selected, of_labels.files, truth, labels, threshold)
-    report["files"] |= {
-        "not_selected": len(of_truth.files) - len(selected),
-        "labels_without_truth": len([key for key in of_labels.files if key not in of_truth.files]),
-        "stray_truth": _names(of_truth.stray, truth),
-        "stray_labels": _names(of_labels.stray, labels),
-    }
-    return report
-
-
-def _score_by_name(
-    of_truth: list[Path], of_labels: release.KeyFiles, truth: Path, labels: Path, threshold: float
-) -> dict[str, Any]:
-    """Compare flat folders of files without photo keys by file name."""
-    true = {path.stem: path for path in of_truth if path.suffix == ".txt"}
-    predicted = {path.stem: path for path in [*of_labels.files.values(), *of_labels.stray] if path.suffix == ".txt"}
-    if not true:
-        raise LabelError("no label file, such as 01_A_off_180_L_0256.txt or image.txt", path=truth)
-    if not set(true) & set(predicted):
-        raise LabelError(f"no label file has the same name as a file in {truth}", path=labels)
-    report = _score_files(true, predicted, truth, labels, threshold)
-    report["files"] |= {
-        "not_selected": 0,
-        "labels_without_truth": len(set(predicted) - set(true)),
-        "stray_truth": [],
-        "stray_labels": [],
-    }
+    report = _score_files(of_truth.files, of_labels.files, truth, labels, threshold, selected)
+    strays = {"stray_truth": _names(of_truth.stray, truth), "stray_labels": _names(of_labels.stray, labels)}
+    report["files"] |= strays
     return report
 
 
 def _score_files(
-    of_truth: Mapping[Name, Path], of_labels: Mapping[Name, Path], truth: Path, labels: Path, threshold: float
+    of_truth: Mapping[Name, Path],
+    of_labels: Mapping[Name, Path],
+    truth: Path,
+    labels: Path,
+    threshold: float,
+    selected: Mapping[Name, Path] | None = None,
 ) -> dict[str, Any]:
-    read_truth, unreadable = read_sound(of_truth, box_reader())
+    """Compare the selected files (default: all) of the truth."""
+    if not set(of_truth) & set(of_labels):
+        raise LabelError(f"no label file has the same name as a file in {truth}", path=labels)
+    selected = of_truth if selected is None else selected
+    read_truth, unreadable = read_sound(selected, box_reader())
     read_detections = box_reader(detections=True)
     if unreadable and not read_truth:
         raise FormatError(f"all {len(unreadable)} label files are invalid, first {unreadable[0]}", path=truth)
     read_labels = {name: read_detections(of_labels[name]) for name in read_truth if name in of_labels}
     missing = [name for name in read_truth if name not in read_labels]
     if missing:
-        log.warning("%s: %d of %d files are missing, first %s.txt", labels, len(missing), len(of_truth), missing[0])
+        log.warning("%s: %d of %d files are missing, first %s.txt", labels, len(missing), len(selected), missing[0])
     repeated = [name for name, boxes in read_labels.items() if _contains_truth(read_truth[name], boxes)]
     if repeated:
         log.warning(
@@ -188,7 +168,11 @@ def _score_files(
             "against themselves?",
             labels, len(repeated), len(read_labels), repeated[0],
         )  # fmt: skip
-    files = {"compared": len(read_truth), "missing_labels": len(missing), "unreadable_truth": unreadable}
+    files = {
+        "compared": len(read_truth), "missing_labels": len(missing), "unreadable_truth": unreadable,
+        "not_selected": len(of_truth) - len(selected), "labels_without_truth": len(set(of_labels) - set(of_truth)),
+        "stray_truth": [], "stray_labels": [],
+    }  # fmt: skip
     return {**score_boxes(read_truth, read_labels, threshold), "files": files}
 
 
@@ -197,11 +181,6 @@ def _contains_truth(truth: PhotoLabels, labels: PhotoLabels) -> bool:
     copied = {(number, *box) for number, box in zip(labels.classes.tolist(), labels.boxes.tolist(), strict=True)}
     true = [(number, *box) for number, box in zip(truth.classes.tolist(), truth.boxes.tolist(), strict=True)]
     return bool(true) and all(row in copied for row in true)
-
-
-def _parts_of(name: PhotoKey | str) -> dict[str, str]:
-    """Return the value of a photo for each group; empty for names that are no photo keys."""
-    return {group: value_of(name) for group, value_of in KEY_GROUPS.items()} if isinstance(name, PhotoKey) else {}
 
 
 def box_reader(detections: bool = False) -> Callable[[Path], PhotoLabels]:

@@ -13,7 +13,7 @@ from polarsim.errors import PolarsimError
 from polarsim.formats import png
 from polarsim.formats.files import write_json, write_text
 from polarsim.formats.tables import write_csv, write_parquet
-from polarsim.report.results_page import PageFiles, RunFacts, picture_counts, write_results_page
+from polarsim.report.results_page import picture_counts, write_results_page
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 SCORES = pd.DataFrame(
@@ -53,8 +53,8 @@ def run(tmp_path):
 
 
 def written(folder, run):
-    facts = RunFacts(ORIGIN, [1, 11], ["A"], ["hapke"], "real", {"report.html": "Snakemake's report"})
-    write_results_page(files=PageFiles(**run), run=facts, page=folder / "results.html")
+    facts = {"origin": ORIGIN, "terrains": [1, 11], "positions": ["A"], "models": ["hapke"], "photo_domain": "real"}
+    write_results_page(**run, **facts, others={"report.html": "Snakemake's report"}, page=folder / "results.html")
     return (folder / "results.html").read_text()
 
 
