@@ -7,7 +7,7 @@ from pathlib import Path
 from polarsim.digest import script_digest
 from polarsim.errors import PolarsimError
 from polarsim.formats.yaml_files import read_yaml
-from polarsim.paths import TABLES_OF_DETECTORS, CoverPaths, GapPaths, RoverPaths, RunPaths, memory_per_attempt
+from polarsim.paths import CoverPaths, GapPaths, RoverPaths, RunPaths, memory_per_attempt
 from polarsim.running.configuration import base_configuration, check_config, store_config
 from polarsim.running.inputs import check_paths
 

@@ -3,6 +3,36 @@
 from polarsim.photo import positions
 
 
+def table_files(**titles):
+    """Return the CSV files of tables, with titles for Snakemake's report, and the files written through the first."""
+    files = {}
+    for name, title in titles.items():
+        path = f"results/{{run}}/tables/{name}.csv"
+        files[name] = shown(path, "Tables", table=title) if title else path
+    forms = ["md", "tex", "parquet"]
+    return files | {"others": expand("results/{{run}}/tables/{name}.{form}", name=list(titles), form=forms)}
+
+
+def position_figures(drawn):
+    """Return the figures of the given positions of a terrain."""
+    path = "results/{run}/figures/NAME_Terrain{terrain}_Pos{position}.png"
+    return {
+        "comparisons": of_positions(path.replace("NAME", "comparison"), "Photos and twins", drawn),
+        "contacts": of_positions(path.replace("NAME", "contact"), "Contact sheets", drawn),
+    }
+
+
+def detector_figures(name, title):
+    """Return a figure of the detector of each domain."""
+    path = f"results/{{run}}/figures/{name}_DOMAIN.png"
+    return [
+        shown(
+            path.replace("DOMAIN", trained), "Detection", f"figures/{name}", picture=f"{title}, detector of {trained}"
+        )
+        for trained in DOMAINS
+    ]
+
+
 rule geometry:
     """Tables of cameras, alignments, rocks and meshes with evaluation, without labels and twins."""
     input:
@@ -32,12 +62,7 @@ rule tabulate_evaluation:
         twin_pairs=expand("results/{{run}}/evaluation/twin_pairs_Terrain{terrain}.parquet", terrain=TERRAINS),
         twins=expand("results/{{run}}/evaluation/twins_Terrain{terrain}.csv", terrain=TERRAINS),
     output:
-        evaluation=shown("results/{run}/tables/evaluation.csv", "Tables", table="evaluation of every stage"),
-        twins=shown("results/{run}/tables/render.csv", "Tables", table="twins"),
-        # written through evaluation
-        others=expand(
-            "results/{{run}}/tables/{name}.{form}", name=["evaluation", "render"], form=["md", "tex", "parquet"]
-        ),
+        **table_files(evaluation="evaluation of every stage", render="twins"),
     resources:
         mem_mb=memory_per_attempt(500),
         runtime=10,
@@ -59,16 +84,7 @@ rule tabulate_geometry:
         ),
         mesh_scores=expand("results/{{run}}/evaluation/meshes_Terrain{terrain}.csv", terrain=TERRAINS),
     output:
-        cameras=shown("results/{run}/tables/cameras.csv", "Tables", table="cameras"),
-        alignment="results/{run}/tables/alignment.csv",
-        rocks=shown("results/{run}/tables/rocks.csv", "Tables", table="rocks"),
-        meshes=shown("results/{run}/tables/meshes.csv", "Tables", table="meshes"),
-        # written through cameras
-        others=expand(
-            "results/{{run}}/tables/{name}.{form}",
-            name=["cameras", "alignment", "rocks", "meshes"],
-            form=["md", "tex", "parquet"],
-        ),
+        **table_files(cameras="cameras", alignment=None, rocks="rocks", meshes="meshes"),
     resources:
         mem_mb=memory_per_attempt(500),
         runtime=10,
@@ -85,11 +101,7 @@ rule report_label_scores:
     input:
         pairs=expand("results/{{run}}/evaluation/label_pairs_Terrain{terrain}.parquet", terrain=PATHS.scored_terrains),
     output:
-        table=shown("results/{run}/tables/labels.csv", "Tables", table="labels"),
-        reliability="results/{run}/tables/reliability.parquet",
-        # written through table
-        others=multiext("results/{run}/tables/labels", ".md", ".tex", ".parquet")
-        + multiext("results/{run}/tables/reliability", ".md", ".tex", ".csv"),
+        **table_files(labels="labels", reliability=None),
         label_errors=[
             shown(
                 f"results/{{run}}/figures/label_errors_Terrain{terrain}.png",
@@ -124,23 +136,13 @@ rule report_detectors:
         ipd="results/{run}/detect/ipd.parquet",
         rocks="results/{run}/detect/rocks.parquet",
     output:
-        detection=shown("results/{run}/tables/detection.csv", "Tables", table="detection"),
-        # written through detection
-        differences=shown("results/{run}/tables/differences.csv", "Tables", table="paired differences"),
-        # written through detection
-        detection_breakdown=shown(
-            "results/{run}/tables/detection_breakdown.csv", "Tables", table="detection, broken down"
-        ),
-        # written through detection
-        false_positives=shown("results/{run}/tables/false_positives.csv", "Tables", table="false positives"),
-        ipd=shown("results/{run}/tables/ipd.csv", "Tables", table="IPD"),  # written through detection
-        # written through detection
-        ipd_rocks=shown("results/{run}/tables/ipd_rocks.csv", "Tables", table="IPD, rock by rock"),
-        # written through detection
-        others=expand(
-            "results/{{run}}/tables/{name}.{form}",
-            name=[*TABLES_OF_DETECTORS, "ipd_rocks"],
-            form=["md", "tex", "parquet"],
+        **table_files(
+            detection="detection",
+            differences="paired differences",
+            detection_breakdown="detection, broken down",
+            false_positives="false positives",
+            ipd="IPD",
+            ipd_rocks="IPD, rock by rock",
         ),
         detection_figure=shown("results/{run}/figures/detection.png", "Detection", picture="detection"),
         curves_figure=shown("results/{run}/figures/precision_recall.png", "Detection", picture="precision and recall"),
@@ -168,24 +170,8 @@ rule draw_detections:
         labels=[path for domain in DOMAINS for path in PATHS.labels(domain)],
         pictures=PATHS.photos_and_twins(),
     output:
-        seen=[
-            shown(
-                f"results/{{run}}/figures/seen_{trained}.png",
-                "Detection",
-                "figures/seen",
-                picture=f"photo and twins, detector of {trained}",
-            )
-            for trained in DOMAINS
-        ],
-        gap_rocks=[
-            shown(
-                f"results/{{run}}/figures/gap_rocks_{trained}.png",
-                "Detection",
-                "figures/gap_rocks",
-                picture=f"rocks, detector of {trained}",
-            )
-            for trained in DOMAINS
-        ],
+        seen=detector_figures("seen", "photo and twins"),
+        gap_rocks=detector_figures("gap_rocks", "rocks"),
     resources:
         mem_mb=memory_per_attempt(1000),
         runtime=5,
@@ -204,8 +190,7 @@ rule tabulate_stereo:
         instances="results/{run}/detect/stereo_instances.parquet",
         ipd="results/{run}/detect/stereo_ipd.parquet",
     output:
-        table=shown("results/{run}/tables/stereo.csv", "Tables", table="stereo depth"),
-        others=multiext("results/{run}/tables/stereo", ".md", ".tex", ".parquet"),  # written through table
+        **table_files(stereo="stereo depth"),
     resources:
         mem_mb=memory_per_attempt(500),
         runtime=5,
@@ -230,12 +215,7 @@ rule draw_photos:
         labels="results/{run}/labels/tables/Terrain{terrain}.parquet",
         rendered="results/{run}/renders/tables/Terrain{terrain}.parquet",
     output:
-        comparisons=of_positions(
-            "results/{run}/figures/comparison_Terrain{terrain}_Pos{position}.png", "Photos and twins", USUAL_POSITIONS
-        ),
-        contacts=of_positions(
-            "results/{run}/figures/contact_Terrain{terrain}_Pos{position}.png", "Contact sheets", USUAL_POSITIONS
-        ),
+        **position_figures(USUAL_POSITIONS),
     wildcard_constraints:
         terrain=one_of(TERRAINS, but=["13"]),
     resources:
@@ -252,12 +232,7 @@ rule draw_photos:
 
 use rule draw_photos as draw_photos_of_terrain_13 with:
     output:
-        comparisons=of_positions(
-            "results/{run}/figures/comparison_Terrain{terrain}_Pos{position}.png", "Photos and twins", MANY_POSITIONS
-        ),
-        contacts=of_positions(
-            "results/{run}/figures/contact_Terrain{terrain}_Pos{position}.png", "Contact sheets", MANY_POSITIONS
-        ),
+        **position_figures(MANY_POSITIONS),
     wildcard_constraints:
         terrain="13",
 

@@ -10,7 +10,7 @@ from polarsim.reporting import reporting
 with reporting(log=snakemake.log[0]):
     tabulate_labels(
         pairs=list_of_paths(snakemake.input.pairs),
-        table=Path(snakemake.output.table).with_suffix(""),
+        table=Path(snakemake.output.labels).with_suffix(""),
         reliability=Path(snakemake.output.reliability).with_suffix(""),
         seeds=snakemake.params.seeds,
         origin=snakemake.params.origin,
@@ -18,7 +18,7 @@ with reporting(log=snakemake.log[0]):
     draw_label_scores(
         terrains=[int(terrain) for terrain in snakemake.params.terrains],
         pairs=list_of_paths(snakemake.input.pairs),
-        reliability=Path(snakemake.output.reliability),
+        reliability=Path(snakemake.output.reliability).with_suffix(".parquet"),
         label_errors=list_of_paths(snakemake.output.label_errors),
         reliability_figure=Path(snakemake.output.reliability_figure),
         origin=snakemake.params.origin,

@@ -16,6 +16,6 @@ with reporting(log=snakemake.log[0]):
     tabulate_render(
         pairs=list_of_paths(snakemake.input.twin_pairs),
         evaluation=list_of_paths(snakemake.input.twins),
-        table=Path(snakemake.output.twins).with_suffix(""),
+        table=Path(snakemake.output.render).with_suffix(""),
         origin=snakemake.params.origin,
     )

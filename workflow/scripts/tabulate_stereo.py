@@ -10,6 +10,6 @@ with reporting(log=snakemake.log[0]):
         stereo=Path(snakemake.input.stereo),
         instances=Path(snakemake.input.instances),
         ipd=Path(snakemake.input.ipd),
-        stem=Path(snakemake.output.table).with_suffix(""),
+        stem=Path(snakemake.output.stereo).with_suffix(""),
         origin=snakemake.params.origin,
     )
