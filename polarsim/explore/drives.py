@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.explore.pictures import jpeg
-from polarsim.explore.rows import as_rows
+from polarsim.explore.terrain import as_rows
 from polarsim.formats.npz import read_arrays
 from polarsim.formats.tables import read_parquet
 

@@ -1,19 +1,24 @@
-"""Photos and twins as JPEG files with a fixed tone curve, so that the page can change the exposure."""
+"""Photos and twins as JPEG files with a fixed tone curve, so that the page can change the exposure, and their masks."""
 
 from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from polarsim.errors import FormatError
 from polarsim.formats import png
-from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
+from polarsim.formats.yolo import read_polygons
+from polarsim.geometry.polygons import outlines
+from polarsim.photo import BLACK_LEVEL, NO_ROCK, POLYGON_CLASSES, ROCK, SHADOW, WHITE_LEVEL
+from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 from polarsim.tone import to_8bit
 
 SMALL_PX = 240  # width of the images in the grid
 QUALITY, SMALL_QUALITY = 88, 80  # JPEG quality
+SIMPLIFY_PX = 1.0
 
 
 def jpeg(path: Path, width: int, quality: int = QUALITY) -> bytes:
@@ -40,3 +45,23 @@ def _read(path: Path) -> np.ndarray:
 
 def small_jpeg(path: Path) -> bytes:
     return jpeg(path, SMALL_PX, SMALL_QUALITY)
+
+
+def outlines_of_photos(polygons: Path) -> list[dict[str, Any]]:
+    """Return the polygons of a polygon file, which has no rock ids."""
+    named = [(POLYGON_CLASSES[number], ring) for number, ring in read_polygons(polygons)]
+    return [_ring(kind, NO_ROCK, ring) for kind, ring in named if kind in (ROCK, SHADOW)]
+
+
+def outlines_of_twins(instances: Path) -> list[dict[str, Any]]:
+    """Return the polygons of rocks and shadows in an instance map."""
+    ids = png.read_png(instances)
+    rings = []
+    for number in np.unique(ids[ids >= ROCK_IDS]).tolist():
+        kind, rock = (SHADOW, number - SHADOW_IDS) if number >= SHADOW_IDS else (ROCK, number - ROCK_IDS)
+        rings += [_ring(kind, rock, ring) for ring in outlines(ids == number, SIMPLIFY_PX)]
+    return rings
+
+
+def _ring(kind: str, rock: int, ring: np.ndarray) -> dict[str, Any]:
+    return {"kind": kind, "rock": rock, "ring": np.round(ring).astype(int).ravel().tolist()}

@@ -9,10 +9,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from polarsim.explore import outlines
 from polarsim.explore.corrections import Corrections
 from polarsim.explore.drives import drive_content, drive_pictures
-from polarsim.explore.pictures import jpeg, small_jpeg
+from polarsim.explore.pictures import jpeg, outlines_of_photos, outlines_of_twins, small_jpeg
 from polarsim.explore.tables import facts_of_rocks, picture_table, shown_labels, shown_predictions
 from polarsim.explore.terrain import terrain_setup, thinned_terrain
 from polarsim.formats import arrow
@@ -137,7 +136,7 @@ def _outlines(run: Run, kind: str, key: PhotoKey) -> list[dict[str, Any]]:
     path = run.polygons(key) if kind == "photo" else run.instances(key)
     if not path.exists():
         return []
-    return outlines.of_photos(path) if kind == "photo" else outlines.of_twins(path)
+    return outlines_of_photos(path) if kind == "photo" else outlines_of_twins(path)
 
 
 def _drives(run: Run) -> Files:

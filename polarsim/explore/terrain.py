@@ -10,7 +10,6 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from polarsim.explore.rows import as_rows
 from polarsim.formats import obj
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.meshes import Mesh
@@ -101,6 +100,11 @@ def _nearest(tree: tuple[cKDTree, np.ndarray] | None, vertices: np.ndarray) -> n
         return np.full(len(vertices), np.nan)
     _, nearest = tree[0].query(vertices, distance_upper_bound=REACH)
     return np.append(tree[1], np.nan)[nearest]
+
+
+def as_rows(values: np.ndarray) -> list[float]:
+    """Return the numbers of an array as a flat list, rounded to 4 decimals, for JSON files of the page."""
+    return [round(float(value), 4) for value in np.asarray(values).ravel()]
 
 
 def terrain_setup(run: Run, terrain: int) -> dict[str, Any]:

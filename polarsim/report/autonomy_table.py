@@ -92,27 +92,24 @@ def format_effects(effects: pd.DataFrame) -> pd.DataFrame:
 
 def format_rank(table: pd.DataFrame) -> pd.DataFrame:
     """Return a row per mode, gap and driving metric: coefficients with intervals."""
-    rows = []
-    for row in table.to_dict("records"):
-        coefficients = {
-            name: _interval_text(row[name], row[f"{name}_low"], row[f"{name}_high"], "+")
-            for name in ("spearman", "kendall")
+    records = table.to_dict("records")
+    coefficients = {
+        name.capitalize(): [_interval_text(row[name], row[f"{name}_low"], row[f"{name}_high"], "+") for row in records]
+        for name in ("spearman", "kendall")
+    }
+    return pd.DataFrame(
+        {
+            "mode": table["mode"],
+            "gap": table["gap"].map(_GAPS),
+            "drives' figure": table["drive"].map(_DRIVES),
+            "detectors": table["detectors"],
+            "drives": table["drives"],
+            "units": [f"{row['units']} {row['unit']}s" for row in records],
+            **coefficients,
+            "p": table["kendall_p"],
+            "smaller gap drives": table["says"],
         }
-        rows.append(
-            {
-                "mode": row["mode"],
-                "gap": _GAPS[row["gap"]],
-                "drives' figure": _DRIVES[row["drive"]],
-                "detectors": row["detectors"],
-                "drives": row["drives"],
-                "units": f"{row['units']} {row['unit']}s",
-                "Spearman": coefficients["spearman"],
-                "Kendall": coefficients["kendall"],
-                "p": row["kendall_p"],
-                "smaller gap drives": row["says"],
-            }
-        )
-    return pd.DataFrame(rows)
+    )
 
 
 def _with_interval(metrics: pd.DataFrame, metric: str, name: str = "value", prefix: str = "", sign: str = "") -> str:

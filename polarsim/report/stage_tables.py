@@ -54,9 +54,9 @@ def tabulate_cameras(
     rows = [
         _camera_row(terrain, *item, metrics) for terrain, rigs in localised.items() for item in sorted(rigs.items())
     ]
-    _write(table, rows, report.CAMERAS, CAMERA_CAPTION, origin)
+    _write(table, _typed(rows, report.CAMERAS), CAMERA_CAPTION, origin)
     rows = [row for terrain, folder in sorted(cameras.items()) for row in _alignment_rows(terrain, folder)]
-    _write(alignment, rows, report.ALIGNMENT, ALIGNMENT_CAPTION, origin)
+    _write(alignment, _typed(rows, report.ALIGNMENT), ALIGNMENT_CAPTION, origin)
 
 
 def tabulate_rocks(
@@ -66,18 +66,17 @@ def tabulate_rocks(
 
     `table` and `meshes` are paths without suffix.
     """
-    for stem, caption, parts in (
-        (table, ROCK_CAPTION, {terrain: _rocks(path) for terrain, path in rocks.items()}),
-        (meshes, MESH_CAPTION, {terrain: read_csv(path, ["mesh"]) for terrain, path in scores.items()}),
-    ):
-        rows = pd.concat([part.assign(terrain=terrain) for terrain, part in sorted(parts.items())], ignore_index=True)
-        rows = rows[["terrain", *(name for name in rows.columns if name != "terrain")]]
-        _write_frame(stem, rows, caption, origin)
+    parts = {terrain: read_parquet(path, ["rock", "source"]) for terrain, path in rocks.items()}
+    named = _with_terrain(parts).rename(columns={"source": "found_by"})  # in report tables, `source` is the run's
+    _write(table, named, ROCK_CAPTION, origin)
+    parts = {terrain: read_csv(path, ["mesh"]) for terrain, path in scores.items()}
+    _write(meshes, _with_terrain(parts), MESH_CAPTION, origin)
 
 
-def _rocks(path: Path) -> pd.DataFrame:
-    """Return the rocks of a terrain with `source` renamed to `found_by`; `source` is the run's in report tables."""
-    return read_parquet(path, ["rock", "source"]).rename(columns={"source": "found_by"})
+def _with_terrain(parts: Mapping[int, pd.DataFrame]) -> pd.DataFrame:
+    """Concatenate tables by terrain, with the terrain in the first column."""
+    rows = pd.concat([part.assign(terrain=terrain) for terrain, part in sorted(parts.items())], ignore_index=True)
+    return rows[["terrain", *(name for name in rows.columns if name != "terrain")]]
 
 
 def _camera_row(terrain: int, position: str, rig: LocalisedRig, metrics: pd.DataFrame) -> dict[str, Any]:
@@ -105,7 +104,7 @@ def _alignment_rows(terrain: int, folder: Path) -> list[dict[str, Any]]:
     scans = folder / ALIGNMENT_FILE
     if scans.exists():
         pairs = read_csv(scans).rename(columns={"pair": "between"}).assign(terrain=terrain, evidence="scans")
-        return [dict(zip(map(str, pairs.columns), row, strict=True)) for row in pairs.itertuples(index=False)]
+        return pairs.to_dict("records")  # type: ignore[return-value]
     return [
         {
             "terrain": terrain,
@@ -117,10 +116,9 @@ def _alignment_rows(terrain: int, folder: Path) -> list[dict[str, Any]]:
     ]
 
 
-def _write(stem: Path, rows: list[dict[str, Any]], schema: Table, caption: str, origin: Mapping[str, str]) -> None:
-    _write_frame(stem, pd.DataFrame(rows, columns=list(schema.columns)).astype(schema.dtypes), caption, origin)
+def _typed(rows: list[dict[str, Any]], schema: Table) -> pd.DataFrame:
+    return pd.DataFrame(rows, columns=list(schema.columns)).astype(schema.dtypes)
 
 
-def _write_frame(stem: Path, table: pd.DataFrame, caption: str, origin: Mapping[str, str]) -> None:
-    shown = table.dropna(axis="columns", how="all")
-    write_table(stem, table, caption, layout=shown, origin=origin)
+def _write(stem: Path, table: pd.DataFrame, caption: str, origin: Mapping[str, str]) -> None:
+    write_table(stem, table, caption, layout=table.dropna(axis="columns", how="all"), origin=origin)

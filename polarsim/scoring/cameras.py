@@ -20,7 +20,7 @@ from polarsim.run_files import lamps
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.scoring.alignment import align_rigs, fit_alignment
 from polarsim.scoring.labels import read_sound_boxes
-from polarsim.scoring.metrics import Metric, summary_metric, write_metrics
+from polarsim.scoring.metrics import Metric, metrics_of, summary_metric, write_metrics
 from polarsim.scoring.score import PhotoLabels
 
 MATCH_COLUMNS = ("position", "rock", "iou", "dx_px", "dy_px")
@@ -145,15 +145,11 @@ def agreed_boxes(annotated: Mapping[PhotoKey, PhotoLabels], position: str, camer
 
 def _overlap_metrics(subject: str, overlap: np.ndarray, offset_px: np.ndarray) -> list[Metric]:
     """Return the mean IoU and the medians of the offsets (n, 2) along x and y; empty without pairs."""
-    n = len(overlap)
-    if not n:
+    if not len(overlap):
         return []
     across, down = np.median(offset_px, axis=0)
-    return [
-        Metric(subject, "box_iou_mean", float(overlap.mean()), "1", n, "labels"),
-        Metric(subject, "box_dx_median", float(across), "px", n, "labels"),
-        Metric(subject, "box_dy_median", float(down), "px", n, "labels"),
-    ]
+    values = {"box_iou_mean": (overlap.mean(), "1"), "box_dx_median": (across, "px"), "box_dy_median": (down, "px")}
+    return metrics_of(subject, len(overlap), "labels", **values)
 
 
 def stated(localised: Mapping[str, LocalisedRig]) -> list[Metric]:
@@ -171,10 +167,7 @@ def _pose_errors(subject: str, names: tuple[str, str], estimated: Pose, true: Po
     """Return the errors of translation and rotation of a pose as two metrics with the given names."""
     offset_mm = 1000 * float(np.linalg.norm(estimated.translation - true.translation))
     rotation_deg = float(np.degrees(angle_between(estimated, true)))
-    return [
-        Metric(subject, names[0], offset_mm, "mm", 1, "truth"),
-        Metric(subject, names[1], rotation_deg, "deg", 1, "truth"),
-    ]
+    return metrics_of(subject, 1, "truth", **{names[0]: (offset_mm, "mm"), names[1]: (rotation_deg, "deg")})
 
 
 def projection_errors(

@@ -36,7 +36,7 @@ from polarsim.scoring.alignment import align_rigs, refine_alignment
 from polarsim.scoring.consistency_warnings import STAGE, metric_warning
 from polarsim.scoring.labels import read_sound_boxes
 from polarsim.scoring.left_right import boxes_of_both, photos_of_both
-from polarsim.scoring.metrics import Metric, write_metrics
+from polarsim.scoring.metrics import Metric, metrics_of, write_metrics
 from polarsim.scoring.surface import Surface
 from polarsim.survey import half_width
 
@@ -112,10 +112,8 @@ def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list
     surface = Surface(scene.vertices, scene.faces)
     all_points = np.concatenate(list(scans.values()))
     rotation, translation = _size(_alignment(all_points, surface), all_points.mean(axis=0))
-    metrics = [
-        Metric("all scans on the meshes", "common_rotation", rotation, "deg", len(scans), "own"),
-        Metric("all scans on the meshes", "common_translation", translation, "mm", len(scans), "own"),
-    ]
+    values = {"common_rotation": (rotation, "deg"), "common_translation": (translation, "mm")}
+    metrics = metrics_of("all scans on the meshes", len(scans), "own", **values)
     moves = {}
     for position, points in sorted(scans.items()):
         moves[position] = _alignment(points, surface)
@@ -127,9 +125,8 @@ def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list
         metrics.append(Metric(subject, "distance_median", distance_mm, "mm", len(points), "own"))
     for first, second in combinations(sorted(moves), 2):
         rotation, translation = _size(moves[first].inverse() @ moves[second], all_points.mean(axis=0))
-        subject = f"scans {first} and {second}"
-        metrics.append(Metric(subject, "rotation_between", rotation, "deg", 2, "own"))
-        metrics.append(Metric(subject, "translation_between", translation, "mm", 2, "own"))
+        values = {"rotation_between": (rotation, "deg"), "translation_between": (translation, "mm")}
+        metrics += metrics_of(f"scans {first} and {second}", 2, "own", **values)
     return metrics
 
 

@@ -21,7 +21,7 @@ from polarsim.photo import CAMERAS, PhotoKey
 from polarsim.run_files.best_photos import BestPhotos, read_resized
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.scoring.cameras import agreed_boxes
-from polarsim.scoring.metrics import Metric
+from polarsim.scoring.metrics import Metric, metrics_of
 from polarsim.scoring.score import PhotoLabels
 
 SCALE = 0.5  # scale of the compared photos: less noise and a larger search range
@@ -66,12 +66,8 @@ def tie_metrics(subject: str, rig: StereoRig, ties: list[StereoMatches]) -> list
     along = (lines * offset).sum(axis=1)
     median = float(np.median(across))
     spread = float(SD_OF_MAD * np.median(np.abs(across - median)))
-    return [
-        *metrics,
-        Metric(subject, "across_rows", abs(median), "px", matched, "photos"),
-        Metric(subject, "across_rows_spread", spread, "px", matched, "photos"),
-        Metric(subject, "along_rows", abs(float(np.median(along))), "px", matched, "photos"),
-    ]
+    values = {"across_rows": abs(median), "across_rows_spread": spread, "along_rows": abs(float(np.median(along)))}
+    return metrics + metrics_of(subject, matched, "photos", **{name: (px, "px") for name, px in values.items()})
 
 
 def _epipolar_directions(rig: StereoRig, points_left: np.ndarray) -> np.ndarray:

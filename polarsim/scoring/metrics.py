@@ -48,6 +48,11 @@ def summary_metric(
     return metrics
 
 
+def metrics_of(subject: str, n: int, against: Against, **values: tuple[float, str]) -> list[Metric]:
+    """Return metrics of a subject: values and units by name."""
+    return [Metric(subject, name, float(value), unit, n, against) for name, (value, unit) in values.items()]
+
+
 def metrics_table(stage: str, terrain: int, metrics: Iterable[Metric]) -> pd.DataFrame:
     """Return metrics as a table with `COLUMNS`, in the given order."""
     table = pd.DataFrame([(stage, terrain, *astuple(metric)) for metric in metrics], columns=list(COLUMNS))

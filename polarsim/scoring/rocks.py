@@ -16,7 +16,7 @@ from polarsim.run_files.scene import read_terrain
 from polarsim.schemas.evaluation import OFFSETS
 from polarsim.scoring.cameras import projection_errors, true_points
 from polarsim.scoring.mesh_scores import accuracy, f_score, mesh_table, soundness_rows
-from polarsim.scoring.metrics import Metric, summary_metric, write_metrics
+from polarsim.scoring.metrics import Metric, metrics_of, summary_metric, write_metrics
 from polarsim.scoring.rock_pairs import pair_rocks, recall_and_precision, size_classes, size_names
 from polarsim.scoring.surface import Surface
 from polarsim.scoring.true_surface import SEED, Comparison, compare_surfaces
@@ -103,13 +103,10 @@ def _reprojection(terrain: int, cameras: Path, truth: Path, compared: Comparison
 
 def counts(found: pd.DataFrame) -> list[Metric]:
     """Return the numbers of rocks by size class."""
-    size_cm = 100 * found["size_m"].to_numpy(float)
-    (large, small), names = size_classes(size_cm), size_names()
-    n = len(found)
+    classes = [np.ones(len(found), bool), *size_classes(100 * found["size_m"].to_numpy(float))]
     return [
-        Metric("rocks", "count", n, "rocks", n, "own"),
-        Metric(names[0], "count", int(large.sum()), "rocks", n, "own"),
-        Metric(names[1], "count", int(small.sum()), "rocks", n, "own"),
+        Metric(name, "count", int(members.sum()), "rocks", len(found), "own")
+        for name, members in zip(("rocks", *size_names()), classes, strict=True)
     ]
 
 
@@ -118,32 +115,30 @@ def soundness(table: pd.DataFrame) -> list[Metric]:
     metrics: list[Metric] = []
     rocks, ground = table[table["rock"] != NO_ROCK], table[table["rock"] == NO_ROCK].iloc[0]
     if len(rocks):
-        n = len(rocks)
-        metrics += [
-            Metric("rock meshes", "watertight_share", float(rocks["watertight"].mean()), "1", n, "own"),
-            Metric("rock meshes", "one_island_share", float((rocks["islands"] == 1).mean()), "1", n, "own"),
-            Metric("rock meshes", "vertices_median", float(rocks["vertices"].median()), "vertices", n, "own"),
-        ]
-    metrics.append(Metric("ground mesh", "islands", int(ground["islands"]), "islands", 1, "own"))
-    metrics.append(Metric("ground mesh", "vertices", int(ground["vertices"]), "vertices", 1, "own"))
-    return metrics
+        metrics += metrics_of(
+            "rock meshes", len(rocks), "own",
+            watertight_share=(rocks["watertight"].mean(), "1"),
+            one_island_share=((rocks["islands"] == 1).mean(), "1"),
+            vertices_median=(rocks["vertices"].median(), "vertices"),
+        )  # fmt: skip
+    sizes = {name: (ground[name], name) for name in ("islands", "vertices")}
+    return metrics + metrics_of("ground mesh", 1, "own", **sizes)
 
 
 def _copies(table: pd.DataFrame) -> list[Metric]:
     """Return the contact of rocks with the ground and the accuracy of decimated copies."""
     rocks = table[table["rock"] != NO_ROCK]
-    if not len(rocks):
-        return []
-    n, copies = len(rocks), rocks.dropna(subset=["copy_hausdorff_mm"])
-    metrics = [Metric("rock meshes", "contact_share", float(rocks["contact_share"].mean()), "1", n, "own")]
+    copies = rocks.dropna(subset=["copy_hausdorff_mm"])
+    metrics: list[Metric] = []
+    if len(rocks):
+        metrics += metrics_of("rock meshes", len(rocks), "own", contact_share=(rocks["contact_share"].mean(), "1"))
     if len(copies):
-        worst, sound = copies["copy_hausdorff_mm"].max(), copies["copy_watertight"].mean()
-        share = copies["copy_vertex_share"].median()
-        metrics += [
-            Metric("thinned copies", "hausdorff_max", float(worst), "mm", len(copies), "own"),
-            Metric("thinned copies", "watertight_share", float(sound), "1", len(copies), "own"),
-            Metric("thinned copies", "vertex_share_median", float(share), "1", len(copies), "own"),
-        ]
+        metrics += metrics_of(
+            "thinned copies", len(copies), "own",
+            hausdorff_max=(copies["copy_hausdorff_mm"].max(), "mm"),
+            watertight_share=(copies["copy_watertight"].mean(), "1"),
+            vertex_share_median=(copies["copy_vertex_share"].median(), "1"),
+        )  # fmt: skip
     return metrics
 
 
@@ -195,7 +190,5 @@ def _alignment_metrics(compared: Comparison) -> list[Metric]:
     points, alignment, by_cameras = compared.true.points, compared.truth_from_sandbox, compared.by_cameras
     moved_mm = 1000 * np.linalg.norm(alignment.inverse().apply(points) - by_cameras.inverse().apply(points), axis=1)
     rotation_deg = float(np.degrees(angle_between(by_cameras, alignment)))
-    return [
-        Metric("frame", "icp_translation_median", float(np.median(moved_mm)), "mm", len(points), "truth"),
-        Metric("frame", "icp_rotation", rotation_deg, "deg", len(points), "truth"),
-    ]
+    values = {"icp_translation_median": (float(np.median(moved_mm)), "mm"), "icp_rotation": (rotation_deg, "deg")}
+    return metrics_of("frame", len(points), "truth", **values)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from polarsim.detect.evaluate import clip_labels
 from polarsim.detect.false_positives import false_positives
 from polarsim.errors import ConfigError
-from polarsim.explore.outlines import of_twins
+from polarsim.explore.pictures import outlines_of_twins
 from polarsim.explore.site import overview
 from polarsim.explore.tables import facts_of_rocks, picture_table, shown_predictions
 from polarsim.explore.terrain import clustered, terrain_setup, thinned_terrain
@@ -130,7 +130,7 @@ def test_cameras_have_the_localised_poses(made):
 
 
 def test_polygons_of_twins_cover_the_pixels_of_the_instance_map(made):
-    rings = of_twins(made / "renders/instances/Terrain03/03_A_off_30_L.png")
+    rings = outlines_of_twins(made / "renders/instances/Terrain03/03_A_off_30_L.png")
     (ring,) = [one["ring"] for one in rings if (one["kind"], one["rock"]) == ("rock", 1)]
     points = np.array(ring).reshape(-1, 2)
     x0, y0, x1, y1 = np.round(boxes_of(SEED)["rock", 1])
