@@ -13,14 +13,15 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from polarsim.errors import FormatError, LabelError, PolarsimError
+from polarsim.errors import FormatError, LabelError, with_part
 from polarsim.formats import rle
 from polarsim.formats.files import relative_to, writing
 from polarsim.formats.readers import reader
 from polarsim.formats.rle import Rle
 from polarsim.formats.tables import key_columns
+from polarsim.formats.yaml_files import describe_error
 from polarsim.geometry.boxes import area, box_of_mask, rotated_box
 from polarsim.geometry.polygons import outlines, rasterised
 from polarsim.photo import AZIMUTHS, BOX_CLASSES, CAMERAS, HEIGHT, LIGHTS, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey
@@ -91,8 +92,11 @@ def write_coco(
     `size` is the width and height of the images, px. `file_name` is the path from the folder of the COCO file to the
     image of the photo in `pictures`, or KEY.png if `pictures` has no image of the photo.
     """
-    names = {key: relative_to(picture, Path(path).parent) for key, picture in (pictures or {}).items()}
-    rows = [(_image_row(key, names.get(key, f"{key}.png"), size), photos[key]) for key in sorted(photos)]
+    rows = []
+    for key in sorted(photos):
+        name = relative_to(pictures[key], Path(path).parent) if pictures and key in pictures else f"{key}.png"
+        image = {"id": image_id(key), "file_name": name, "width": size[0], "height": size[1], **key_columns(key)}
+        rows.append((image, photos[key]))
     write_coco_images(path, rows, "Rocks and shadows of the POLAR data set, labelled by polarsim", simplify_px)
 
 
@@ -125,10 +129,6 @@ def write_coco_images(
         file.write("}\n")
 
 
-def _image_row(key: PhotoKey, name: str, size: tuple[int, int]) -> dict[str, Any]:
-    return {"id": image_id(key), "file_name": name, "width": size[0], "height": size[1], **key_columns(key)}
-
-
 def _segmentation(mask: Rle | None, simplify_px: float | None) -> object:
     if mask is None:
         return []
@@ -141,18 +141,21 @@ def _annotation_rows(
     photo: int, annotations: Sequence[Annotation], columns: Callable[[Annotation], dict[str, object]]
 ) -> Iterator[dict[str, object]]:
     assert len(annotations) < PER_PHOTO
-    ids = [photo * PER_PHOTO + number for number in range(1, len(annotations) + 1)]
-    id_of_rock: dict[int, int] = {}
-    for number, annotation in zip(ids, annotations, strict=True):
-        if annotation.kind == ROCK and annotation.rock != NO_ROCK:
-            id_of_rock.setdefault(annotation.rock, number)
-    for number, annotation in zip(ids, annotations, strict=True):
+    numbered = list(enumerate(annotations, photo * PER_PHOTO + 1))
+    rocks = [(label.rock, number) for number, label in numbered if label.kind == ROCK and label.rock != NO_ROCK]
+    id_of_rock = dict(reversed(rocks))  # of the first rock with this id
+    for number, annotation in numbered:
         shadow_of = {"shadow_of": id_of_rock.get(annotation.rock)} if annotation.kind == SHADOW else {}
         yield {"id": number, "image_id": photo, **columns(annotation), **shadow_of}
 
 
 def _columns(annotation: Annotation, coded: Callable[[Rle | None], object]) -> dict[str, object]:
     """Return the fields that do not depend on the photo; `shadow_of` is a placeholder for the order of the fields."""
+    amodal = annotation.amodal and {
+        "amodal_bbox": _bbox(annotation.amodal.box),
+        "amodal_segmentation": coded(annotation.amodal.mask),
+        "visible_share": round(annotation.visible_share, 4),
+    }
     return {
         "category_id": CATEGORIES[annotation.kind],
         "bbox": _bbox(annotation.box),
@@ -163,7 +166,7 @@ def _columns(annotation: Annotation, coded: Callable[[Rle | None], object]) -> d
         "source": annotation.source,
         "confidence": annotation.confidence,
         **({"shadow_of": None} if annotation.kind == SHADOW else {}),
-        **(_amodal_columns(annotation, coded) if annotation.amodal else {}),
+        **(amodal or {}),
         "attributes": {
             "rock": annotation.rock,
             "confidence": annotation.confidence,
@@ -175,15 +178,6 @@ def _columns(annotation: Annotation, coded: Callable[[Rle | None], object]) -> d
 def _bbox(box: np.ndarray) -> list[float]:
     x0, y0, x1, y1 = (float(edge) for edge in box)
     return [round(value, 3) for value in (x0, y0, x1 - x0, y1 - y0)]
-
-
-def _amodal_columns(annotation: Annotation, coded: Callable[[Rle | None], object]) -> dict[str, object]:
-    assert annotation.amodal is not None
-    return {
-        "amodal_bbox": _bbox(annotation.amodal.box),
-        "amodal_segmentation": coded(annotation.amodal.mask),
-        "visible_share": round(annotation.visible_share, 4),
-    }
 
 
 class _Part(BaseModel):
@@ -251,37 +245,20 @@ class _File(_Part):
     annotations: list[_Annotation]
 
 
-_FILE = TypeAdapter(_File)
-_FIELDS = {name for model in (_File, _Image, _Category, _Annotation, _Attributes, _Runs) for name in model.model_fields}
-
-
 @reader("COCO file", largest_mb=500)
-def read_coco(
-    path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT), kinds: Sequence[str] | None = BOX_CLASSES
-) -> dict[PhotoKey, list[Annotation]]:
-    """Read the annotations of every photo of a COCO file that polarsim or an annotation tool wrote.
+def read_coco(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> dict[PhotoKey, list[Annotation]]:
+    """Read the annotations of every photo of a COCO file, see `read_coco_images`.
 
-    Categories are identified by name. The photo key of an image is the field `key` or part of the file name, which may
-    have folders, another suffix, or letters and a dash before the photo key (Label Studio). Masks are runs, compressed
-    or not, or polygons. A missing box is computed from the mask. The rock, source and confidence are read from the
-    annotation or from `attributes` (CVAT) and may be missing.
-
-    Parameters
-    ----------
-    size
-        Width and height that all images must have, px.
-    kinds
-        Accepted names of categories; None: any name.
+    The photo key of an image is the field `key` or part of the file name, which may have folders, another suffix, or
+    letters and a dash before the photo key (Label Studio). All images must have the size (width, height), px.
     """
     photos: dict[PhotoKey, list[Annotation]] = {}
-    for name, image_size, rows in read_coco_images(path, kinds, size):
+    for name, image_size, rows in read_coco_images(path, BOX_CLASSES, size):
         if image_size != size:
-            raise FormatError(
-                f"image {name}: {image_size[0]} x {image_size[1]} px, expected {size[0]} x {size[1]}", path=path
-            )
+            raise FormatError(f"image {name}: {image_size[0]} x {image_size[1]} px, expected {size[0]} x {size[1]}")
         key = key_of_picture(path, name)
         if key in photos:
-            raise FormatError(f"two images of photo {key}", path=path)
+            raise FormatError(f"two images of photo {key}")
         photos[key] = [row.annotation for row in rows]
     return photos
 
@@ -309,58 +286,34 @@ def read_coco_images(
 ) -> list[tuple[str, tuple[int, int], list[Row]]]:
     """Read the name, the size (width, height) and the annotations of every image of a COCO file.
 
-    Annotations are in pixels of the image. The name is the photo key of the image if `key` is given, else `file_name`.
-    A rotated box (CVAT) is replaced by the axis-aligned box around it.
-
-    Parameters
-    ----------
-    kinds
-        Accepted names of categories; None: any name.
-    default_size
-        Size of images without width and height, px.
+    The name is the photo key of the image if `key` is given, else `file_name`; the size of images without width and
+    height is `default_size`. Annotations are in pixels of the image. Categories are identified by name and must be in
+    `kinds` (None: any name). Masks are runs, compressed or not, or polygons. A missing box is computed from the mask; a
+    rotated box (CVAT) is replaced by the axis-aligned box around it. The rock, source and confidence are read from the
+    annotation or from `attributes` (CVAT) and may be missing.
     """
     try:
-        content = _FILE.validate_json(Path(path).read_bytes())
+        content = _File.model_validate_json(Path(path).read_bytes())
     except ValidationError as error:
-        raise FormatError(f"no COCO file, {_problem(error)}", path=path) from error
-    images = _once(path, "image", ((image.id, image) for image in content.images))
-    names = _once(path, "category", ((category.id, category.name) for category in content.categories))
+        raise FormatError(f"no COCO file, {describe_error(error, 'images, categories, annotations')}") from error
+    images = _once("image", ((image.id, image) for image in content.images))
+    names = _once("category", ((category.id, category.name) for category in content.categories))
     sizes = {
         number: (image.width or default_size[0], image.height or default_size[1]) for number, image in images.items()
     }
     pictures: dict[int, list[Row]] = {number: [] for number in images}
     for number, row in enumerate(content.annotations):
         where = f"annotation {number if row.id is None else row.id}"
-        try:
+        with with_part(where):
             if row.image_id not in images:
                 raise FormatError(f"image_id {row.image_id} is not the id of an image in the file")
             annotation = _annotation(row, names, sizes[row.image_id], kinds)
-        except PolarsimError as error:
-            raise FormatError(f"{where}: {error.reason}", path=path) from error
         pictures[row.image_id].append(Row(where, _form(row), annotation))
-    _check_corners(path, content.annotations, sizes)
+    _check_corners(content.annotations, sizes)
     return [(image.key or image.file_name, sizes[number], pictures[number]) for number, image in images.items()]
 
 
-def _problem(error: ValidationError) -> str:
-    """Return the first error of a file, with the names of the fields."""
-    first = error.errors(include_url=False, include_context=False, include_input=False)[0]
-    parts = [part for part in first["loc"] if isinstance(part, int) or part in _FIELDS]
-    where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts).lstrip(".")
-    if not parts:
-        lists = first["type"] == "model_type"
-        return (
-            "expected a file with images, categories and annotations (a list of results names no pictures)"
-            if lists
-            else first["msg"].replace("\n", " ")
-        )
-    if "segmentation" in where:
-        where = where[: where.index("segmentation") + len("segmentation")]
-        return f"{where}: expected polygons (lists of x and y) or runs (size and counts)"
-    return f"{where}: {'missing' if first['type'] == 'missing' else first['msg']}".replace("\n", " ")
-
-
-def _check_corners(path: str | Path, annotations: Sequence[_Annotation], sizes: Mapping[int, tuple[int, int]]) -> None:
+def _check_corners(annotations: Sequence[_Annotation], sizes: Mapping[int, tuple[int, int]]) -> None:
     """Raise an error if all boxes of a file are two corners instead of a corner and a size."""
     boxed = [row for row in annotations if row.bbox]
     boxes = np.array([row.bbox for row in boxed]).reshape(-1, 4)
@@ -370,14 +323,14 @@ def _check_corners(path: str | Path, annotations: Sequence[_Annotation], sizes: 
         and (boxes[:, 2:] > boxes[:, :2]).all()
         and (boxes[:, 2:] > picture / 2).any()
     ):
-        raise FormatError(f"annotation {boxed[0].id}: bbox {boxed[0].bbox}: {_TWO_CORNERS}", path=path)
+        raise FormatError(f"annotation {boxed[0].id}: bbox {boxed[0].bbox}: {_TWO_CORNERS}")
 
 
-def _once(path: str | Path, what: str, pairs: Iterable[tuple[int, Any]]) -> dict[int, Any]:
+def _once(what: str, pairs: Iterable[tuple[int, Any]]) -> dict[int, Any]:
     value_of_id: dict[int, Any] = {}
     for number, value in pairs:
         if number in value_of_id:
-            raise FormatError(f"{what} id {number} is used twice", path=path)
+            raise FormatError(f"{what} id {number} is used twice")
         value_of_id[number] = value
     return value_of_id
 

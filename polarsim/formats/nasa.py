@@ -45,18 +45,8 @@ _COUNTS = {
 _PHOTO = re.compile(r"Pos([A-G])_\d+_L(on|off)/(NoSun|Sun_(\d+))/Cam([LR])_(.+)_(\d{4})\.(?i:png)")
 _MAX_BANDS = 8  # of a range map; the first three are read
 _MAX_HEADER_LINES = 50  # of a text cloud before the first point
-_PTX_HEADER = (
-    1,
-    1,
-    3,
-    3,
-    3,
-    3,
-    4,
-    4,
-    4,
-    4,
-)  # numbers per line: columns, rows, position, axes and matrix of the scanner
+# Numbers per line of the header of a Leica PTX file: columns, rows, position, axes and matrix of the scanner.
+_PTX_HEADER = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?|[+-]?\d+|(?i:[+-]?(?:nan|inf))")
 _NO_DATA_TAG = 42113  # GDAL_NODATA
 _MIN_MEDIAN_M, _MAX_MEDIAN_M = 0.1, 1000.0  # median distance of a range map; other values mean another unit
@@ -148,10 +138,7 @@ def read_range_map(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) ->
     the three bands are equal: a point at x = y = z is outside the field of view, and markers such as 99999 have this
     form.
 
-    Parameters
-    ----------
-    size : (width, height)
-        Expected size of the map, px. The size is checked before pixels are read.
+    The expected size (width, height), px, is checked before pixels are read.
     """
     import tifffile
 
@@ -160,7 +147,7 @@ def read_range_map(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) ->
         bands_last = _bands_last(tiff.series[0].shape if tiff.series else (), size)
         page: Any = tiff.pages[0]
         no_data = page.tags.get(_NO_DATA_TAG)
-        bands = _decoded(tiff, page)
+        bands = np.asarray(tiff.series[0].asarray())
     if bands.dtype.kind not in "fiu":
         raise FormatError(f"values have the type {bands.dtype}, expected numbers")
     points = (bands[..., :3] if bands_last else np.moveaxis(bands[:3], 0, -1)).astype(np.float32)
@@ -177,19 +164,6 @@ def read_range_map(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) ->
     if not _MIN_MEDIAN_M <= median <= _MAX_MEDIAN_M:
         raise FormatError(f"the median distance is {median / MM:.4g}, expected millimetres: convert the unit")
     return points
-
-
-def _decoded(tiff: Any, page: Any) -> np.ndarray:
-    try:
-        return np.asarray(tiff.series[0].asarray())
-    except (ImportError, ValueError) as error:  # missing codec for a compression or predictor, or other errors
-        if not isinstance(error, ImportError) and "imagecodecs" not in str(error):
-            raise
-        name = getattr(page.compression, "name", page.compression)
-        raise FormatError(
-            f"compression {name} with predictor {int(page.predictor)} needs the package imagecodecs: install it, "
-            "or save the map without compression"
-        ) from error
 
 
 def _bands_last(shape: tuple[int, ...], size: tuple[int, int]) -> bool:
@@ -215,25 +189,20 @@ def write_range_map(path: str | Path, points_m: np.ndarray) -> None:
 
 
 @reader("cloud", largest_mb=4000)
-def read_cloud(path: str | Path, unit_m: float = MM) -> np.ndarray:
-    """Read the points (n, 3) float64 of a scan, metres, in the rectified left frame.
+def read_cloud(path: str | Path) -> np.ndarray:
+    """Read the points (n, 3) float64 of a scan, millimetres in the file, as metres in the rectified left frame.
 
-    Parameters
-    ----------
-    path : .xyz, .txt, .pts or .ply
-        Text with `x y z ...` per line after any header (further columns are ignored), or a PLY file. Fields are
-        separated by blanks, commas or semicolons. Decimal commas are accepted between blanks or semicolons.
-    unit_m : float
-        Unit of length of the file, metres.
+    A PLY file, or text with `x y z ...` per line after any header; further columns are ignored. Fields are separated by
+    blanks, commas or semicolons. Decimal commas are accepted between blanks or semicolons.
     """
     suffix = Path(path).suffix.lower()
     if suffix not in CLOUD_SUFFIXES:
-        raise FormatError(f"unknown suffix of a cloud, expected {', '.join(CLOUD_SUFFIXES)}", path=path)
+        raise FormatError(f"unknown suffix of a cloud, expected {', '.join(CLOUD_SUFFIXES)}")
     points = _read_ply(path) if suffix == ".ply" else _read_ascii_cloud(path)
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
-        raise FormatError("no point", path=path)
-    return points * unit_m
+        raise FormatError("no point")
+    return points * MM
 
 
 @dataclass(frozen=True)
@@ -262,7 +231,7 @@ def _read_ascii_cloud(path: str | Path) -> np.ndarray:
     dialects = ((number, _dialect(line, encoding)) for number, line in enumerate(start))
     first, dialect = next(((number, spelling) for number, spelling in dialects if spelling is not None), (0, None))
     if dialect is None:
-        raise FormatError(f"no point among the first {_MAX_HEADER_LINES} lines, expected lines of x y z", path=path)
+        raise FormatError(f"no point among the first {_MAX_HEADER_LINES} lines, expected lines of x y z")
     try:
         table = pd.read_csv(
             path,
@@ -323,9 +292,9 @@ def _require_points(path: str | Path, first: int, dialect: _Dialect) -> None:
             try:
                 coordinates = dialect.numbers(line)
             except ValueError as error:
-                raise FormatError(f"{error}, expected x y z", path=path, line=number + 1) from error
+                raise FormatError(f"{error}, expected x y z", line=number + 1) from error
             if len(coordinates) < 3:
-                raise FormatError("fewer than 3 numbers, expected x y z", path=path, line=number + 1)
+                raise FormatError("fewer than 3 numbers, expected x y z", line=number + 1)
 
 
 def _read_ply(path: str | Path) -> np.ndarray:
@@ -363,11 +332,8 @@ def find_terrain_folder(root: str | Path, terrain: int) -> Path | None:
 
 def find_calibration(terrain_folder: str | Path) -> Path | None:
     """Return `stereo.calibration` in the folder of a terrain or in a subfolder; None if it does not exist."""
-    files = [
-        *sorted(Path(terrain_folder).glob(CALIBRATION_NAME)),
-        *sorted(Path(terrain_folder).glob(f"*/{CALIBRATION_NAME}")),
-    ]
-    return files[0] if files else None
+    folders = [Path(terrain_folder), *sorted(Path(terrain_folder).glob("*"))]
+    return next((folder / CALIBRATION_NAME for folder in folders if (folder / CALIBRATION_NAME).exists()), None)
 
 
 def find_photos(terrain_folder: str | Path, terrain: int) -> list[tuple[PhotoKey, Path]]:

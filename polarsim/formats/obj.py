@@ -51,14 +51,14 @@ def rock_files(folder: str | Path) -> dict[int, Path]:
 def read_obj(path: str | Path) -> Mesh:
     """Return vertices and triangles of an OBJ file; polygons are cut into fans, other lines are ignored."""
     content = Path(path).read_bytes().removeprefix(codecs.BOM_UTF8)
-    mesh = _plain_triangles(content) or _any_faces(path, content)
+    mesh = _plain_triangles(content) or _any_faces(content)
     if not len(mesh.faces):
-        raise FormatError("no triangle, expected lines such as `f 1 2 3`", path=path)
+        raise FormatError("no triangle, expected lines such as `f 1 2 3`")
     outside = mesh.faces[mesh.faces >= len(mesh.vertices)]
     if len(outside):
-        raise FormatError(f"a face refers to vertex {outside[0] + 1} of {len(mesh.vertices)}", path=path)
+        raise FormatError(f"a face refers to vertex {outside[0] + 1} of {len(mesh.vertices)}")
     if not np.isfinite(mesh.vertices).all():
-        raise FormatError("a vertex is not finite", path=path)
+        raise FormatError("a vertex is not finite")
     return mesh
 
 
@@ -87,17 +87,7 @@ def _is_plain(content: bytes, *blocks: slice) -> bool:
         return False
     first, second = sorted(blocks, key=lambda block: block.start)
     rest = (slice(0, first.start), slice(first.stop, second.start), slice(second.stop, len(content)))
-    return not any(_has_unusual_start(content[part]) for part in rest)
-
-
-def _has_unusual_start(lines: bytes) -> bool:
-    """Return whether a line starts with a blank, or with `v` or `f` and a tab."""
-    signs = np.frombuffer(lines, np.uint8)
-    starts = np.concatenate([[0], np.flatnonzero(signs == ord("\n")) + 1])
-    starts = starts[starts < len(signs) - 1]
-    first, second = signs[starts], signs[starts + 1]
-    tagged = (second == ord("\t")) & ((first == ord("v")) | (first == ord("f")))
-    return bool((tagged | (first == ord(" ")) | (first == ord("\t"))).any())
+    return not any(re.search(rb"^(?:[ \t]|[vf]\t)", content[part], re.MULTILINE) for part in rest)
 
 
 def _block(content: bytes, tag: bytes) -> slice | None:
@@ -132,7 +122,7 @@ def _columns(block: bytes, kind: type[float] | type[int], chosen: tuple[int, ...
     return np.stack([table[name].to_numpy() for name in chosen_names], axis=1)
 
 
-def _any_faces(path: str | Path, content: bytes) -> Mesh:
+def _any_faces(content: bytes) -> Mesh:
     """Read a file line by line: any notation, polygons, negative vertex numbers. Errors state the line."""
     vertices: list[list[float]] = []
     faces: list[list[int]] = []
@@ -152,7 +142,7 @@ def _any_faces(path: str | Path, content: bytes) -> Mesh:
                     corners = [_counted(corner, len(vertices)) for corner in corners]
                 faces += [[corners[0], corners[k], corners[k + 1]] for k in range(1, len(corners) - 1)]
         except ValueError as error:
-            raise FormatError(str(error), path=path, line=number) from error
+            raise FormatError(str(error), line=number) from error
     return Mesh(np.array(vertices, float).reshape(-1, 3), np.array(faces, np.int64).reshape(-1, 3) - 1)
 
 

@@ -203,13 +203,13 @@ def clouds(draw):
 def test_all_notations_of_a_cloud_give_the_same_cloud(tmp_path_factory, cloud):
     path = tmp_path_factory.getbasetemp() / "a.xyz"
     path.write_bytes(cloud[1])
-    np.testing.assert_allclose(nasa.read_cloud(path, unit_m=1.0), cloud[0], rtol=1e-4, atol=1e-9)
+    np.testing.assert_allclose(nasa.read_cloud(path) / nasa.MM, cloud[0], rtol=1e-4, atol=1e-9)
 
 
 @pytest.mark.parametrize("row", ["nan 2 3", "1 2 nan", "1 NaN 3"])
 def test_points_with_missing_coordinates_are_skipped_and_counted(tmp_path, caplog, row):
     (tmp_path / "a.xyz").write_text(f"1 2 3\n{row}\nnan nan nan\n4 5 6\n")
-    np.testing.assert_array_equal(nasa.read_cloud(tmp_path / "a.xyz", unit_m=1.0), [[1, 2, 3], [4, 5, 6]])
+    np.testing.assert_allclose(nasa.read_cloud(tmp_path / "a.xyz") / nasa.MM, [[1, 2, 3], [4, 5, 6]])
     assert [line for line in caplog.messages if "1 points skipped" in line]
 
 
@@ -290,13 +290,12 @@ def test_suffixes_of_photos_may_be_upper_or_lower_case(tmp_path, name):
     assert [str(key) for key, _ in nasa.find_photos(tmp_path, 1)] == ["01_A_off_30_L_0256"]
 
 
-def test_a_ply_cloud_is_read_in_millimetres_by_default(tmp_path):
+def test_a_ply_cloud_is_read_in_millimetres(tmp_path):
     header = (
         "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
     )
     (tmp_path / "a.ply").write_text(header + "1000 2000 3000\n4000 5000 6000\n")
     np.testing.assert_allclose(nasa.read_cloud(tmp_path / "a.ply"), [[1, 2, 3], [4, 5, 6]])
-    np.testing.assert_allclose(nasa.read_cloud(tmp_path / "a.ply", unit_m=1.0)[0], [1000, 2000, 3000])
 
 
 @pytest.mark.parametrize(

@@ -121,7 +121,7 @@ def test_the_fast_reader_accepts_the_files_of_the_reference(lines, first):
     content = "\n".join([*lines[:half], *blocks, *(lines[half:] if first else [])]).encode() + b"\n"
     quick = obj._plain_triangles(content)
     if quick is not None:
-        slow = obj._any_faces("a.obj", content)
+        slow = obj._any_faces(content)
         np.testing.assert_array_equal(quick.vertices, slow.vertices)
         np.testing.assert_array_equal(quick.faces, slow.faces)
 
@@ -158,7 +158,7 @@ def test_the_fast_reader_agrees_with_the_reference(release_root):
     quick = [path for path in paths if obj._plain_triangles(path.read_bytes()) is not None]
     assert quick
     for path in quick[:4]:
-        slow = obj._any_faces(path, path.read_bytes())
+        slow = obj._any_faces(path.read_bytes())
         np.testing.assert_array_equal(obj.read_obj(path).vertices, slow.vertices)
         np.testing.assert_array_equal(obj.read_obj(path).faces, slow.faces)
 
