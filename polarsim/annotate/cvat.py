@@ -8,13 +8,14 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from polarsim.annotate.shapes import ExportedImage, ExportedShape, scale_of
-from polarsim.errors import FormatError
+from polarsim.annotate.export_files import ExportedImage, ExportedShape, scale_of
+from polarsim.errors import FormatError, with_part
 from polarsim.formats.readers import reading
 from polarsim.geometry.boxes import box_around_points, box_of_ellipse, box_of_mask, rotated_box
 
 _CORNERS = [f"{axis}{corner}" for corner in ("tl1", "bl1", "tr1", "br1", "tl2", "bl2", "tr2", "br2") for axis in "xy"]
 _MAX_MASK_PX = 1e8
+_Element = ElementTree.Element
 
 
 def read_cvat(source: Path) -> Iterator[ExportedImage]:
@@ -23,90 +24,83 @@ def read_cvat(source: Path) -> Iterator[ExportedImage]:
         root = ElementTree.parse(source).getroot()  # noqa: S314  # expat stops entities that blow up
     if root.tag != "annotations":
         voc = " (Pascal VOC)" if root.tag == "annotation" else ""
-        reason = f"<{root.tag}>{voc}, expected CVAT for images 1.1: export in this format or as COCO"
-        raise FormatError(reason, path=source)
-    tracks = len(root.findall("track"))
-    if tracks:
+        raise FormatError(f"<{root.tag}>{voc}, expected CVAT for images 1.1: export in this format or as COCO")
+    if tracks := len(root.findall("track")):
         raise FormatError(
             f"CVAT for video 1.1 with {tracks} tracks, in which frames have no image names: export the task as "
-            "CVAT for images 1.1",
-            path=source,
+            "CVAT for images 1.1"
         )
-    for number, image in enumerate(root.iter("image")):
-        name = image.get("name") or ""
+    for number, image in enumerate(root.iter("image"), 1):
+        name = image.get("name")
         if not name:
-            raise FormatError(f"<image> {number + 1} has no name", path=source)
-        scale = scale_of(source, name, *(_number(source, name, image, side) for side in ("width", "height")))
-        yield ExportedImage(name, [_shape(source, name, index, child, scale) for index, child in enumerate(image, 1)])
+            raise FormatError(f"<image> {number} has no name")
+        with with_part(name):
+            scale = scale_of(_number(image, "width"), _number(image, "height"))
+            yield ExportedImage(name, [_shape(index, element, scale) for index, element in enumerate(image, 1)])
 
 
-def _shape(source: Path, name: str, index: int, element: ElementTree.Element, scale: float) -> ExportedShape:
+def _shape(index: int, element: _Element, scale: float) -> ExportedShape:
     where = f"<{element.tag}> {index}"
-    form, box = _form_and_box(source, f"{name}, {where}", element)
+    with with_part(where):
+        form, box = _form_and_box(element)
     return ExportedShape(where, form, element.get("label") or "", None if box is None else box * scale)
 
 
-def _form_and_box(source: Path, where: str, element: ElementTree.Element) -> tuple[str, np.ndarray | None]:
+def _form_and_box(element: _Element) -> tuple[str, np.ndarray | None]:
     """Return the form of an element and the bounding box (4,), px of the image; None for forms without box."""
 
-    def number(attribute: str, default: float | None = None) -> float:
-        return _number(source, where, element, attribute, default)
+    def numbers(*attributes: str) -> np.ndarray:
+        return np.array([_number(element, attribute) for attribute in attributes])
 
-    rotation = number("rotation", 0.0)
+    rotation = _number(element, "rotation", "0")
     if element.tag == "box":
-        box = np.array([number(edge) for edge in ("xtl", "ytl", "xbr", "ybr")])
+        box = numbers("xtl", "ytl", "xbr", "ybr")
         if (box[2:] <= box[:2]).any():
-            raise FormatError(f"{where}: corners {box.tolist()}, expected xtl < xbr and ytl < ybr", path=source)
+            raise FormatError(f"corners {box.tolist()}, expected xtl < xbr and ytl < ybr")
         return ("rotated box", rotated_box(box, rotation)) if rotation else ("box", box)
     if element.tag == "ellipse":
-        centre, radii = np.array([number("cx"), number("cy")]), np.array([number("rx"), number("ry")])
-        return "ellipse", box_of_ellipse(centre, radii, rotation)
+        return "ellipse", box_of_ellipse(numbers("cx", "cy"), numbers("rx", "ry"), rotation)
     if element.tag in ("polygon", "polyline"):
-        points = _points(source, where, element)
+        points = _points(element.get("points") or "")
         if element.tag == "polyline" and len(points) > 3 and (points[0] == points[-1]).all():
             return "closed polyline", box_around_points(points)
         return element.tag, box_around_points(points) if element.tag == "polygon" else None
     if element.tag == "mask":
-        left, top, width, height = (number(edge) for edge in ("left", "top", "width", "height"))
-        covered = _mask(source, where, element.get("rle") or "", int(width), int(height))
+        left, top, width, height = numbers("left", "top", "width", "height")
+        covered = _mask(element.get("rle") or "", int(width), int(height))
         return "mask", covered + np.array([left, top, left, top])
     if element.tag == "cuboid":
-        return "cuboid", box_around_points(np.array([number(corner) for corner in _CORNERS]).reshape(-1, 2))
+        return "cuboid", box_around_points(numbers(*_CORNERS).reshape(-1, 2))
     return element.tag, None  # points, skeleton, tag
 
 
-def _mask(source: Path, where: str, rle: str, width: int, height: int) -> np.ndarray:
+def _mask(rle: str, width: int, height: int) -> np.ndarray:
     """Return the bounding box (4,) of a mask in a window: lengths of runs along the rows, background first."""
-    with reading(f"mask of {where}", source):
+    with reading("mask"):
         runs = np.array([int(run) for run in rle.split(",")])
     if not 0 < width * height <= _MAX_MASK_PX or (runs < 0).any() or runs.sum() != width * height:
-        raise FormatError(f"{where}: runs of {runs.sum()} pixels, expected {width} x {height}", path=source)
+        raise FormatError(f"runs of {runs.sum()} pixels, expected {width} x {height}")
     box = box_of_mask(np.repeat(np.arange(len(runs)) % 2 == 1, runs).reshape(height, width))
     if box is None:
-        raise FormatError(f"{where}: the mask is empty", path=source)
+        raise FormatError("the mask is empty")
     return box
 
 
-def _points(source: Path, where: str, element: ElementTree.Element) -> np.ndarray:
+def _points(text: str) -> np.ndarray:
     """Return points (n, 2), px of the image."""
-    with reading(f"points of {where}", source):
-        text = element.get("points") or ""
+    with reading("points"):
         points = np.array([[float(value) for value in point.split(",")] for point in text.split(";")])
     if points.ndim != 2 or points.shape[1] != 2:
-        raise FormatError(f"{where}: points {text[:40]!r}, expected x,y;x,y;...", path=source)
+        raise FormatError(f"points {text[:40]!r}, expected x,y;x,y;...")
     return points
 
 
-def _number(
-    source: Path, where: str, element: ElementTree.Element, attribute: str, default: float | None = None
-) -> float:
-    text = element.get(attribute)
-    if text is None and default is not None:
-        return default
+def _number(element: _Element, attribute: str, default: str = "") -> float:
+    text = element.get(attribute, default)
     try:
-        value = float(text or "")
+        value = float(text)
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise FormatError(f"{where}: {attribute} is {'missing' if text is None else repr(text)}", path=source)
+        raise FormatError(f"{attribute} is {repr(text) if text else 'missing'}")
     return value

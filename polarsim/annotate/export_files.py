@@ -1,28 +1,58 @@
-"""Files and format of an export of labels in a file, a folder or a zip archive."""
+"""Files, format and shapes of an export of labels in a file, a folder or a zip archive."""
 
 from __future__ import annotations
 
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
+
 from polarsim.errors import FormatError, LabelError, PolarsimError
 from polarsim.formats import yolo
 from polarsim.formats.files import read_json, suffix_counts
 from polarsim.formats.readers import MB, reading
-from polarsim.photo import PhotoKey
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 
 COCO, YOLO, CVAT, LABEL_STUDIO = EXPORT_FORMS = ("coco", "yolo", "cvat", "label-studio")
+SIZE = np.array([WIDTH, HEIGHT], float)
+_MAX_ASPECT_ERROR = 0.01  # maximum relative difference of the aspect ratio of a resized image
 _MAX_TEXT_MB = 500  # of all text files of an archive
 _TEXTS = (".xml", ".json", ".txt", ".yaml", ".yml", ".names", ".data")
 _EXPECTED = (
     "expected CVAT for images 1.1 (annotations.xml), COCO (images, categories, annotations), Label Studio (a list of "
     "tasks) or YOLO (a folder of KEY.txt)"
 )
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedShape:
+    """Annotation of an image."""
+
+    where: str  # name in messages, such as "box 3"
+    form: str  # kind of annotation, in the singular: "box", "mask", "polyline"
+    label: str  # name of the class in the annotation tool
+    box: np.ndarray | None  # (4,) bounding box, px of the photo; None for forms without box
+
+
+@dataclass(frozen=True, eq=False)
+class ExportedImage:
+    """Image of an export with all annotations."""
+
+    name: str
+    shapes: list[ExportedShape]
+
+
+def scale_of(width: float, height: float) -> float:
+    """Return the scale from pixels of a resized image to pixels of the photo; the aspect ratio must be equal."""
+    if not (width > 0 and height > 0) or abs(width / height * HEIGHT / WIDTH - 1) > _MAX_ASPECT_ERROR:
+        raise FormatError(f"{width:g} x {height:g} px, expected the aspect of {WIDTH} x {HEIGHT}")
+    return WIDTH / width
 
 
 @contextmanager
@@ -57,10 +87,7 @@ def unpacked(source: Path) -> Iterator[Path]:
 def find_files(source: Path, form: str | None = None) -> tuple[str, list[Path]]:
     """Return the format and the files of an export; a YOLO export is a folder.
 
-    Parameters
-    ----------
-    form
-        Name in `EXPORT_FORMS`; None: determined from the files.
+    `form` is a name in `EXPORT_FORMS`; None: determined from the files.
     """
     if not source.exists():
         raise FormatError("no such file or folder", path=source)
@@ -72,7 +99,7 @@ def find_files(source: Path, form: str | None = None) -> tuple[str, list[Path]]:
         detected = _form_of(path) if path.suffix.lower() in (".xml", ".json") else None
         if detected in EXPORT_FORMS and detected is not None:
             of_form.setdefault(detected, []).append(path)
-    if any(_has_key(path) for path in files if path.suffix.lower() == ".txt"):
+    if any(key_in(path.name) for path in files if path.suffix.lower() == ".txt"):
         of_form[YOLO] = [source]
     if form is not None:
         of_form = {form: of_form[form]} if form in of_form else {}
@@ -91,9 +118,9 @@ def keyed_label_files(folder: Path) -> tuple[dict[Path, PhotoKey], list[Path]]:
     keys, others = {}, []
     for path in _visible(folder):
         if path.suffix.lower() == ".txt" and path.is_file() and path.name != yolo.CLASS_FILE:
-            try:
-                keys[path] = PhotoKey.of_picture(path.name)
-            except LabelError:
+            if key := key_in(path.name):
+                keys[path] = key
+            else:
                 others.append(path)
     return keys, others
 
@@ -108,12 +135,12 @@ def _visible(folder: Path) -> list[Path]:
     )
 
 
-def _has_key(path: Path) -> bool:
+def key_in(name: str) -> PhotoKey | None:
+    """Return the photo key in the name of an image; None if there is none."""
     try:
-        PhotoKey.of_picture(path.name)
+        return PhotoKey.of_picture(name)
     except LabelError:
-        return False
-    return True
+        return None
 
 
 def _of_file(path: Path, form: str | None) -> str:

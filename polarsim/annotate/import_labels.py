@@ -1,7 +1,7 @@
 """Import of labels from annotation tools into a folder of label files for a run.
 
-`export_files` finds the files and the format, a reader (`cvat`, `label_studio`, or COCO and YOLO in this module) reads the
-shapes of each image, and `import_labels` writes the bounding boxes and counts skipped shapes.
+`export_files` finds the files and the format. A reader (`cvat`, `label_studio`, COCO and YOLO in this module) returns
+the shapes of each image. `import_labels` writes the bounding boxes and counts skipped shapes.
 """
 
 from __future__ import annotations
@@ -19,14 +19,17 @@ from polarsim.annotate.export_files import (
     CVAT,
     EXPORT_FORMS,
     LABEL_STUDIO,
+    SIZE,
     YOLO,
+    ExportedImage,
+    ExportedShape,
     find_files,
     keyed_label_files,
+    scale_of,
     unpacked,
 )
 from polarsim.annotate.label_studio import is_predicted, read_label_studio
-from polarsim.annotate.shapes import SIZE, ExportedImage, ExportedShape, scale_of
-from polarsim.errors import ConfigError, FormatError
+from polarsim.errors import ConfigError, FormatError, with_part
 from polarsim.formats import coco, yolo
 from polarsim.formats.files import check_new_folder, writing_folder
 from polarsim.formats.readers import reader, reading
@@ -116,11 +119,10 @@ def import_labels(
                 for picture in IMPORTERS[form](file, done):
                     key = coco.key_of_picture(file, picture.name)
                     if key in named:
-                        raise FormatError(
-                            f"{key} has two images, {named[key]} and {picture.name}: remove an image", path=file
-                        )
+                        raise FormatError(f"{key} has two images, {named[key]} and {picture.name}: remove an image")
                     named[key] = picture.name
-                    boxes = _classified(file, picture, names or {}, done)
+                    with with_part(picture.name):
+                        boxes = _classified(picture, names or {}, done)
                     if not boxes and any(shape.box is None for shape in picture.shapes):
                         done.unread.append(str(key))
                     else:
@@ -139,9 +141,7 @@ def import_labels(
     return done
 
 
-def _classified(
-    file: Path, picture: ExportedImage, names: Mapping[str, str], done: Imported
-) -> list[tuple[int, np.ndarray]]:
+def _classified(picture: ExportedImage, names: Mapping[str, str], done: Imported) -> list[tuple[int, np.ndarray]]:
     """Return the class number and the clipped box of each shape, and count read and skipped shapes in `done`."""
     boxes = []
     for shape in picture.shapes:
@@ -151,16 +151,16 @@ def _classified(
         kind = names.get(shape.label, shape.label.strip().lower())
         if not kind:
             if not shape.label:
-                raise FormatError(f"{picture.name}, {shape.where}: the class is missing", path=file)
+                raise FormatError(f"{shape.where}: the class is missing")
             done.named_out[shape.label] += 1
             continue
         if kind not in BOX_CLASSES:
             raise FormatError(
-                f"{picture.name}, {shape.where}: {shape.label!r} is neither {' nor '.join(BOX_CLASSES)}: "
-                f"add --name '{shape.label}=rock', or --name '{shape.label}=' to exclude the class",
-                path=file,
+                f"{shape.where}: {shape.label!r} is neither {' nor '.join(BOX_CLASSES)}: "
+                f"add --name '{shape.label}=rock', or --name '{shape.label}=' to exclude the class"
             )
-        _check(file, f"{picture.name}, {shape.where}", kind, shape.box)
+        with with_part(f"{shape.where}: the {kind} {shape.box.round(2).tolist()}"):
+            _check(shape.box)
         cut = clip(shape.box)
         done.cut += bool(np.abs(cut - shape.box).max() > _MAX_CUT_PX)
         done.read[shape.form] += 1
@@ -168,23 +168,23 @@ def _classified(
     return boxes
 
 
-def _check(file: Path, where: str, kind: str, box: np.ndarray) -> None:
+def _check(box: np.ndarray) -> None:
     """Raise an error for an implausible box (4,), px."""
     cut = clip(box)
     if not np.isfinite(box).all() or (cut[2:] - cut[:2] < _MIN_SIDE_PX).any():
-        raise FormatError(f"{where}: the {kind} {box.round(2).tolist()} has no area inside the photo", path=file)
+        raise FormatError("no area inside the photo")
     if box.max() <= 1:
-        raise FormatError(f"{where}: {box.tolist()}, expected pixels: are these shares of the image size?", path=file)
+        raise FormatError("expected pixels: are these shares of the image size?")
     if (box[:2] < -coco.MAX_OVERHANG * SIZE).any() or (box[2:] > (1 + coco.MAX_OVERHANG) * SIZE).any():
-        raise FormatError(f"{where}: the {kind} {box.round(1).tolist()} is far outside the photo", path=file)
+        raise FormatError("far outside the photo")
 
 
 def _coco(source: Path, _: Imported) -> Iterator[ExportedImage]:
     for name, size, rows in coco.read_coco_images(source):
-        scale = scale_of(source, name, *size) if rows else 1.0
-        yield ExportedImage(
-            name, [ExportedShape(row.where, row.form, row.annotation.kind, row.annotation.box * scale) for row in rows]
-        )
+        with with_part(name):
+            scale = scale_of(*size) if rows else 1.0
+        shapes = [ExportedShape(row.where, row.form, row.annotation.kind, row.annotation.box * scale) for row in rows]
+        yield ExportedImage(name, shapes)
 
 
 def _yolo(source: Path, done: Imported) -> Iterator[ExportedImage]:
@@ -197,12 +197,11 @@ def _yolo(source: Path, done: Imported) -> Iterator[ExportedImage]:
         classes = lists[path.parent]
         shapes = []
         for line in yolo.read_shapes(path):
-            number = yolo.class_number(path, line)
-            if number >= len(classes.names) or not classes.names[number]:
+            if line.number >= len(classes.names) or not classes.names[line.number]:
                 stated = f"{classes.path} has {classes}" if classes.path else f"no class list found, assumed {classes}"
-                raise FormatError(f"class {number}: {stated}", path=path, line=line.line)
+                raise line.error(f"class {line.number}: {stated}")
             form = "polygon" if line.is_polygon else "box" if line.confidence is None else "detection"
-            shapes.append(ExportedShape(f"{path.name}:{line.line}", form, classes.names[number], line.box))
+            shapes.append(ExportedShape(f"{path.name}:{line.line}", form, classes.names[line.number], line.box))
         yield ExportedImage(path.name, shapes)
     for classes in dict.fromkeys(lists.values()):
         origin = f"classes from {classes.path}:" if classes.path else "no class list found: assuming"

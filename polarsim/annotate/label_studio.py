@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.annotate.shapes import SIZE, ExportedImage, ExportedShape, scale_of
-from polarsim.errors import FormatError, LabelError, with_part
+from polarsim.annotate.export_files import SIZE, ExportedImage, ExportedShape, key_in, scale_of
+from polarsim.errors import FormatError, with_part
 from polarsim.formats.files import read_json
 from polarsim.formats.readers import reading
 from polarsim.geometry.boxes import box_around_points, box_of_ellipse, box_of_mask
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import HEIGHT, WIDTH
 
 _NAME_FIELDS = ("key", "image")  # fields of a task that usually contain the image name; searched first
 _GEOMETRY = ("x", "y", "width", "height", "radiusX", "radiusY", "rotation", "points", "rle", "imageDataURL")
@@ -30,17 +30,18 @@ def read_label_studio(source: Path) -> Iterator[ExportedImage]:
     """
     tasks = read_json(source)
     if not isinstance(tasks, list) or not all(isinstance(task, dict) for task in tasks):
-        raise FormatError("no Label Studio export: expected a list of tasks", path=source)
+        raise FormatError("no Label Studio export: expected a list of tasks")
     if tasks and "image_id" in tasks[0]:
         raise FormatError(
-            "a list of COCO results without image names: import the file with images, categories and annotations",
-            path=source,
+            "a list of COCO results without image names: import the file with images, categories and annotations"
         )
     annotated = any(isinstance(task.get("annotations"), list) for task in tasks)
     for number, task in enumerate(tasks, 1):
-        name = _name(source, number, task)
-        regions, unread = _regions(source, name, task, annotated)
-        shapes = [_shape(source, name, index, region) for index, region in enumerate(_merged(regions), 1)]
+        with with_part(f"task {number}"):
+            name = _name(task)
+        with with_part(name):
+            regions, unread = _regions(task, annotated)
+            shapes = [_shape(index, region) for index, region in enumerate(_merged(regions), 1)]
         yield ExportedImage(name, [*shapes, *unread])
 
 
@@ -50,34 +51,26 @@ def is_predicted(source: Path) -> bool:
     return any("predictions" in task for task in tasks) and not any("annotations" in task for task in tasks)
 
 
-def _name(source: Path, number: int, task: Mapping[str, Any]) -> str:
+def _name(task: Mapping[str, Any]) -> str:
     """Return the image name of a task: the field that contains a photo key."""
     data = task.get("data", task)
     fields = {field: value for field, value in data.items() if isinstance(value, str)} if isinstance(data, dict) else {}
-    named = {}
-    for field in (*_NAME_FIELDS, *sorted(set(fields) - set(_NAME_FIELDS))):
-        try:
-            named[field] = PhotoKey.of_picture(fields[field])
-        except (LabelError, KeyError):
-            continue
+    order = (*_NAME_FIELDS, *sorted(set(fields) - set(_NAME_FIELDS)))
+    named = {field: key for field in order if (key := key_in(fields.get(field, "")))}
     if not named:
         examples = ", ".join(f"{field}: {value[:60]!r}" for field, value in list(fields.items())[:4])
-        reason = f"task {number}: no field contains a photo key ({examples or 'no text field'})"
-        raise FormatError(reason, path=source)
+        raise FormatError(f"no field contains a photo key ({examples or 'no text field'})")
     if len(set(named.values())) > 1:
-        reason = f"task {number}: fields {' and '.join(named)} have different photo keys, expected the same key"
-        raise FormatError(reason, path=source)
+        raise FormatError(f"fields {' and '.join(named)} have different photo keys, expected the same key")
     return fields[next(iter(named))]
 
 
-def _regions(
-    source: Path, name: str, task: Mapping[str, Any], annotated: bool
-) -> tuple[list[dict[str, Any]], list[ExportedShape]]:
+def _regions(task: Mapping[str, Any], annotated: bool) -> tuple[list[dict[str, Any]], list[ExportedShape]]:
     """Return the regions of a task, with id and the fields of `value`, and the skipped annotations and predictions."""
     if not annotated and "predictions" not in task and "annotations" not in task:
         return _minimal(task), []
     listed = task.get("annotations" if annotated else "predictions") or []
-    results = [_results(source, name, entry) for entry in listed if not entry.get("was_cancelled")]
+    results = [_results(entry) for entry in listed if not entry.get("was_cancelled")]
     unread = [ExportedShape("", EARLIER, "", None) for _ in results[:-1]] if annotated else []
     if annotated and not results:
         predicted = [
@@ -96,10 +89,10 @@ def _regions(
     return regions, unread
 
 
-def _results(source: Path, name: str, annotation: Any) -> list[dict[str, Any]]:
+def _results(annotation: Any) -> list[dict[str, Any]]:
     results = annotation.get("result") if isinstance(annotation, dict) else None
     if not isinstance(results, list) or not all(isinstance(result, dict) for result in results):
-        raise FormatError(f"{name}: an annotation has no list `result`, expected a Label Studio export", path=source)
+        raise FormatError("an annotation has no list `result`, expected a Label Studio export")
     return results
 
 
@@ -122,14 +115,10 @@ def _merged(regions: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 _GEOMETRIC_FORMS = ("rectangle", "rotated rectangle", "polygon", "ellipse", "brush", "keypoint")
-_FORMS = {
-    name: form
-    for form in _GEOMETRIC_FORMS
-    for name in (form, f"{form}labels")
-}  # fmt: skip
+_FORMS = {name: form for form in _GEOMETRIC_FORMS for name in (form, f"{form}labels")}
 
 
-def _shape(source: Path, name: str, index: int, region: Mapping[str, Any]) -> ExportedShape:
+def _shape(index: int, region: Mapping[str, Any]) -> ExportedShape:
     where = f"region {index}"
     labels = [
         str(label)
@@ -139,15 +128,15 @@ def _shape(source: Path, name: str, index: int, region: Mapping[str, Any]) -> Ex
     ]
     form = _form(region)
     if len(set(labels)) > 1:
-        raise FormatError(f"{name}, {where}: labels {' and '.join(labels)}, expected a single label", path=source)
+        raise FormatError(f"{where}: labels {' and '.join(labels)}, expected a single label")
     if not labels:
         return ExportedShape(where, f"{form} without a label" if form in _GEOMETRIC_FORMS else form, "", None)
     if region.get("image_rotation"):
         return ExportedShape(where, f"{form} on a rotated image", labels[0], None)
     if "original_width" in region and "original_height" in region:
-        with reading(f"size of {name}", source):
-            scale_of(source, name, float(region["original_width"]), float(region["original_height"]))
-    with with_part(f"{name}, {where}"), reading(form, source):
+        with reading("size"):
+            scale_of(float(region["original_width"]), float(region["original_height"]))
+    with with_part(where), reading(form):
         return ExportedShape(where, form, labels[0], _box(form, region))
 
 

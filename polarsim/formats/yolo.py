@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from polarsim.errors import FormatError, PolarsimError, with_path
-from polarsim.formats.files import read_json, text_of, write_text
+from polarsim.formats.files import lines_of, read_json, text_of, write_text
 from polarsim.formats.readers import reader, reading
-from polarsim.formats.text_fields import fields_of, parse_values
 from polarsim.formats.yaml_files import read_yaml
 from polarsim.geometry.boxes import box_around_points
 from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, ROCK, WIDTH, PhotoKey
@@ -29,6 +28,7 @@ _MAX_CLASSES = 10_000
 class LabelLine:
     """Line of a label file: a box, a box with a confidence, or a polygon."""
 
+    path: Path
     line: int  # from 1
     label: str  # class as written
     corners: np.ndarray  # two opposite corners (2, 2) of a box or the vertices (n, 2) of a polygon, px
@@ -41,8 +41,30 @@ class LabelLine:
         """(4,) box as x0, y0, x1, y1 in pixels."""
         return box_around_points(self.corners) if self.is_polygon else self.corners.ravel()
 
+    @property
+    def number(self) -> int:
+        """Class number."""
+        if not _is_whole(self.label):
+            raise self.error(f"class {self.label}, expected an integer")
+        return int(self.label)
 
-@reader("label file", largest_mb=100)
+    def class_in(self, names: tuple[str, ...]) -> int:
+        """Return the class number, which must be an index in `names`."""
+        if not _is_whole(self.label) or int(self.label) >= len(names):
+            raise self.error(f"class {self.label}, expected 0 to {len(names) - 1} ({', '.join(names)})")
+        return int(self.label)
+
+    def error(self, reason: str) -> FormatError:
+        return FormatError(reason, self.path, self.line)
+
+
+@reader("label file")
+def fields_of(path: str | Path) -> list[tuple[int, list[str]]]:
+    """Return number and fields of every line that is not empty."""
+    lines = lines_of(Path(path).read_bytes())
+    return [(number, line.split()) for number, line in enumerate(lines, 1) if line.strip()]
+
+
 def read_shapes(path: str | Path, size: tuple[int, int] | None = None) -> list[LabelLine]:
     """Read every line of a label file; all other readers of label files call this function.
 
@@ -51,47 +73,61 @@ def read_shapes(path: str | Path, size: tuple[int, int] | None = None) -> list[L
     detection, `class x y width height confidence id`. They are accepted as a triangle only if the file also has a
     larger polygon. `size` is the width and height of the photo; the default is the size of the rig's photos.
     """
-    lines = fields_of(path, "label file")
+    lines = fields_of(path)
     outlined = any(len(fields) > 7 for _, fields in lines)
-    return [_shape(path, number, fields, size or (WIDTH, HEIGHT), outlined) for number, fields in lines]
+    shapes = []
+    for number, fields in lines:
+        try:
+            corners, confidence = _corners(fields, size or (WIDTH, HEIGHT), outlined)
+        except ValueError as error:
+            raise FormatError(str(error), path, number) from error
+        shapes.append(LabelLine(Path(path), number, fields[0], corners, confidence, len(fields) > 6, len(fields)))
+    return shapes
 
 
-def _shape(path: str | Path, number: int, fields: list[str], size: tuple[int, int], outlined: bool) -> LabelLine:
+def _corners(fields: list[str], size: tuple[int, int], outlined: bool) -> tuple[np.ndarray, float | None]:
+    """Return the corners (n, 2) in pixels and the confidence of a line; raise a ValueError for an invalid line."""
     count = len(fields)
     if count < 5 or (count > 6 and count % 2 == 0):
         commas = ", with commas instead of spaces" if any("," in field for field in fields) else ""
-        raise FormatError(
+        raise ValueError(
             f"{count} fields{commas}, expected a box of 5 (class x y width height), a detection of 6 (confidence last) "
-            "or a polygon (class and x y of each point)",
-            path=path,
-            line=number,
+            "or a polygon (class and x y of each point)"
         )
-    values = parse_values(path, number, fields[1:])
+    values = np.array([_value(field) for field in fields[1:]])
+    if not np.isfinite(values).all():
+        raise ValueError("a value is not finite")
     if count > 6:
         whole = [field for field in fields[5:] if count == 7 and _is_whole(field) and not outlined]
         if whole:
-            raise FormatError(
+            raise ValueError(
                 f"7 fields with the integer {whole[0]}: a track id? Expected class x y width height confidence, or "
-                "a triangle with a decimal point in every coordinate",
-                path=path,
-                line=number,
+                "a triangle with a decimal point in every coordinate"
             )
         if (np.abs(values - 0.5) > _MAX_OFFSET).any():
             hint = ": class x y width height confidence and a track id?" if count == 7 else ""
-            raise FormatError(f"polygon far outside the photo{hint}", path=path, line=number)
-        return LabelLine(number, fields[0], values.reshape(-1, 2) * np.array(size, float), None, True, count)
+            raise ValueError(f"polygon far outside the photo{hint}")
+        return values.reshape(-1, 2) * np.array(size, float), None
     if count == 6 and not 0 <= values[4] <= 1:
-        raise FormatError(
-            f"sixth field {fields[5]}, expected a confidence from 0 to 1: a track id?", path=path, line=number
-        )
+        raise ValueError(f"sixth field {fields[5]}, expected a confidence from 0 to 1: a track id?")
     (width, height), (x, y, w, h) = size, values[:4].tolist()
     inside = abs(x - 0.5) <= 0.5 + 1e-3 and abs(y - 0.5) <= 0.5 + 1e-3
     if not inside or not 0 < w * width <= width + 1 or not 0 < h * height <= height + 1:
         pixels = ", in pixels? Expected shares of the photo" if min(x, y, w, h) > 1 else ""
-        raise FormatError(f"box outside the photo or without area{pixels}", path=path, line=number)
+        raise ValueError(f"box outside the photo or without area{pixels}")
     x, y, half_width, half_height = x * width, y * height, w * width / 2, h * height / 2
     corners = np.array([[x - half_width, y - half_height], [x + half_width, y + half_height]])
-    return LabelLine(number, fields[0], corners, float(values[4]) if count == 6 else None, False, count)
+    return corners, float(values[4]) if count == 6 else None
+
+
+def _value(field: str) -> float:
+    try:
+        if "_" in field or not field.isascii():  # Python accepts `1_000` and digits of other scripts
+            raise ValueError
+        return float(field)
+    except ValueError as error:
+        comma = ", write a decimal point" if "," in field else ""
+        raise ValueError(f"{field!r} is not a number{comma}") from error
 
 
 def _is_whole(text: str) -> bool:
@@ -99,11 +135,10 @@ def _is_whole(text: str) -> bool:
     return text.isascii() and text.isdigit()
 
 
-def _arrays(classes: Iterable[int], boxes: Iterable[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    return np.array(list(classes), int), np.array(list(boxes), float).reshape(-1, 4)
+def _arrays(classes: Iterable[int], shapes: Iterable[LabelLine]) -> tuple[np.ndarray, np.ndarray]:
+    return np.array(list(classes), int), np.array([shape.box for shape in shapes], float).reshape(-1, 4)
 
 
-@reader("label file", largest_mb=100)
 def read_boxes(
     path: str | Path,
     size: tuple[int, int] | None = None,
@@ -111,29 +146,32 @@ def read_boxes(
     detections: bool = False,
     polygons: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Read class numbers (n,) and boxes (n, 4) as x0, y0, x1, y1 in pixels.
+    """Read class numbers (n,), indices in `BOX_CLASSES`, and boxes (n, 4) as x0, y0, x1, y1 in pixels.
 
     Parameters
     ----------
     size
         Width and height of the photo; the default is the size of the rig's photos.
     names
-        Names of the class numbers in the file. The returned numbers are indices in `BOX_CLASSES`.
+        Names of the class numbers in the file.
     detections
         Accept a confidence as sixth field.
     polygons
         Accept polygons and return the boxes around them.
     """
-    classes, boxes = [], []
-    for shape in read_shapes(path, size):
+    shapes = read_shapes(path, size)
+    for shape in shapes:
         if (shape.fields == 6 and not detections) or (shape.is_polygon and not polygons):
             sixth = " (the sixth is the confidence of a detection)" if shape.fields == 6 else ""
-            raise FormatError(
-                f"{shape.fields} fields{sixth}, expected 5: class x y width height", path=path, line=shape.line
-            )
-        classes.append(_box_class(path, shape, names))
-        boxes.append(shape.box)
-    return _arrays(classes, boxes)
+            raise shape.error(f"{shape.fields} fields{sixth}, expected 5: class x y width height")
+    return _arrays((_box_class(shape, names) for shape in shapes), shapes)
+
+
+def _box_class(shape: LabelLine, names: tuple[str, ...]) -> int:
+    name = names[shape.class_in(names)]
+    if _plain(name) not in BOX_CLASSES:
+        raise shape.error(f"class {shape.label} is {name!r}, expected {' or '.join(BOX_CLASSES)}")
+    return BOX_CLASSES.index(_plain(name))
 
 
 def write_boxes(
@@ -158,28 +196,17 @@ def write_boxes(
     write_text(path, "".join(lines))
 
 
-@reader("label file", largest_mb=100)
 def read_detections(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Read class numbers (n,), boxes (n, 4) and confidences (n,) of any classes.
+    """Read class numbers (n,) of any classes, boxes (n, 4) in pixels of a photo of the rig, and confidences (n,).
 
-    Boxes are in pixels of a photo of the rig. The confidence is NaN if a line has no sixth field.
+    The confidence is NaN if a line has no sixth field.
     """
     shapes = read_shapes(path)
     for shape in shapes:
         if shape.is_polygon:
-            raise FormatError(
-                f"{shape.fields} fields, expected class x y width height [confidence]", path=path, line=shape.line
-            )
-    classes, boxes = _arrays((class_number(path, shape) for shape in shapes), (shape.box for shape in shapes))
+            raise shape.error(f"{shape.fields} fields, expected class x y width height [confidence]")
     confidences = [np.nan if shape.confidence is None else shape.confidence for shape in shapes]
-    return classes, boxes, np.array(confidences, float)
-
-
-def class_number(path: str | Path, shape: LabelLine) -> int:
-    """Return the class of a line of a label file."""
-    if not _is_whole(shape.label):
-        raise FormatError(f"class {shape.label}, expected an integer", path=path, line=shape.line)
-    return int(shape.label)
+    return *_arrays((shape.number for shape in shapes), shapes), np.array(confidences, float)
 
 
 @dataclass(frozen=True)
@@ -224,7 +251,6 @@ def find_classes(folder: Path, top: Path | None = None) -> ClassList:
     return longest
 
 
-@reader("class list")
 def class_names(folder: Path) -> tuple[str, ...]:
     """Return the names of the class numbers in a folder, see `find_classes`."""
     return find_classes(folder).names
@@ -289,44 +315,34 @@ def _numbered(path: Path, stated: Any) -> tuple[str, ...]:
     return tuple(names.get(number, "") for number in range(max(names) + 1))
 
 
-@reader("label file", largest_mb=100)
 def read_polygons(path: str | Path, names: tuple[str, ...] = POLYGON_CLASSES) -> list[tuple[int, np.ndarray]]:
-    """Read the class and the vertices (n, 2) in pixels of each polygon, in file order."""
-    polygons = []
-    for shape in read_shapes(path):
+    """Read the class, an index in `names`, and the vertices (n, 2) in pixels of each polygon, in file order."""
+    shapes = read_shapes(path)
+    for shape in shapes:
         if not shape.is_polygon:
-            raise FormatError(
-                f"{shape.fields} fields (a box), expected a polygon: a class and at least 3 points",
-                path=path,
-                line=shape.line,
-            )
-        polygons.append((_class(path, shape, names), shape.corners))
-    return polygons
+            raise shape.error(f"{shape.fields} fields (a box), expected a polygon: a class and at least 3 points")
+    return [(shape.class_in(names), shape.corners) for shape in shapes]
 
 
-@reader("label file", largest_mb=100)
 def read_boxes_or_polygons(path: str | Path, names: tuple[str, ...] | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Read boxes as `read_boxes` does, or the boxes around the polygons of rocks and shadows, clipped to the photo.
 
-    Parameters
-    ----------
-    names
-        Names of the class numbers in the file; None: `BOX_CLASSES` for boxes, `POLYGON_CLASSES` for polygons.
+    `names` are the names of the class numbers in the file; None: `BOX_CLASSES` for boxes, `POLYGON_CLASSES` for
+    polygons. All lines must have the form of the first line.
     """
     if not has_polygons(path):
         return read_boxes(path, names=names or BOX_CLASSES)
     names = names or POLYGON_CLASSES
     rings = [(_plain(names[number]), ring) for number, ring in read_polygons(path, names)]
     annotated = [(BOX_CLASSES.index(kind), np.clip(ring, 0, _SIZE)) for kind, ring in rings if kind in BOX_CLASSES]
-    boxes = np.array([[*ring.min(axis=0), *ring.max(axis=0)] for _, ring in annotated]).reshape(-1, 4)
+    boxes = np.array([box_around_points(ring) for _, ring in annotated]).reshape(-1, 4)
     has_area = (boxes[:, 2:] > boxes[:, :2]).all(axis=1)
     return np.array([number for number, _ in annotated], int)[has_area], boxes[has_area]
 
 
-@reader("label file", largest_mb=100)
 def has_polygons(path: str | Path) -> bool:
     """Return whether the first line of a label file is a polygon; a box has 5 fields, or 6 with a confidence."""
-    lines = fields_of(path, "label file")
+    lines = fields_of(path)
     return bool(lines) and len(lines[0][1]) > 6
 
 
@@ -339,24 +355,6 @@ def write_polygons(path: str | Path, polygons: list[tuple[int, np.ndarray]]) -> 
     write_text(path, "".join(lines))
 
 
-def _box_class(path: str | Path, shape: LabelLine, names: tuple[str, ...]) -> int:
-    name = names[_class(path, shape, names)]
-    if _plain(name) not in BOX_CLASSES:
-        raise FormatError(
-            f"class {shape.label} is {name!r}, expected {' or '.join(BOX_CLASSES)}", path=path, line=shape.line
-        )
-    return BOX_CLASSES.index(_plain(name))
-
-
-def _class(path: str | Path, shape: LabelLine, names: tuple[str, ...]) -> int:
-    if not _is_whole(shape.label) or int(shape.label) >= len(names):
-        raise FormatError(
-            f"class {shape.label}, expected 0 to {len(names) - 1} ({', '.join(names)})", path=path, line=shape.line
-        )
-    return int(shape.label)
-
-
-@reader("label file", largest_mb=100)
 def read_rock_boxes(seeds: Path, terrain: int) -> dict[str, list[np.ndarray]]:
     """Read the rock boxes (n, 4), pixels, of the seeds of a terrain in left photos: an array per file, by position."""
     boxes: dict[str, list[np.ndarray]] = {}

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from polarsim import __version__
 from polarsim.errors import PolarsimError
-from polarsim.formats.text_fields import fields_of
+from polarsim.formats.yolo import fields_of
 from polarsim.lint.rules import RULES, Defect, Severity
 from polarsim.photo import PhotoKey
 
@@ -162,4 +162,4 @@ class Findings:
 
 def _line(path: Path, row: int) -> int:
     """Return the line from 1 of a row from 0; blank lines are not rows."""
-    return fields_of(path, "label file")[row][0]
+    return fields_of(path)[row][0]

@@ -61,8 +61,9 @@ def publish_forms(
     for name, part in parts.items():
         # An export by other code is not resumed.
         code = code_digest("polarsim.publish.card", FORMS[name].write.__module__)
-        recipe = {"form": name, "run": part.name, "config": part.config, "subset": subset, "max_size": max_size}
-        recipe |= {"split": part.split, "photos": photos, "polarsim": __version__, "code": code}
+        recipe: dict[str, Any] = {"form": name, "run": part.name, "config": part.config, "subset": subset}
+        recipe |= {"max_size": max_size, "split": part.split, "photos": photos}
+        recipe |= {"polarsim": __version__, "code": code}
         _write(name, part, out / name, recipe, replace)
     return parts
 
