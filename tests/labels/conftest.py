@@ -11,7 +11,9 @@ from polarsim.formats import obj, tables, yolo
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
 from polarsim.geometry.stereo import default_rig
+from polarsim.photo import NO_ROCK
 from polarsim.run_files import inventory, rigs
+from polarsim.run_files.scene import TerrainMesh
 
 TERRAIN = 3
 BLOCKS = {  # rock id -> centre of the base, and full extents, metres
@@ -45,6 +47,17 @@ def flat_ground(half: float = 2.1, step: float = 0.1, level: float = 0.0) -> Mes
     a, b, c, d = corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]
     faces = [np.stack([k.ravel() for k in three], axis=-1) for three in ((a, b, c), (a, c, d))]
     return Mesh(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, level)]), np.concatenate(faces))
+
+
+def terrain_of(blocks: dict[int, tuple[np.ndarray, np.ndarray]]) -> TerrainMesh:
+    """Return flat ground with blocks by rock id: centre of the base, and full extents, metres."""
+    parts = [(NO_ROCK, flat_ground()), *((rock, block(*map(np.array, shape))) for rock, shape in blocks.items())]
+    starts = np.cumsum([0, *(len(mesh.vertices) for _, mesh in parts)])
+    return TerrainMesh(
+        np.concatenate([mesh.vertices for _, mesh in parts]),
+        np.concatenate([mesh.faces + start for (_, mesh), start in zip(parts, starts, strict=False)]),
+        np.concatenate([np.full(len(mesh.faces), rock) for rock, mesh in parts]),
+    )
 
 
 def localised(position: str) -> rigs.LocalisedRig:

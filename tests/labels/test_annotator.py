@@ -98,7 +98,7 @@ def test_distant_small_and_rarely_annotated_rocks_are_less_probable():
     assert probability(1.0, 1.0, 400.0, 3.0) == probability(1.0, 1.0, 60.0, 3.0)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_a_fit_recovers_the_habits_of_simulated_annotators(seed):
     random = np.random.default_rng(seed)

@@ -21,11 +21,6 @@ def test_overlapping_boxes_of_two_annotations_form_a_track_with_mean_edges():
     np.testing.assert_allclose(both.mean, [102, 101, 160, 149])
 
 
-def test_both_cameras_at_one_azimuth_are_one_azimuth():
-    (track,) = find_tracks({("L", "30"): np.array([FIRST]), ("R", "30"): np.array([FIRST + 1])}, 0.3)
-    assert track.azimuths == {"30"}
-
-
 def test_a_track_has_at_most_one_box_per_annotation():
     tracks = find_tracks({("L", "30"): np.array([FIRST, FIRST + 3])}, 0.3)
     assert [len(track.rows) for track in tracks] == [1, 1]
@@ -40,10 +35,6 @@ def test_the_order_of_annotations_does_not_matter():
     backwards = dict(reversed(annotated.items()))
     for one, other in zip(find_tracks(annotated, 0.3), find_tracks(backwards, 0.3), strict=True):
         np.testing.assert_array_equal(one.mean, other.mean)
-
-
-def test_no_boxes_make_no_tracks():
-    assert find_tracks({("L", "30"): np.zeros((0, 4))}, 0.3) == []
 
 
 def test_boxes_are_matched_one_to_one_with_the_nearest_expected_box():

@@ -11,11 +11,10 @@ from polarsim.labels.projection import project_rock
 from polarsim.labels.propagate import PositionLabels
 from polarsim.labels.seeds import AnnotatedBoxes
 from polarsim.labels.visibility import is_dark, omitted_in_dark
-from polarsim.photo import NO_ROCK, ROCK
-from polarsim.run_files.scene import TerrainMesh
+from polarsim.photo import ROCK
 from polarsim.survey import SUN_LAMPS
 
-from .conftest import block, flat_ground, localised
+from .conftest import localised, terrain_of
 
 OPEN, BEHIND, BARRIER = 1, 2, 3
 ROCKS = {  # centre of the base, full extents: BARRIER is between BEHIND and lamp 180 at x = -3.5 m
@@ -28,13 +27,7 @@ OPTIONS = LabelsOptions(visibility="annotator", ray_step_px=4)
 
 @pytest.fixture(scope="module")
 def terrain():
-    parts = [(NO_ROCK, flat_ground()), *((rock, block(*map(np.array, shape))) for rock, shape in ROCKS.items())]
-    starts = np.cumsum([0, *(len(mesh.vertices) for _, mesh in parts)])
-    return TerrainMesh(
-        np.concatenate([mesh.vertices for _, mesh in parts]),
-        np.concatenate([mesh.faces + start for (_, mesh), start in zip(parts, starts, strict=False)]),
-        np.concatenate([np.full(len(mesh.faces), rock) for rock, mesh in parts]),
-    )
+    return terrain_of(ROCKS)
 
 
 @pytest.fixture(scope="module")

@@ -68,16 +68,20 @@ def grey(annotated, name):
     return png.read_png(annotated / "masks" / f"{name}.png")
 
 
-def test_every_photo_gets_polygons_and_a_grey_map(annotated):
+def test_grey_maps_are_the_painted_polygons_and_show_the_scene(untouched_scene, annotated):
     for folder in ("polygons", "masks"):
         assert {path.stem for path in (annotated / folder).iterdir()} == {str(key) for key in KEYS}
-
-
-def test_grey_maps_are_the_painted_polygons_with_the_four_values(annotated):
     polygons = yolo.read_polygons(annotated / "polygons" / "03_A_off_30_L_0128.txt")
     picture = grey(annotated, "03_A_off_30_L_0128")
     assert (picture != paint(polygons)).mean() < 1e-5  # the file's six decimals may move a pixel
     assert set(np.unique(picture)) == set(GREY_VALUES.values())
+    assert picture[600, 900] == GREY_VALUES["ground"]
+    assert picture[5, 900] == GREY_VALUES["background"]  # above the wall
+    for rock in BLOCKS:
+        x0, y0, x1, y1 = untouched_scene.expected_box("A", "L", rock).round().astype(int)
+        share = (picture[y0:y1, x0:x1] == GREY_VALUES["rock"]).mean()
+        assert 0.6 < share < 0.98  # a block seen from above one of its corners fills most of its box
+        assert (picture[y0 - 20 : y0 - 3, x0:x1] != GREY_VALUES["rock"]).all()
 
 
 def test_polygons_are_valid_and_inside_the_photo(annotated):
@@ -87,21 +91,6 @@ def test_polygons_are_valid_and_inside_the_photo(annotated):
         assert signed_area(ring) > 0
         assert ring.min() >= 0
         assert (ring <= [1936, 1216]).all()
-
-
-def test_rock_masks_fill_the_blocks_as_the_photo_shows_them(untouched_scene, annotated):
-    picture = grey(annotated, "03_A_off_30_L_0128")
-    for rock in BLOCKS:
-        x0, y0, x1, y1 = untouched_scene.expected_box("A", "L", rock).round().astype(int)
-        share = (picture[y0:y1, x0:x1] == GREY_VALUES["rock"]).mean()
-        assert 0.6 < share < 0.98  # a block seen from above one of its corners fills most of its box
-        assert (picture[y0 - 20 : y0 - 3, x0:x1] != GREY_VALUES["rock"]).all()
-
-
-def test_sand_is_ground_and_pixels_above_the_wall_are_background(annotated):
-    picture = grey(annotated, "03_A_off_30_L_0128")
-    assert picture[600, 900] == GREY_VALUES["ground"]
-    assert picture[5, 900] == GREY_VALUES["background"]
 
 
 def test_all_exposures_and_lights_share_polygons(annotated):
@@ -202,18 +191,17 @@ def test_rocks_invisible_in_a_dark_photo_still_occlude(untouched_scene, tmp_path
 
 @pytest.mark.parametrize("kind", BOX_CLASSES)
 def test_an_outline_with_an_inaccurate_box_is_close_to_the_mesh(untouched_scene, tmp_path, kind):
-    pen = [np.array(off) for off in ([7.0, -5, -6, 4], [-6.0, 5, 7, 6])]
+    pen = {rock: np.array(off) for rock, off in zip(BLOCKS, ([7.0, -5, -6, 4], [-6.0, 5, 7, 6]), strict=True)}
     rings = {rock: true_outline(kind, rock) for rock in BLOCKS}
-    for number, off in enumerate(pen):
-        boxes = {rock: np.concatenate([ring.min(axis=0), ring.max(axis=0)]) + off for rock, ring in rings.items()}
-        labels = [(LIT, kind, rock, box) for rock, box in boxes.items()]
-        for own in relabelled(untouched_scene, tmp_path / str(number), labels, [LIT])[LIT]:
-            true, box = rings[own.rock], boxes[own.rock]
-            low, extent = true.min(axis=0), np.ptp(true, axis=0)
-            full = rasterised(box[:2] + (true - low) / extent * (box[2:] - box[:2]), (1216, 1936))
-            true = rasterised(true, (1216, 1936))
-            assert 1 - mask_iou(own.mask.mask(), true) < 0.8 * (1 - mask_iou(full, true))
-            np.testing.assert_allclose(own.box, box, atol=0.01)  # the box of the label is unchanged
+    boxes = {rock: np.concatenate([ring.min(axis=0), ring.max(axis=0)]) + pen[rock] for rock, ring in rings.items()}
+    labels = [(LIT, kind, rock, box) for rock, box in boxes.items()]
+    for own in relabelled(untouched_scene, tmp_path, labels, [LIT])[LIT]:
+        true, box = rings[own.rock], boxes[own.rock]
+        low, extent = true.min(axis=0), np.ptp(true, axis=0)
+        full = rasterised(box[:2] + (true - low) / extent * (box[2:] - box[:2]), (1216, 1936))
+        true = rasterised(true, (1216, 1936))
+        assert 1 - mask_iou(own.mask.mask(), true) < 0.8 * (1 - mask_iou(full, true))
+        np.testing.assert_allclose(own.box, box, atol=0.01)  # the box of the label is unchanged
 
 
 def true_outline(kind: str, rock: int) -> np.ndarray:

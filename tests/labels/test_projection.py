@@ -2,8 +2,11 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.boxes import iou
+from polarsim.geometry.poses import camera_pose
+from polarsim.geometry.stereo import default_rig
 from polarsim.labels.bodies import build_world
 from polarsim.labels.projection import move_flat, move_rocks, project_rock
+from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import read_terrain
 
 from .conftest import BLOCKS, TERRAIN, localised
@@ -23,19 +26,11 @@ def test_a_projected_rock_is_the_box_around_its_corners(untouched_scene, world, 
 
 
 def test_a_rock_behind_the_camera_is_not_shown(world):
-    from polarsim.geometry.poses import camera_pose
-    from polarsim.geometry.stereo import default_rig
-    from polarsim.run_files.rigs import LocalisedRig
-
     away = LocalisedRig(default_rig(), camera_pose(np.array([3.6, -0.4, 1.5]), 0.0, np.radians(25)))
     assert project_rock(world, away.camera("L"), 4) is None
 
 
 def test_an_occluded_rock_has_a_reduced_visible_share(world):
-    from polarsim.geometry.poses import camera_pose
-    from polarsim.geometry.stereo import default_rig
-    from polarsim.run_files.rigs import LocalisedRig
-
     # Seen from slightly above the ground, on the line through both blocks, block 4 occludes most of block 7.
     near, far = BLOCKS[4][0], BLOCKS[7][0]
     heading = (near - far) / np.linalg.norm(near - far)

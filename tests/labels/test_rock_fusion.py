@@ -12,11 +12,10 @@ from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import project_rock
 from polarsim.labels.seeds import AnnotatedBoxes
-from polarsim.photo import NO_ROCK, SUNS
-from polarsim.run_files.scene import TerrainMesh
+from polarsim.photo import SUNS
 from polarsim.survey import SUN_LAMPS
 
-from .conftest import BLOCKS, block, flat_ground, localised
+from .conftest import BLOCKS, localised, terrain_of
 
 NEAR, FAR = BLOCKS
 OPTIONS = LabelsOptions(visibility="annotator")
@@ -26,16 +25,6 @@ OPTIONS = LabelsOptions(visibility="annotator")
 def annotated_boxes_alone(monkeypatch):
     """Set the weight of meshes to zero, so that expected boxes follow from the annotations."""
     monkeypatch.setattr("polarsim.labels.fusion.MESH_WEIGHT", 0.0)
-
-
-def terrain_of(blocks):
-    parts = [(NO_ROCK, flat_ground()), *((rock, block(*shape)) for rock, shape in blocks.items())]
-    starts = np.cumsum([0, *(len(mesh.vertices) for _, mesh in parts)])
-    return TerrainMesh(
-        np.concatenate([mesh.vertices for _, mesh in parts]),
-        np.concatenate([mesh.faces + start for (_, mesh), start in zip(parts, starts, strict=False)]),
-        np.concatenate([np.full(len(mesh.faces), rock) for rock, mesh in parts]),
-    )
 
 
 def box_of(rock, position="A", camera="L", blocks=BLOCKS):

@@ -1,9 +1,6 @@
-import cv2
 import numpy as np
 import pytest
-import trimesh
 
-from polarsim.geometry.camera import Camera
 from polarsim.geometry.masks import windows_of
 from polarsim.labels.association import associate_rocks
 from polarsim.labels.bodies import build_world
@@ -16,7 +13,7 @@ from polarsim.photo import NO_ROCK
 from polarsim.run_files.scene import read_terrain
 from polarsim.survey import lamp_position
 
-from .conftest import BLOCKS, TERRAIN, block, flat_ground, localised
+from .conftest import BLOCKS, TERRAIN, localised
 
 
 @pytest.fixture(scope="module")
@@ -49,35 +46,6 @@ def test_a_block_casts_its_shadow_where_its_top_corners_are_projected_from_the_l
     np.testing.assert_allclose(found, [*pixels.min(axis=0), *pixels.max(axis=0)], atol=4)
 
 
-def rendered(rocks: list[int], view: Camera, pixels: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return masks (n,) of ground pixels and of lit ground pixels, by a second ray caster."""
-    ground = flat_ground()
-    meshes = [ground, *(block(*BLOCKS[rock]) for rock in rocks)]
-    scene = trimesh.util.concatenate([trimesh.Trimesh(mesh.vertices, mesh.faces, process=False) for mesh in meshes])
-    directions = view.directions(pixels)
-    face = scene.ray.intersects_first(np.broadcast_to(view.centre, directions.shape), directions)
-    on_ground = (face >= 0) & (face < len(ground.faces))
-    depth = -view.centre[2] / directions[:, 2]  # the ground is z = 0
-    points = view.centre + depth[:, None] * directions + [0, 0, 1e-5]
-    lit = on_ground.copy()
-    lit[on_ground] = ~scene.ray.intersects_any(points[on_ground], (position - points)[on_ground])
-    return on_ground, lit
-
-
-@pytest.mark.parametrize("azimuth", ["30", "180", "270", "350"])
-@pytest.mark.parametrize("rock", list(BLOCKS))
-def test_the_shadow_of_a_rock_is_lit_after_removing_the_rock(world, ids, azimuth, rock):
-    view, position = localised("A").camera("L"), lamp_position(azimuth)
-    pixels = np.stack(np.meshgrid(np.arange(1, 1936, 2), np.arange(1, 1216, 2)), axis=-1).reshape(-1, 2).astype(float)
-    found = (ids.shadow_of(world, position) == rock) & (ids.rock == NO_ROCK)
-    near = np.flatnonzero(cv2.dilate(found.astype(np.uint8), np.ones((15, 15), np.uint8)))
-    on_ground, lit = rendered(list(BLOCKS), view, pixels[near], position)
-    _, lit_without = rendered([other for other in BLOCKS if other != rock], view, pixels[near], position)
-    grown_light, shadow = on_ground & lit_without & ~lit, found.ravel()[near]
-    # The trim of 4 mm converts the lowest part of rocks to ground.
-    assert (grown_light & shadow).sum() / (grown_light | shadow).sum() > 0.93
-
-
 def test_shadow_inside_the_ellipse_of_its_rock_is_ignored():
     shadow = np.full((120, 120), NO_ROCK)
     shadow[40:60, :100] = 4
@@ -93,12 +61,6 @@ def test_a_rim_under_a_rock_does_not_widen_its_shadow():
     shadow[60:62, 20:180] = 4  # rim at the foot of a mesh: two pixels high, connected, left of the shadow
     found = box_of_shadow(shadow, 4, None, 1)
     np.testing.assert_allclose(found, [100, 40, 180, 62], atol=4)
-
-
-def test_a_thin_shadow_has_a_box():
-    shadow = np.full((120, 240), NO_ROCK)
-    shadow[60:62, 20:180] = 4
-    np.testing.assert_array_equal(box_of_shadow(shadow, 4, None, 1), [20, 60, 180, 62])
 
 
 def test_an_invisible_shadow_has_no_box(world, ids):
