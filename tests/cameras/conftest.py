@@ -5,15 +5,19 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.ndimage import gaussian_filter
-from scipy.spatial import ConvexHull
 
 from polarsim.cameras import scans as registration
 from polarsim.cameras import search
 from polarsim.geometry import boxes
+from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, camera_pose
+from polarsim.geometry.rays import Caster
 from polarsim.geometry.stereo import StereoRig, default_rig, rectified_left
+from polarsim.geometry.topology import hull_faces, remove_unused_vertices
+from tests.support.scans import caster_of, range_map
 
 SCALE = 0.25  # of the photos on whose grid scenes are scanned
 TRUE_POSES = {  # decimetres and degrees off the survey, as real ones are
@@ -27,14 +31,7 @@ def rock(rng: np.random.Generator, position: np.ndarray, size: float) -> Mesh:
     """Return a convex rock at a position (3,), about `size` metres long."""
     points = rng.standard_normal((60, 3))
     points *= size / 2 * rng.uniform(0.6, 1, 3) / np.linalg.norm(points, axis=1, keepdims=True)
-    hull = ConvexHull(points)
-    number = np.full(len(points), -1)
-    number[hull.vertices] = np.arange(len(hull.vertices))
-    faces = number[hull.simplices]
-    outwards = (np.cross(*(points[hull.simplices[:, k]] - points[hull.simplices[:, 0]] for k in (1, 2)))).T
-    flipped = (outwards.T * points[hull.simplices[:, 0]]).sum(axis=1) < 0
-    faces[flipped] = faces[flipped][:, ::-1]
-    return Mesh(points[hull.vertices] + position, faces)
+    return remove_unused_vertices(points + position, hull_faces(points))
 
 
 def rocks(rng: np.random.Generator, count: int) -> dict[int, Mesh]:
@@ -64,57 +61,38 @@ def annotated_boxes(
 class Sandbox:
     """Sand with relief, rocks and walls, prepared for ray casts."""
 
-    scene: object
+    scene: Caster
     rig: StereoRig
 
     def scan(self, sandbox_from_left: Pose, rng: np.random.Generator, noise: float) -> np.ndarray:
         """Return a range map (h, w, 3) in the rectified left frame, metres, NaN without a hit."""
-        import open3d as o3d
-
         grid = rectified_left(self.rig)
-        directions = grid.lens.pixel_directions()
-        camera = sandbox_from_left @ grid.left_from_rectified
-        rays = np.concatenate([np.broadcast_to(camera.translation, directions.shape), camera.rotate(directions)], -1)
-        depth = self.scene.cast_rays(o3d.core.Tensor(rays.astype(np.float32)))["t_hit"].numpy()
-        reach = np.linalg.norm(directions, axis=-1)
-        depth = np.where(depth * reach < 9, depth + noise * rng.standard_normal(depth.shape) / reach, np.nan)
-        return directions * depth[..., None]
+        return range_map(self.scene, sandbox_from_left @ grid.left_from_rectified, grid.lens, rng, noise)
 
 
-def make_sandbox(seed: int, walls: bool = True) -> Sandbox:
-    import open3d as o3d
+def box(low: np.ndarray, high: np.ndarray) -> Mesh:
+    solid = trimesh.creation.box(bounds=[low, high])
+    return Mesh(np.asarray(solid.vertices), np.asarray(solid.faces))
 
+
+def make_sandbox(seed: int) -> Sandbox:
     rng = np.random.default_rng(seed)
-    scene = o3d.t.geometry.RaycastingScene()
-
-    def add(vertices: np.ndarray, faces: np.ndarray) -> None:
-        scene.add_triangles(o3d.core.Tensor(vertices.astype(np.float32)), o3d.core.Tensor(faces.astype(np.uint32)))
-
     side = 400
-    step = np.linspace(-2, 2, side)
-    x, y = np.meshgrid(step, step)
+    x, y = np.meshgrid(*[np.linspace(-2, 2, side)] * 2)
     z = np.zeros((side, side))
     for width, height in ((16, 0.010), (6, 0.004)):
         bumps = gaussian_filter(rng.standard_normal((side, side)), width)
         z += height * bumps / bumps.std()
-    index = np.arange(side * side).reshape(side, side)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    faces = np.concatenate([np.stack(corners, -1).reshape(-1, 3) for corners in ((a, b, c), (a, c, d))])
-    add(np.stack([x, y, z], -1).reshape(-1, 3), faces)
-    for mesh in rocks(rng, 12).values():
-        add(mesh.vertices, mesh.faces)
-    for axis in (0, 1) if walls else ():
+    meshes = [grid_mesh(x, y, z), *rocks(rng, 12).values(), box(np.array([-8, -8, -0.6]), np.array([8, 8, -0.5]))]
+    for axis in (0, 1):
         for sign in (-1, 1):
-            size = [4.1, 4.1, 0.8]
-            size[axis] = 0.05
-            box = o3d.geometry.TriangleMesh.create_box(*size)
-            corner = np.array([-2.05, -2.05, -0.5])
-            corner[axis] = 2.0 if sign > 0 else -2.05
-            add(np.asarray(box.vertices) + corner, np.asarray(box.triangles))
-    floor = np.array([[-8.0, -8, -0.5], [8, -8, -0.5], [8, 8, -0.5], [-8, 8, -0.5]])
-    add(floor, np.array([[0, 1, 2], [0, 2, 3]]))
+            low, high = np.array([-2.05, -2.05, -0.5]), np.array([2.05, 2.05, 0.3])
+            low[axis], high[axis] = sorted((2.0 * sign, 2.05 * sign))
+            meshes.append(box(low, high))
     full = default_rig()
-    return Sandbox(scene, StereoRig(full.left.scaled(SCALE), full.right.scaled(SCALE), full.left_from_right))
+    return Sandbox(
+        caster_of(meshes), StereoRig(full.left.scaled(SCALE), full.right.scaled(SCALE), full.left_from_right)
+    )
 
 
 @pytest.fixture(scope="module")

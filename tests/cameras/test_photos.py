@@ -15,7 +15,7 @@ from polarsim.cameras.photos import refine_cameras
 from polarsim.cameras.shading import cast_view, surface_of
 from polarsim.formats import obj, png
 from polarsim.formats.colmap import CAMERA_ID
-from polarsim.geometry.meshes import Mesh
+from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.poses import Pose, angle_between, camera_pose
 from polarsim.geometry.stereo import default_rig
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
@@ -39,9 +39,7 @@ def rough_ground(cells=260):
     height = sum(size * gaussian_filter(rng.normal(size=x.shape), width) for size, width in ((0.1, 3), (0.5, 10)))
     for cx, cy in ((-1, 0.3), (0, -0.8), (0.6, 0.5), (1.2, -0.4)):  # boulders with steep sides
         height = np.maximum(height, 0.2 - 1.5 * np.maximum(np.hypot(x - cx, y - cy) - 0.12, 0) ** 0.7)
-    corner = (np.arange(cells - 1)[:, None] * cells + np.arange(cells - 1)).ravel()
-    faces = [[corner, corner + 1, corner + cells], [corner + 1, corner + cells + 1, corner + cells]]
-    return Mesh(np.stack([x, y, height], axis=-1).reshape(-1, 3), np.concatenate([np.stack(f, axis=1) for f in faces]))
+    return grid_mesh(x, y, height)
 
 
 def photograph(folder, position, rig, suns=SUNS, exposures=EXPOSURES, cameras="LR"):

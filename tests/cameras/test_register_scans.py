@@ -140,13 +140,6 @@ def test_a_scan_without_sand_is_refused():
         level_pose("A", np.full((50_000, 3), [0.0, 0.0, 30.0]), STATIONS)
 
 
-def test_levelling_finds_the_tilt_and_height_of_a_tripod(scans, true_poses):
-    found, true = level_pose("A", scans["A"], STATIONS), true_poses["A"]
-    assert found.translation[2] == pytest.approx(true.translation[2], abs=0.02)
-    up_found, up_true = found.rotation[2], true.rotation[2]
-    assert np.degrees(np.arccos(np.clip(up_found @ up_true, -1, 1))) < 0.6
-
-
 def test_correlation_finds_a_known_rotation_and_translation(rng):
     bumps = rng.uniform(-1.2, 1.2, (60, 2))
     grid = np.stack(np.meshgrid(*[np.arange(-1.5, 1.5, 0.01)] * 2), axis=-1).reshape(-1, 2)

@@ -8,6 +8,7 @@ import pytest
 from polarsim.errors import PolarsimError
 from polarsim.geometry import rays_embree
 from polarsim.geometry.casters import make_caster
+from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.rays import NO_FACE, START_OFFSET, CompositeScene
 
 GROUND = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float), np.array([[0, 1, 2]])
@@ -106,12 +107,8 @@ def test_fast_engines_equal_the_reference(engine, rng):
 def closed_grid(side=60):
     """Return vertices and faces of a wavy sheet of 4 m x 4 m with waves of 5 cm."""
     x, y = np.meshgrid(np.linspace(-2, 2, side), np.linspace(-2, 2, side))
-    vertices = np.stack([x, y, 0.05 * np.sin(7 * x) * np.cos(5 * y)], axis=-1).reshape(-1, 3)
-    corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
-    faces = np.concatenate(
-        [np.stack([corner, corner + 1, corner + side], 1), np.stack([corner + 1, corner + side + 1, corner + side], 1)]
-    )
-    return vertices, faces
+    grid = grid_mesh(x, y, 0.05 * np.sin(7 * x) * np.cos(5 * y))
+    return grid.vertices, grid.faces
 
 
 @fast_engines

@@ -7,6 +7,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from polarsim.geometry.casters import make_caster
+from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.patches import MatchingOptions, cast_stereo, match_stereo_windows
 from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.geometry.stereo import StereoRig, default_rig
@@ -28,11 +29,8 @@ def ground():
     x, y = np.meshgrid(axis, axis)
     height = 0.3 * gaussian_filter(rng.normal(size=x.shape), 6)
     pattern = gaussian_filter(rng.normal(size=(1200, 1200)), 3)
-    corner = (np.arange(CELLS - 1)[:, None] * CELLS + np.arange(CELLS - 1)).ravel()
-    faces = [[corner, corner + 1, corner + CELLS], [corner + 1, corner + CELLS + 1, corner + CELLS]]
-    rays = make_caster(
-        np.stack([x, y, height], -1).reshape(-1, 3), np.concatenate([np.stack(three, axis=1) for three in faces])
-    )
+    mesh = grid_mesh(x, y, height)
+    rays = make_caster(mesh.vertices, mesh.faces)
 
     def photo(lens, pose):
         directions = pose.rotate(lens.pixel_directions()).reshape(-1, 3)

@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import obj, tables, yolo
+from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
 from polarsim.geometry.stereo import default_rig
@@ -43,10 +44,7 @@ def block(centre: np.ndarray, size: np.ndarray, cells: int = 6) -> Mesh:
 def flat_ground(half: float = 2.1, step: float = 0.1, level: float = 0.0) -> Mesh:
     axis = np.arange(-half, half + step / 2, step)
     x, y = np.meshgrid(axis, axis)
-    corner = np.arange(x.size).reshape(x.shape)
-    a, b, c, d = corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]
-    faces = [np.stack([k.ravel() for k in three], axis=-1) for three in ((a, b, c), (a, c, d))]
-    return Mesh(np.column_stack([x.ravel(), y.ravel(), np.full(x.size, level)]), np.concatenate(faces))
+    return grid_mesh(x, y, np.full_like(x, level))
 
 
 def terrain_of(blocks: dict[int, tuple[np.ndarray, np.ndarray]]) -> TerrainMesh:

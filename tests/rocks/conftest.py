@@ -1,20 +1,26 @@
-"""Small scenes with ground truth: convex rocks on a smooth ground, scanned from two tripods by analytic ray casts."""
+"""Small scenes with ground truth: convex rocks on a smooth ground, scanned from two tripods."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
+from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.lens import Lens
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, camera_pose
+from polarsim.geometry.rays import Caster
 from polarsim.geometry.stereo import default_rig, rectified_left
+from polarsim.geometry.topology import hull_faces
 from polarsim.rocks.scans import ScanPoints, merge_scans, scan_in_sandbox
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scans import trusted_pixels
+from tests.support.scans import caster_of, range_map
 
 TRIPODS = {
     "A": camera_pose(np.array([3.55, -0.35, 1.52]), np.radians(180), np.radians(25)),
@@ -48,36 +54,15 @@ class Scene:
     ground: Callable[[np.ndarray, np.ndarray], np.ndarray] = flat
     rocks: list[ConvexHull] = field(default_factory=list)
 
+    @cached_property
+    def caster(self) -> Caster:
+        x, y = np.meshgrid(*[np.linspace(-2, 2, 801)] * 2)
+        rocks = [Mesh(rock.points, hull_faces(rock.points)) for rock in self.rocks]
+        return caster_of([grid_mesh(x, y, self.ground(x, y)), *rocks])
+
     def range_map(self, sandbox_from_camera: Pose, lens: Lens, noise: float, rng: np.random.Generator) -> np.ndarray:
         """Return points (h, w, 3) float32 in the camera frame, with noise along the ray in metres; without walls."""
-        directions = lens.pixel_directions()
-        rays = sandbox_from_camera.rotate(directions).reshape(-1, 3)
-        origin = sandbox_from_camera.translation
-        scale = np.full(len(rays), 3.0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            for _ in range(15):
-                x, y = origin[0] + scale * rays[:, 0], origin[1] + scale * rays[:, 1]
-                scale = (self.ground(x, y) - origin[2]) / rays[:, 2]
-            scale[(rays[:, 2] > -0.1) | (np.abs(x) > 2.0) | (np.abs(y) > 2.0)] = np.inf
-            for rock in self.rocks:
-                centre = rock.points.mean(axis=0)
-                reach = np.linalg.norm(rock.points - centre, axis=1).max() / np.linalg.norm(centre - origin)
-                units = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-                towards_centre = units @ ((centre - origin) / np.linalg.norm(centre - origin))
-                near = np.flatnonzero(towards_centre > np.cos(1.1 * np.arcsin(reach)))
-                normals, offsets = rock.equations[:, :3], rock.equations[:, 3]
-                towards = rays[near] @ normals.T
-                crossing = -(normals @ origin + offsets) / towards
-                enter = np.where(towards < 0, crossing, -np.inf).max(axis=1)
-                leave = np.where(towards > 0, crossing, np.inf).min(axis=1)
-                hit = (enter < leave) & (enter > 0)
-                scale[near] = np.where(hit, np.minimum(scale[near], enter), scale[near])
-        scale = scale.reshape(directions.shape[:2])
-        length = np.linalg.norm(directions, axis=-1)
-        scale = scale + noise * rng.normal(size=scale.shape) / length
-        with np.errstate(invalid="ignore"):
-            points = directions * scale[..., None]
-        return np.where(np.isfinite(scale)[..., None], points, np.nan).astype(np.float32)
+        return range_map(self.caster, sandbox_from_camera, lens, rng, noise).astype(np.float32)
 
     def scanned(self, rng: np.random.Generator, *, noise: float = 0.002, reduction: float = 0.5) -> ScanPoints:
         """Return the points of both tripods at a reduced resolution."""

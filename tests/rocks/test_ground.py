@@ -8,7 +8,7 @@ from polarsim.rocks.crops import crop_rocks
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import find_ground, sand_extent
 from polarsim.rocks.overrides import Cuboid, Overrides
-from polarsim.rocks.regions import Limits, RockRegion, find_regions, number_regions
+from polarsim.rocks.regions import Limits, RockRegion, _has_rock_shape, find_regions, number_regions
 from polarsim.rocks.scans import Extent, ScanPoints
 from tests.rocks.conftest import SIZES, hilly
 
@@ -249,3 +249,18 @@ def test_a_small_box_is_bounded_by_its_width(rng):
     points[(np.abs(points[:, :2]) > 0.53).any(axis=1), 2] = -0.4  # the floor around it
     extent = sand_extent(ScanPoints(points, np.zeros_like(points), np.ones(len(points))), 0.5)
     assert (extent.x0, extent.y0, extent.x1, extent.y1) == (-0.47, -0.47, 0.47, 0.47)
+
+
+@pytest.mark.parametrize(
+    ("size", "height", "rock"),
+    [
+        (0.155, 0.156, True),  # a block of 16 cm on the sand with a hidden back
+        (0.10, 0.07, True),
+        (0.10, 0.15, False),  # the edge of a partly hidden object, cloth, a lamp's foot
+        (0.30, 0.03, False),  # a swell of the sand
+        (0.05, 0.012, False),  # too low
+    ],
+)
+def test_rocks_are_neither_flat_nor_upright(size, height, rock):
+    region = RockRegion(np.zeros(1, int), np.zeros(1, int), np.zeros(2), size, height, 0.0)
+    assert _has_rock_shape(region, LIMITS) == rock
