@@ -49,7 +49,7 @@ from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.label import COEFFICIENTS, REFERENCE_PX
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import move_rocks
-from polarsim.labels.propagate import propagate_labels
+from polarsim.labels.propagate import PropagationInputs, propagate_labels
 from polarsim.labels.seeds import AnnotatedBoxes, AnnotationKey, Seeds
 from polarsim.labels.visibility import MIN_ROVER_LIGHT_EXPOSURE_MS
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, PhotoKey
@@ -155,19 +155,9 @@ class Run:
     ) -> pd.DataFrame:
         """Return the label table of some photos, and write it with the boxes to a folder."""
         self.localise()
-        propagate_labels(
-            terrain=self.terrain,
-            keys=keys,
-            photos=self.folder / "photos.parquet",
-            inventory=self.folder / "inventory.json",
-            seeds=self.folder / "seeds",
-            cameras=self.folder / "cameras",
-            meshes=self.folder / "meshes",
-            boxes=out / "boxes",
-            table=out / "labels.parquet",
-            options=options,
-            annotator=annotator,
-        )
+        names = ("photos.parquet", "inventory.json", "seeds", "cameras", "meshes")
+        inputs = PropagationInputs(self.terrain, keys, *(self.folder / name for name in names), annotator=annotator)
+        propagate_labels(inputs, boxes=out / "boxes", table=out / "labels.parquet", options=options)
         return read_parquet(out / "labels.parquet")
 
 

@@ -61,9 +61,9 @@ class Pose:
         return cls(np.eye(3), np.zeros(3))
 
 
-def orthogonal_rotation(matrix: np.ndarray, tolerance: float = 1e-4) -> np.ndarray:
+def orthogonal_rotation(matrix: np.ndarray) -> np.ndarray:
     """Return the matrix (3, 3) made exactly orthogonal."""
-    if not np.isfinite(matrix).all() or np.abs(matrix @ matrix.T - np.eye(3)).max() > tolerance:
+    if not np.isfinite(matrix).all() or np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-4:
         raise FormatError("the rotation matrix is not orthogonal to 1e-4")
     if np.linalg.det(matrix) < 0:
         raise FormatError("the rotation matrix contains a reflection (determinant -1)")
@@ -95,14 +95,12 @@ def yaw_pitch_roll(sandbox_from_camera: Pose) -> tuple[float, float, float]:
     return float(yaw), float(pitch), float(np.arctan2(right @ level_down, right @ level_right))
 
 
-def fit_pose(source: np.ndarray, target: np.ndarray, weights: np.ndarray | None = None) -> Pose:
+def fit_pose(source: np.ndarray, target: np.ndarray) -> Pose:
     """Fit `target_from_source` of paired points (n, 3) by least squares (Kabsch, Acta Cryst. A34 (1978) 827)."""
     from scipy.spatial.transform import Rotation
 
-    weights = np.ones(len(source)) if weights is None else np.asarray(weights, float)
-    centre_source = np.average(source, axis=0, weights=weights)
-    centre_target = np.average(target, axis=0, weights=weights)
-    rotation = Rotation.align_vectors(target - centre_target, source - centre_source, weights=weights)[0].as_matrix()
+    centre_source, centre_target = source.mean(axis=0), target.mean(axis=0)
+    rotation = Rotation.align_vectors(target - centre_target, source - centre_source)[0].as_matrix()
     return Pose(rotation, centre_target - rotation @ centre_source)
 
 

@@ -35,7 +35,7 @@ from polarsim.labels.association import TerrainRocks, associate_rocks
 from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import PositionLabels
-from polarsim.labels.seeds import AnnotatedBoxes, choose_seeds, read_seeds, shadow_min_exposures
+from polarsim.labels.seeds import AnnotatedBoxes, MinExposures, choose_seeds, read_seeds
 from polarsim.labels.visibility import MIN_ROVER_LIGHT_EXPOSURE_MS
 from polarsim.photo import ROCK, SHADOW, SUNS, CameraSide, PhotoKey
 from polarsim.run_files import lamps, rigs
@@ -65,7 +65,7 @@ class TerrainFiles:
         """Return the bodies, poses and annotated rocks of the terrain."""
         localised = rigs.read_all_localised(self.cameras)
         drawings = read_seeds(self.seeds, self.terrain)
-        seeds = choose_seeds(drawings, {}, shadow_min_exposures(drawings, options.shadow_start(self.terrain)))
+        seeds = choose_seeds(drawings, {}, MinExposures.of(drawings, options.shadow_start(self.terrain)))
         suns = lamps.read_suns(self.cameras, localised)
         return associate_rocks(
             read_terrain(self.meshes, self.terrain), localised, suns, seeds, wall_height(self.terrain)

@@ -24,18 +24,17 @@ from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.label import Label
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.seeds import (
+    MinExposures,
     PhotoAnnotations,
-    UnlitMinExposures,
     choose_seeds,
     drop_mislabelled,
     is_unlit,
     read_corrections,
     read_seeds,
     seed_labels,
-    shadow_min_exposures,
 )
 from polarsim.labels.shadows import PositionShadows
-from polarsim.labels.visibility import MinExposures, omitted_in_dark, visible_labels
+from polarsim.labels.visibility import omitted_in_dark, visible_labels
 from polarsim.photo import BOX_CLASSES, Azimuth, Bracket, CameraSide, Light, PhotoKey, by_bracket
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.inventory import read_inventory
@@ -59,26 +58,12 @@ class PropagationInputs:
     annotator: Annotator | None = None  # habits of the annotators; None: read `annotator.json`
 
 
-def propagate_labels(
-    *,
-    terrain: int,
-    keys: Sequence[PhotoKey],
-    photos: Path,
-    inventory: Path,
-    seeds: Path,
-    cameras: Path,
-    meshes: Path,
-    boxes: Path,
-    table: Path,
-    options: LabelsOptions,
-    annotator: Annotator | None = None,
-) -> None:
+def propagate_labels(inputs: PropagationInputs, *, boxes: Path, table: Path, options: LabelsOptions) -> None:
     """Write `boxes`/KEY.txt for every key and the label table; a photo without labels gets an empty file.
 
     Seeds stored under the name of a wrong position are skipped with a warning.
     """
-    inputs = PropagationInputs(terrain, keys, photos, inventory, seeds, cameras, meshes, annotator)
-    labels = labels_of_terrain(inputs, options)
+    keys, labels = inputs.keys, labels_of_terrain(inputs, options)
     with writing_folder(boxes) as folder:
         for key in keys:
             classes = np.array([BOX_CLASSES.index(label.kind) for label in labels[key]], int)
@@ -88,7 +73,7 @@ def propagate_labels(
 
 
 def labels_of_terrain(inputs: PropagationInputs, options: LabelsOptions) -> dict[PhotoKey, list[Label]]:
-    """Return the labels that `propagate_labels` writes. Raises the same errors."""
+    """Return the labels that `propagate_labels` writes."""
     terrain = inputs.terrain
     if (inventoried := read_inventory(inputs.inventory).terrain) != terrain:
         raise LabelError(f"inventory of terrain {inventoried:02d}, expected {terrain:02d}", path=inputs.inventory)
@@ -104,11 +89,9 @@ def labels_of_terrain(inputs: PropagationInputs, options: LabelsOptions) -> dict
     corrections = _left(corrected, options)
     drawings = _left(drop_mislabelled(seeded, scene, localised), options)
     by_people = {**drawings, **corrections}
-    min_exposures = MinExposures(
-        shadow_min_exposures(by_people, options.shadow_start(terrain)), UnlitMinExposures.of(by_people)
-    )
+    min_exposures = MinExposures.of(by_people, options.shadow_start(terrain))
     terrain_rocks = associate_rocks(
-        scene, localised, suns, choose_seeds(drawings, corrections, min_exposures.shadows), wall_height(terrain)
+        scene, localised, suns, choose_seeds(drawings, corrections, min_exposures), wall_height(terrain)
     )
     return grid_labels(terrain_rocks, inputs, options, min_exposures, drawings, corrections)
 

@@ -6,6 +6,7 @@ The annotations also determine the minimum exposures of shadows under Sun lamps 
 from __future__ import annotations
 
 import logging
+import math
 import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -32,31 +33,6 @@ Ranked = tuple[
 ]  # (is a correction, rover light off, number of boxes), annotation
 MIN_VOTES = 3  # minimum number of annotated brackets for a median, to limit the effect of outliers
 SAME_LABEL_IOU = 0.1  # minimum IoU of an annotated and a propagated box to copy the rock id
-
-
-@dataclass(frozen=True)
-class ShadowMinExposures:
-    """Minimum exposures with shadow labels, ms."""
-
-    usual_ms: int  # default without annotated shadows
-    annotated_ms: Mapping[Bracket, int] = field(default_factory=dict)
-
-    def of(self, key: PhotoKey) -> int:
-        """Return the minimum for the exposure bracket of a photo, else the median of the position, else of the terrain.
-
-        With left seeds of six released terrains, this disagrees with the annotators on the presence of shadows in 45 of
-        1,956 photos under a Sun lamp; the median of position and azimuth in 53; the minimum of the terrain in 143.
-        """
-        annotated = self.annotated_ms.get(key.bracket)
-        if annotated is not None:
-            return annotated
-        of_position = [
-            exposure for (_, position, *_), exposure in self.annotated_ms.items() if position == key.position
-        ]
-        for votes in (of_position, list(self.annotated_ms.values())):
-            if len(votes) >= MIN_VOTES:
-                return statistics.median_high(votes)
-        return self.usual_ms
 
 
 @dataclass(frozen=True)
@@ -88,16 +64,49 @@ def read_seeds(folder: Path, terrain: int) -> PhotoAnnotations:
     return drawings
 
 
-def shadow_min_exposures(drawings: PhotoAnnotations, usual_ms: int) -> ShadowMinExposures:
-    """Return the minimum exposures of shadows under Sun lamps: `usual_ms`, or the shortest annotated exposure."""
-    annotated_ms: dict[Bracket, int] = {}
-    for key, annotated in drawings.items():
-        if key.azimuth in SUNS and annotated.shadows is not None and len(annotated.shadows):
-            annotated_ms[key.bracket] = min(annotated_ms.get(key.bracket, usual_ms), key.exposure_ms)
-    return ShadowMinExposures(usual_ms, annotated_ms)
+@dataclass(frozen=True)
+class MinExposures:
+    """Minimum exposures at which annotators draw shadows under Sun lamps and rocks without any lamp, ms.
+
+    Those without a lamp are known by position only, because stray light differs between positions.
+    """
+
+    usual_ms: int  # of shadows, without annotated shadows
+    shadows_ms: Mapping[Bracket, int] = field(default_factory=dict)
+    unlit_ms: Mapping[str, int] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, drawings: PhotoAnnotations, usual_ms: int) -> MinExposures:
+        """Return the shortest annotated exposures, for shadows at most `usual_ms`."""
+        shadows_ms: dict[Bracket, int] = {}
+        unlit_ms: dict[str, int] = {}
+        for key, annotated in drawings.items():
+            if key.azimuth in SUNS and annotated.shadows is not None and len(annotated.shadows):
+                shadows_ms[key.bracket] = min(shadows_ms.get(key.bracket, usual_ms), key.exposure_ms)
+            if is_unlit(key.light, key.azimuth) and len(annotated.rocks):
+                unlit_ms[key.position] = min(unlit_ms.get(key.position, key.exposure_ms), key.exposure_ms)
+        return cls(usual_ms, shadows_ms, unlit_ms)
+
+    def of_shadows(self, key: PhotoKey) -> int:
+        """Return the minimum for the exposure bracket of a photo, else the median of the position, else of the terrain.
+
+        With left seeds of six released terrains, this disagrees with the annotators on the presence of shadows in 45 of
+        1,956 photos under a Sun lamp; the median of position and azimuth in 53; the minimum of the terrain in 143.
+        """
+        if key.bracket in self.shadows_ms:
+            return self.shadows_ms[key.bracket]
+        of_position = [exposure for (_, position, *_), exposure in self.shadows_ms.items() if position == key.position]
+        for votes in (of_position, list(self.shadows_ms.values())):
+            if len(votes) >= MIN_VOTES:
+                return statistics.median_high(votes)
+        return self.usual_ms
+
+    def has_unlit_labels(self, key: PhotoKey) -> bool:
+        """Return whether an unlit photo has labels; False if the position has no unlit annotation."""
+        return key.exposure_ms >= self.unlit_ms.get(key.position, math.inf)
 
 
-def choose_seeds(drawings: PhotoAnnotations, corrections: PhotoAnnotations, min_exposures: ShadowMinExposures) -> Seeds:
+def choose_seeds(drawings: PhotoAnnotations, corrections: PhotoAnnotations, min_exposures: MinExposures) -> Seeds:
     """Choose an annotation per position, camera and azimuth.
 
     `corrections`: corrected annotations; preferred to seeds.
@@ -112,7 +121,9 @@ def choose_seeds(drawings: PhotoAnnotations, corrections: PhotoAnnotations, min_
     for key, is_correction, annotated in entries:
         count = len(annotated.rocks) + (0 if annotated.shadows is None else len(annotated.shadows))
         rank = (is_correction, key.light == "off", count)
-        silent = key.exposure_ms < min_exposures.of(key) and (annotated.shadows is None or not len(annotated.shadows))
+        silent = key.exposure_ms < min_exposures.of_shadows(key) and (
+            annotated.shadows is None or not len(annotated.shadows)
+        )
         seed = replace(annotated, shadows=None) if silent else annotated
         candidates.setdefault((key.position, (key.camera, key.azimuth)), []).append((rank, seed))
     seeds: Seeds = {}
@@ -137,27 +148,6 @@ def _best(ranked: list[Ranked]) -> AnnotatedBoxes:
 def is_unlit(light: Light, azimuth: Azimuth) -> bool:
     """Return whether both the Sun lamps and the rover light are off."""
     return azimuth == "no" and light == "off"
-
-
-@dataclass(frozen=True)
-class UnlitMinExposures:
-    """Minimum exposure with annotated rocks in photos without any lamp, by position."""
-
-    annotated_ms: Mapping[str, int]
-
-    @classmethod
-    def of(cls, drawings: PhotoAnnotations) -> UnlitMinExposures:
-        """Estimate from annotations, for each position separately, because stray light differs between positions."""
-        annotated_ms: dict[str, int] = {}
-        for key, annotated in drawings.items():
-            if is_unlit(key.light, key.azimuth) and len(annotated.rocks):
-                annotated_ms[key.position] = min(annotated_ms.get(key.position, key.exposure_ms), key.exposure_ms)
-        return cls(annotated_ms)
-
-    def has_labels(self, key: PhotoKey) -> bool:
-        """Return whether an unlit photo has labels; False if the position has no unlit annotation."""
-        min_exposure = self.annotated_ms.get(key.position)
-        return min_exposure is not None and key.exposure_ms >= min_exposure
 
 
 def drop_mislabelled(

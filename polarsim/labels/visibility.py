@@ -13,7 +13,7 @@ from polarsim.labels.bodies import TerrainCasters
 from polarsim.labels.brightness import Brightness, noise_dn
 from polarsim.labels.label import Label
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.seeds import ShadowMinExposures, UnlitMinExposures, is_unlit
+from polarsim.labels.seeds import MinExposures, is_unlit
 from polarsim.photo import SHADOW, Azimuth, PhotoKey
 
 MIN_ROVER_LIGHT_EXPOSURE_MS = 2048  # minimum exposure labelled in the release if only the rover light is on
@@ -103,14 +103,6 @@ def label_contrast(brightness: Brightness, box: np.ndarray, exposure_ms: float) 
     return Contrast(dn, dn / noise)
 
 
-@dataclass(frozen=True)
-class MinExposures:
-    """Minimum exposures at which annotators draw shadows under Sun lamps and rocks without a lamp."""
-
-    shadows: ShadowMinExposures
-    unlit_rocks: UnlitMinExposures
-
-
 def visible_labels(
     labels: list[Label],
     key: PhotoKey,
@@ -124,13 +116,12 @@ def visible_labels(
     """
     if brightness is None:
         return labels_by_exposure(labels, key, min_exposures)
-    return [label for label in labels if has_contrast(label, brightness, key.exposure_ms, options)]
-
-
-def has_contrast(label: Label, brightness: Brightness, exposure_ms: int, options: LabelsOptions) -> bool:
-    """Return whether the contrast of a label with its surroundings reaches both thresholds."""
-    measured = label_contrast(brightness, label.box, exposure_ms)
-    return measured.snr >= options.min_contrast_snr and measured.dn >= options.min_contrast_dn
+    measured = [label_contrast(brightness, label.box, key.exposure_ms) for label in labels]
+    return [
+        label
+        for label, contrast in zip(labels, measured, strict=True)
+        if contrast.snr >= options.min_contrast_snr and contrast.dn >= options.min_contrast_dn
+    ]
 
 
 def labels_by_exposure(labels: list[Label], key: PhotoKey, min_exposures: MinExposures) -> list[Label]:
@@ -140,8 +131,8 @@ def labels_by_exposure(labels: list[Label], key: PhotoKey, min_exposures: MinExp
     upwards. No lamp: all labels from the minimum exposure of the position upwards, if the position has one.
     """
     if is_unlit(key.light, key.azimuth):
-        return labels if min_exposures.unlit_rocks.has_labels(key) else []
+        return labels if min_exposures.has_unlit_labels(key) else []
     if key.azimuth == "no":
         return labels if key.exposure_ms >= MIN_ROVER_LIGHT_EXPOSURE_MS else []
-    dark = key.exposure_ms < min_exposures.shadows.of(key)
+    dark = key.exposure_ms < min_exposures.of_shadows(key)
     return [label for label in labels if not (dark and label.kind == SHADOW)]

@@ -1,5 +1,6 @@
 """Small scene with known boxes and shadows: flat sand, two blocks, two positions."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +13,9 @@ from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
 from polarsim.geometry.stereo import default_rig
-from polarsim.photo import NO_ROCK
+from polarsim.labels.annotator import Annotator
+from polarsim.labels.propagate import PropagationInputs
+from polarsim.photo import NO_ROCK, PhotoKey
 from polarsim.run_files import inventory, rigs
 from polarsim.run_files.scene import TerrainMesh
 
@@ -74,6 +77,11 @@ class SceneFiles:
     seeds: Path
     cameras: Path
     meshes: Path
+
+    def inputs(self, keys: Sequence[PhotoKey], annotator: Annotator | None = None) -> PropagationInputs:
+        """Return the input of the propagation to some photos."""
+        files = (self.photos, self.inventory, self.seeds, self.cameras, self.meshes)
+        return PropagationInputs(TERRAIN, keys, *files, annotator)
 
     def expected_box(self, position: str, camera: str, rock: int) -> np.ndarray:
         """Return the bounding box (4,) of the projected corners of a block."""

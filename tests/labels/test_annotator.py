@@ -27,7 +27,7 @@ from polarsim.labels.fit_annotator import (
     write_annotator,
 )
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.propagate import PropagationInputs, labels_of_terrain
+from polarsim.labels.propagate import labels_of_terrain
 from polarsim.labels.seeds import AnnotatedBoxes
 from polarsim.photo import PhotoKey
 
@@ -108,9 +108,7 @@ def test_a_run_gives_samples_of_both_habits(scene):
     options = LabelsOptions(ray_step_px=4, visibility="annotator")
     key = PhotoKey.parse("03_A_off_180_L_0256")
     rocks = np.array([scene.expected_box("A", "L", rock) for rock in BLOCKS])
-    inputs = PropagationInputs(
-        TERRAIN, [key], scene.photos, scene.inventory, scene.seeds, scene.cameras, scene.meshes, NO_HABITS
-    )
+    inputs = scene.inputs([key], NO_HABITS)
     (scene.seeds / f"{key}.txt").unlink()
     cast = [label.box for label in labels_of_terrain(inputs, options)[key] if label.kind == "shadow"]
     yolo.write_boxes(scene.seeds / f"{key}.txt", np.array([0] * 2 + [1] * len(cast)), np.array([*rocks, *cast]) + 0.0)

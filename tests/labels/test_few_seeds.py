@@ -10,7 +10,7 @@ from polarsim.cameras.options import LocalisationOptions
 from polarsim.formats import release, yolo
 from polarsim.geometry.boxes import clip, iou, match_by_iou
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.propagate import propagate_labels
+from polarsim.labels.propagate import PropagationInputs, propagate_labels
 from polarsim.photo import SUNS, PhotoKey
 from polarsim.rocks.adopt import adopt_rocks
 from polarsim.run_files import rigs
@@ -57,14 +57,9 @@ def labels(release_root, tmp_path_factory):
     )
     files = release.label_files(release_root, TERRAIN)
     keys = [key for key in sorted(files) if key.azimuth in SUNS and key.exposure_ms in EXPOSURES]
+    names = ("photos.parquet", "inventory.json", "seeds", "cameras", "meshes")
     propagate_labels(
-        terrain=TERRAIN,
-        keys=keys,
-        photos=folder / "photos.parquet",
-        inventory=folder / "inventory.json",
-        seeds=folder / "seeds",
-        cameras=folder / "cameras",
-        meshes=folder / "meshes",
+        PropagationInputs(TERRAIN, keys, *(folder / name for name in names)),
         boxes=folder / "boxes",
         table=folder / "labels.parquet",
         options=LabelsOptions(visibility="annotator", ray_step_px=4),

@@ -30,13 +30,7 @@ KEYS = [
 
 def propagate(scene, out, keys=KEYS, **options):
     propagate_labels(
-        terrain=TERRAIN,
-        keys=keys,
-        photos=scene.photos,
-        inventory=scene.inventory,
-        seeds=scene.seeds,
-        cameras=scene.cameras,
-        meshes=scene.meshes,
+        scene.inputs(keys),
         boxes=out / "boxes",
         table=out / "labels.parquet",
         options=LabelsOptions(**{"ray_step_px": 4, "visibility": "annotator", **options}),

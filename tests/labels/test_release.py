@@ -10,7 +10,7 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
 from polarsim.geometry.stereo import default_rig
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.propagate import propagate_labels
+from polarsim.labels.propagate import PropagationInputs, propagate_labels
 from polarsim.photo import PhotoKey
 from polarsim.run_files import inventory, rigs
 
@@ -66,14 +66,9 @@ def labels(request, release_root, tmp_path_factory):
         rigs.write_localised(folder / "cameras" / f"Pos{position}.json", rigs.LocalisedRig(default_rig(), pose))
     inventory.write_inventory(folder / "inventory.json", inventory.Inventory(terrain, "release"))
     tables.write_parquet(folder / "photos.parquet", pd.DataFrame({name: [] for name in tables.PHOTO_COLUMNS}))
+    names = ("photos.parquet", "inventory.json", "seeds", "cameras", "meshes")
     propagate_labels(
-        terrain=terrain,
-        keys=list(files),
-        photos=folder / "photos.parquet",
-        inventory=folder / "inventory.json",
-        seeds=folder / "seeds",
-        cameras=folder / "cameras",
-        meshes=folder / "meshes",
+        PropagationInputs(terrain, list(files), *(folder / name for name in names)),
         boxes=folder / "boxes",
         table=folder / "labels.parquet",
         options=LabelsOptions(visibility="annotator", min_shadow_exposure_ms_by_terrain={1: 32}, ray_step_px=4),

@@ -3,10 +3,9 @@ import numpy as np
 from polarsim.formats import yolo
 from polarsim.labels.seeds import (
     AnnotatedBoxes,
-    ShadowMinExposures,
+    MinExposures,
     choose_seeds,
     read_seeds,
-    shadow_min_exposures,
     sort_by_camera,
 )
 from polarsim.photo import PhotoKey
@@ -20,7 +19,7 @@ def write(folder, name, shadows=1, offset=0):
 
 
 def chosen_seeds(folder, corrections=None, shadow_start_ms=0):
-    return choose_seeds(read_seeds(folder, 3), corrections or {}, ShadowMinExposures(shadow_start_ms))
+    return choose_seeds(read_seeds(folder, 3), corrections or {}, MinExposures(shadow_start_ms))
 
 
 def test_seeds_of_both_cameras_are_kept_by_position_and_lamp(tmp_path):
@@ -64,7 +63,7 @@ def test_cameras_are_sorted_by_number_of_annotations():
 
 
 def starts_of(folder, key):
-    return shadow_min_exposures(read_seeds(folder, 3), 128).of(PhotoKey.parse(key))
+    return MinExposures.of(read_seeds(folder, 3), 128).of_shadows(PhotoKey.parse(key))
 
 
 def test_the_minimum_shadow_exposure_follows_the_annotation_or_the_default(tmp_path):

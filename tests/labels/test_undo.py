@@ -8,7 +8,7 @@ from polarsim.errors import LabelError
 from polarsim.formats.tables import read_parquet
 from polarsim.labels.label import Label
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.propagate import PropagationInputs, propagate_labels
+from polarsim.labels.propagate import propagate_labels
 from polarsim.labels.undo import derived_labels, label_changes
 from polarsim.photo import PhotoKey, photo_grid
 
@@ -43,20 +43,15 @@ def test_two_labels_of_one_rock_are_compared_in_their_order():
     assert found["moved_px"].tolist() == [10]
 
 
-def inputs(scene):
-    return {name: getattr(scene, name) for name in ("photos", "inventory", "seeds", "cameras", "meshes")}
-
-
 def test_derived_labels_are_missing_in_a_run_without_the_seed(scene, tmp_path):
-    chosen = PropagationInputs(terrain=TERRAIN, keys=KEYS, **inputs(scene))
-    found = derived_labels(drawing=SEED, inputs=chosen, options=OPTIONS, out=tmp_path / "undone.parquet")
+    found = derived_labels(drawing=SEED, inputs=scene.inputs(KEYS), options=OPTIONS, out=tmp_path / "undone.parquet")
     assert read_parquet(tmp_path / "undone.parquet").equals(found)
     assert "03_A_on_180_L_0128" in set(found["key"])  # another light of the same lamp
 
     def table(name, **options):
         chosen = OPTIONS.model_copy(update=options)
         out = {"boxes": tmp_path / name, "table": tmp_path / f"{name}.parquet"}
-        propagate_labels(terrain=TERRAIN, keys=KEYS, options=chosen, **out, **inputs(scene))
+        propagate_labels(scene.inputs(KEYS), options=chosen, **out)
         return read_parquet(tmp_path / f"{name}.parquet")
 
     undone = table("undone", excluded_annotations=(str(SEED),))
@@ -70,7 +65,7 @@ def test_only_annotated_photos_can_be_excluded(scene, tmp_path):
     with pytest.raises(LabelError, match=str(SEED)):
         derived_labels(
             drawing=SEED,
-            inputs=PropagationInputs(terrain=TERRAIN, keys=KEYS, **inputs(scene)),
+            inputs=scene.inputs(KEYS),
             options=options,
             out=tmp_path / "a.parquet",
         )

@@ -4,22 +4,24 @@ from pathlib import Path
 
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.labels.options import LabelsOptions
-from polarsim.labels.propagate import propagate_labels
+from polarsim.labels.propagate import PropagationInputs, propagate_labels
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     propagate_labels(
-        terrain=int(snakemake.wildcards.terrain),
-        keys=selected_grid(
+        PropagationInputs(
             terrain=int(snakemake.wildcards.terrain),
-            positions=snakemake.params.positions,
-            grid=GridOptions(**snakemake.params.grid),
+            keys=selected_grid(
+                terrain=int(snakemake.wildcards.terrain),
+                positions=snakemake.params.positions,
+                grid=GridOptions(**snakemake.params.grid),
+            ),
+            photos=Path(snakemake.input.photos),
+            inventory=Path(snakemake.input.inventory),
+            seeds=Path(snakemake.input.seeds),
+            cameras=Path(snakemake.input.cameras),
+            meshes=Path(snakemake.input.meshes),
         ),
-        photos=Path(snakemake.input.photos),
-        inventory=Path(snakemake.input.inventory),
-        seeds=Path(snakemake.input.seeds),
-        cameras=Path(snakemake.input.cameras),
-        meshes=Path(snakemake.input.meshes),
         boxes=Path(snakemake.output.boxes),
         table=Path(snakemake.output.table),
         options=LabelsOptions(**snakemake.params.options),
