@@ -18,7 +18,6 @@ from polarsim.errors import ConfigError
 from polarsim.formats import release
 from polarsim.formats.files import resolve_packaged
 from polarsim.grid import selected_grid
-from polarsim.labels.seeds import read_all_corrections
 from polarsim.photo import PhotoKey, positions
 
 _FOLDERS = (
@@ -121,6 +120,8 @@ def _checked_corrections(config: Config) -> set[PhotoKey]:
     folder = config.labels.corrections
     if folder is None:
         return set()
+    from polarsim.labels.seeds import read_all_corrections  # imports pandas, which a plan needs only here
+
     found = set(read_all_corrections(folder))
     if not found:
         raise ConfigError(

@@ -9,7 +9,7 @@ from polarsim.acquire.index import index_terrain, merge_photos
 from polarsim.acquire.inputs import raw_inputs
 from polarsim.acquire.options import SeedOptions, SourceOptions
 from polarsim.acquire.seeds import find_labels
-from polarsim.errors import FormatError, LabelError, PolarsimError
+from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import nasa, png
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.stereo import default_rig, rectified_left
@@ -108,27 +108,22 @@ def test_stray_files_of_a_release_are_logged_once_and_skipped(tmp_path, release,
     assert len(list((out / "seeds").iterdir())) == 1
 
 
-def test_a_missing_terrain_of_a_release_is_an_error_with_the_expected_folders(tmp_path, release):
-    with pytest.raises(FormatError, match="Labels/Terrain05") as caught:
-        index(tmp_path, release, terrain=5)
+@pytest.mark.parametrize(
+    ("kind", "changes", "named"),
+    [
+        ("release", {"terrain": 5}, "Labels/Terrain05"),
+        ("polar", {"terrain": 5}, r"Terrain05_\*"),
+        ("missing root", {}, "nowhere"),
+        ("release", {"seeds": SeedOptions(azimuths=["180"])}, r"Labels/Terrain11: .*180"),
+        ("release", {"seeds": "none"}, r"labels\.seeds"),  # without seeds a terrain needs a scan
+    ],
+)
+def test_missing_data_are_a_one_line_error_without_output(tmp_path, release, polar, kind, changes, named):
+    missing = SourceOptions(kind="release", root=tmp_path / "nowhere")
+    source = {"release": release, "polar": polar, "missing root": missing}[kind]
+    with pytest.raises(PolarsimError, match=named) as caught:
+        index(tmp_path, source, **changes)
     assert "\n" not in str(caught.value)
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_missing_terrain_of_nasas_data_is_an_error_with_the_expected_folders(tmp_path, polar):
-    with pytest.raises(FormatError, match=r"Terrain05_\*"):
-        index(tmp_path, polar, terrain=5)
-    assert not (tmp_path / "out").exists()
-
-
-def test_a_missing_root_is_an_error(tmp_path):
-    with pytest.raises(FormatError, match="nowhere"):
-        index(tmp_path, SourceOptions(kind="release", root=tmp_path / "nowhere"))
-
-
-def test_a_release_without_seeds_is_an_error_that_names_the_folder(tmp_path, release):
-    with pytest.raises(LabelError, match=r"Labels/Terrain11: .*180"):
-        index(tmp_path, release, seeds=SeedOptions(azimuths=["180"]))
     assert not (tmp_path / "out").exists()
 
 
@@ -181,24 +176,14 @@ def test_polygons_are_the_seeds_of_a_terrain_without_boxes(tmp_path):
     assert find_labels(root, 11)[0] == {PhotoKey.parse("11_A_off_30_L_0256"): polygon}
 
 
-def test_without_seeds_no_label_file_is_opened_and_the_folder_of_seeds_is_empty(tmp_path, polar):
+def test_without_seeds_no_label_file_is_opened_and_a_position_without_a_scan_is_a_warning(tmp_path, polar, caplog):
     write(polar.root / "Labels/Terrain11/11_A_off_30_L_0256.txt", "no label at all\n")
     with pytest.raises(FormatError):
         index(tmp_path, polar)
-    out = index(tmp_path, polar, seeds="none")
+    with caplog.at_level(logging.WARNING):
+        out = index(tmp_path, polar, seeds="none")
     assert read_inventory(out / "inventory.json").scanned == ["A", "C"]
     assert list((out / "seeds").iterdir()) == []
-
-
-def test_without_seeds_a_terrain_needs_a_scan(tmp_path, release):
-    with pytest.raises(LabelError, match=r"labels\.seeds"):
-        index(tmp_path, release, seeds="none")
-    assert not (tmp_path / "out").exists()
-
-
-def test_without_seeds_a_position_without_a_scan_is_a_single_warning(tmp_path, polar, caplog):
-    with caplog.at_level(logging.WARNING):
-        index(tmp_path, polar, seeds="none")
     assert "no scan of position B, and no seeds are read" in caplog.text
 
 
@@ -272,15 +257,6 @@ def test_an_invalid_calibration_is_a_one_line_error_with_the_file(tmp_path, pola
     with pytest.raises(PolarsimError, match=rf"stereo\.calibration: .*{reason}"):
         index(tmp_path, polar)
     assert not (tmp_path / "out").exists()
-
-
-def test_stray_label_files_next_to_scans_are_logged_once(tmp_path, polar, caplog):
-    for name in ("11_A_off_30_L_0256.txt", "11_A_off_30_L_0256 copy.txt"):
-        write(polar.root / "Labels/Terrain11" / name, BOX)
-    with caplog.at_level(logging.WARNING):
-        out = index(tmp_path, polar, positions="AC")
-    assert sum("1 stray files" in record.getMessage() for record in caplog.records) == 1
-    assert [path.name for path in (out / "seeds").iterdir()] == ["11_A_off_30_L_0256.txt"]
 
 
 def test_a_source_without_calibration_gets_the_stated_rig_and_a_warning(tmp_path, polar, caplog):

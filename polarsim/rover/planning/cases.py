@@ -9,9 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import cast
-
-import pandas as pd
+from typing import TYPE_CHECKING, cast
 
 from polarsim.render.options import Model
 from polarsim.rover.cameras.options import CameraSuiteOptions, ImagingCondition, lights_ahead
@@ -20,6 +18,9 @@ from polarsim.rover.planning.options import ON, AutonomyOptions
 from polarsim.rover.vehicle.table import Vehicle
 from polarsim.run_files.picture_sets import AUTO, exposure_name
 from polarsim.schemas.rover import ANY
+
+if TYPE_CHECKING:
+    import pandas as pd  # a plan imports this module, and pandas takes a third of a second
 
 AXES = ("mode", "sun", "exposure", "lights", "model", "detector")
 MODES_WITHOUT_PICTURES = ("truth", "blind")
