@@ -8,25 +8,21 @@ import stat
 import zipfile
 from pathlib import Path, PurePosixPath
 
-from polarsim.acquire.options import FetchLimits
 from polarsim.errors import FetchError, FormatError
 from polarsim.formats.files import writing_folder
 from polarsim.formats.readers import MB, reader
 from polarsim.progress import track
 
 _COPY_BYTES = 1 << 20
-_MIN_BOMB_BYTES = 1 << 20  # smaller files may have any compression ratio
-
 _OUTSIDE = re.compile(r"^/|^[A-Za-z]:|\0|(^|/)\.\.(/|$)")
 _OF_MACOS = ("__MACOSX", ".DS_Store")  # additional entries in archives made by macOS
 _SUPPORTED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)
 _DEFLATE64 = 9
-_DEFAULT = FetchLimits()
 _ENCRYPTED = 0x1  # bit of the flags of an entry
 
 
 @reader("zip archive", largest_mb=1e6)
-def unpack(archive: Path, folder: Path, limits: FetchLimits = _DEFAULT, layout: re.Pattern[str] | None = None) -> None:
+def unpack(archive: Path, folder: Path, layout: re.Pattern[str] | None = None) -> None:
     """Extract a zip archive into `folder`, which is created when all entries are extracted.
 
     A single top folder with the name of `folder` is removed from the paths. If a layout is given, so is every single
@@ -41,18 +37,14 @@ def unpack(archive: Path, folder: Path, limits: FetchLimits = _DEFAULT, layout: 
     ------
     FormatError
         The file is no zip archive, is truncated or damaged (all checksums are tested), or an entry is outside the
-        folder, a link, repeated, encrypted, compressed by an unsupported method, or exceeds the limits.
+        folder, a link, repeated, encrypted, or compressed by an unsupported method.
     FetchError
         The disk has not enough space.
     """
     with zipfile.ZipFile(archive) as source:
         entries = [entry for entry in source.infolist() if not _name(entry).endswith("/")]
-        check_entries(entries, limits)
-        total, packed = sum(entry.file_size for entry in entries), archive.stat().st_size
-        if total > max(_MIN_BOMB_BYTES, limits.max_ratio * packed):  # many small entries, or entries that share bytes
-            reason = f"unpacks to {total / MB:.0f} MB, more than {limits.max_ratio:g} times the size of the archive"
-            raise FormatError(f"{reason}: suspected zip bomb")
-        _check_space(total, folder)
+        check_entries(entries)
+        _check_space(sum(entry.file_size for entry in entries), folder)  # also of an archive that is a zip bomb
         with writing_folder(folder) as temporary:
             for entry in track(entries, f"unpacking {archive.name}"):
                 _extract(source, entry, temporary)
@@ -61,7 +53,7 @@ def unpack(archive: Path, folder: Path, limits: FetchLimits = _DEFAULT, layout: 
                 pass
 
 
-def check_entries(entries: list[zipfile.ZipInfo], limits: FetchLimits) -> None:
+def check_entries(entries: list[zipfile.ZipInfo]) -> None:
     """Raise an error for a harmful entry in the directory of an archive, before files are written."""
     names: set[str] = set()
     for entry in entries:
@@ -80,12 +72,6 @@ def check_entries(entries: list[zipfile.ZipInfo], limits: FetchLimits) -> None:
             raise FormatError(f"entry {name!r} is a link")
         if str(PurePosixPath(name)) in names:
             raise FormatError(f"entry {name!r} is repeated")
-        if entry.file_size > limits.max_file_mb * MB:
-            size = entry.file_size / MB
-            raise FormatError(f"entry {name!r} unpacks to {size:.0f} MB, expected at most {limits.max_file_mb:g} MB")
-        if entry.file_size > max(_MIN_BOMB_BYTES, limits.max_ratio * entry.compress_size):
-            reason = f"entry {name!r} unpacks to more than {limits.max_ratio:g} times the compressed size"
-            raise FormatError(f"{reason}: suspected zip bomb")
         names.add(str(PurePosixPath(name)))
 
 

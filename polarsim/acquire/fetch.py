@@ -28,11 +28,6 @@ def fetch_archive(*, name: str, url: str | None, root: Path, limits: FetchLimits
 
     An interrupted download is stored in a hidden file in the same folder. The next call resumes the download if the
     file on the server has not changed.
-
-    Raises
-    ------
-    FetchError
-        The download fails, or the checksum differs from the pinned checksum.
     """
     path = root / name
     with exclusive_lock(root):
@@ -53,13 +48,6 @@ def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path, limits: Fe
     """Download and extract the folders of a terrain, and write a receipt of the used archives and files.
 
     Archives are those of the configuration and those in the root. Existing folders are not changed.
-
-    Raises
-    ------
-    ConfigError
-        The source is generated.
-    FetchError, FormatError
-        A download fails, an archive is damaged or harmful, or no data of the terrain exist.
     """
     data = SOURCES[source.kind]
     if data.is_generated:
@@ -71,7 +59,7 @@ def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path, limits: Fe
             path = fetch_archive(name=name, url=source.urls.get(name), root=source.root, limits=limits)
             with exclusive_lock(source.root):
                 if not folder.is_dir():  # the job of another terrain may have extracted the archive
-                    unpack(path, folder, limits, data.layout)
+                    unpack(path, folder, data.layout)
         data.arrange(folder, source.root)
     pins = read_pins(source.root)
     used = {name: pins[name] for name in archives_of(terrain, source) if name in pins}

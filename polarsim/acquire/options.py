@@ -19,13 +19,11 @@ NO_SEEDS = "none"  # instead of seed options: labels are computed from geometry 
 
 @dataclass(frozen=True)
 class FetchLimits:
-    """Limits of downloads and archives. NASA's archives have about 0.9 GB each."""
+    """Limits of downloads. NASA's archives have about 0.9 GB each."""
 
     tries: int = 5  # maximum number of attempts; each attempt resumes the download
     backoff_s: float = 2.0  # pause before the second attempt, doubled before each further attempt
     timeout_s: float = 60.0  # maximum time without data from the server
-    max_file_mb: float = 4000.0  # maximum size of a file in an archive
-    max_ratio: float = 200.0  # maximum ratio of the size of a file to the compressed size, against zip bombs
 
 
 class SourceOptions(BaseModel, extra="forbid", frozen=True):
@@ -121,13 +119,7 @@ def describe_seeds(seeds: SeedChoice) -> str:
 
 
 def seed_choice(content: object) -> SeedChoice:
-    """Parse seed options, or `NO_SEEDS`, from a configuration.
-
-    Raises
-    ------
-    ValueError
-        The content is neither, or a key is unknown or a value invalid.
-    """
+    """Parse seed options, or `NO_SEEDS`, from a configuration."""
     if content == NO_SEEDS:
         return "none"
     if content is None or isinstance(content, str):
