@@ -100,13 +100,7 @@ def sun_above_horizon(sun: tuple[float, float] | None) -> tuple[float, float] | 
 
 
 def run_folder(results: Path, run: str) -> Path:
-    """Return the folder of a run.
-
-    Raises
-    ------
-    PolarsimError
-        No run has this name; the message lists existing runs.
-    """
+    """Return the folder of a run."""
     folder = results / run
     if run and run == Path(run).name and _is_dir(folder):
         return folder

@@ -337,13 +337,7 @@ def _without_places(value: Any, key: str = "") -> Any:
 
 
 def parse_config(content: Mapping[str, Any]) -> Config:
-    """Check a configuration.
-
-    Raises
-    ------
-    ConfigError
-        Unknown keys, missing keys or invalid values: one line that names each key.
-    """
+    """Check a configuration."""
     if endless := [f"{key}: should be a finite number, found {value}" for key, value in _not_finite(content, "")]:
         raise ConfigError("; ".join(endless))
     try:
@@ -353,13 +347,7 @@ def parse_config(content: Mapping[str, Any]) -> Config:
 
 
 def read_config(path: str | Path) -> Config:
-    """Read a configuration file.
-
-    Raises
-    ------
-    ConfigError
-        The file is not YAML, or as `parse_config`.
-    """
+    """Read a configuration file."""
     content = read_yaml(path)
     if not isinstance(content, Mapping):
         raise ConfigError("no keys, expected a configuration", path=path)
@@ -371,21 +359,10 @@ def render_options(assignments: Sequence[str]) -> RenderOptions:
     """Return render options from `key=value`, such as `materials.default.principled.roughness=0.5`.
 
     Values are YAML, for example `gain={hapke: 150}`. Later assignments override earlier ones.
-
-    Raises
-    ------
-    ConfigError
-        No `=`, invalid YAML, unknown keys or invalid values: one line that names each key.
     """
     content: dict[str, Any] = {}
     for assignment in assignments:
-        key, equals, text = assignment.partition("=")
-        if not key or not equals:
-            raise ConfigError(f"{assignment!r}: expected KEY=VALUE")
-        try:
-            value = parse_yaml(text)
-        except yaml.YAMLError as error:
-            raise ConfigError(f"{key}: {text!r} is not a YAML value") from error
+        key, value = parse_assignment(assignment)
         *sections, last = key.split(".")
         part = content
         for section in sections:
@@ -396,6 +373,17 @@ def render_options(assignments: Sequence[str]) -> RenderOptions:
         return RenderOptions.model_validate(content)
     except ValidationError as error:
         raise ConfigError(describe_error(error, "options")) from error
+
+
+def parse_assignment(assignment: str) -> tuple[str, Any]:
+    """Return key and value of `KEY=VALUE` with the value in YAML."""
+    key, equals, text = assignment.partition("=")
+    if not key or not equals:
+        raise ConfigError(f"{assignment!r}: expected KEY=VALUE")
+    try:
+        return key, parse_yaml(text)
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{key}: {text!r} is not a YAML value") from error
 
 
 def config_schema() -> str:

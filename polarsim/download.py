@@ -64,11 +64,6 @@ def downloaded_file(
         Pause before the second attempt, seconds; doubles with every further attempt.
     timeout_s
         Maximum time without data, and averaging time of the minimum rate `SLOWEST`, seconds.
-
-    Raises
-    ------
-    FetchError
-        The download failed, or the file cannot be written.
     """
     partial = path.with_name(f".{path.name}.part")
     _download(url, partial, 1 if url.startswith("file:") else tries, backoff_s, timeout_s)

@@ -7,26 +7,14 @@ from pathlib import Path
 
 
 def list_of_paths(files: Iterable[str]) -> list[Path]:
-    """Return the paths of a list of files, which may be empty.
-
-    Raises
-    ------
-    TypeError
-        A single file instead of a list.
-    """
+    """Return the paths of a list of files, which may be empty."""
     if isinstance(files, str | Path):
         raise TypeError(f"{str(files)!r} is a single file, expected a list of files")
     return [Path(file) for file in files]
 
 
 def optional_path(file: str | Iterable[str] | None) -> Path | None:
-    """Return the path of an optional file; None for None and for an empty list.
-
-    Raises
-    ------
-    TypeError
-        A list of files.
-    """
+    """Return the path of an optional file; None for None and for an empty list."""
     if isinstance(file, str):
         return Path(file)
     if file is not None and list(file):

@@ -205,14 +205,9 @@ class RunPaths:
         return self.pictures_behind([wildcards.trained])
 
     def sand(self, stage: str, terrains: Sequence[int] | None = None) -> list[str]:
-        """Return the folders for masking the sand; empty if detections outside the sand are allowed.
+        """Return the folders of `cameras` or `meshes` for masking the sand; empty if all detections are allowed.
 
-        Parameters
-        ----------
-        stage
-            `cameras` or `meshes`.
-        terrains
-            Default: all terrains of the run.
+        Default: all terrains of the run.
         """
         if not self.config.detect.prediction.sand_only:
             return []

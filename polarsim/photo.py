@@ -71,13 +71,7 @@ class PhotoKey:
 
     @classmethod
     def parse(cls, text: str) -> PhotoKey:
-        """Parse a key. The text must not contain anything else: `..._0256 copy` is rejected.
-
-        Raises
-        ------
-        LabelError
-            The text is not a photo key, or the terrain does not have this position or exposure.
-        """
+        """Parse a key. The text must not contain anything else: `..._0256 copy` is rejected."""
         fields = text.split("_")
         if len(fields) != len(_FIELDS):
             raise LabelError(f"{text!r} is not a photo key, for example 01_A_off_180_L_0256")
@@ -95,13 +89,7 @@ class PhotoKey:
 
     @classmethod
     def of_picture(cls, name: str) -> PhotoKey:
-        """Parse the key in the name of an image, which may have folders, a suffix, and a prefix with a dash.
-
-        Raises
-        ------
-        LabelError
-            The name contains no photo key, or other text before or after the key.
-        """
+        """Parse the key in the name of an image, which may have folders, a suffix, and a prefix with a dash."""
         base = re.split(r"[/\\=]", _QUERY.sub("", name))[-1]
         try:
             return cls.parse(_ENDING.sub("", base, count=1).rsplit("-", 1)[-1])

@@ -34,13 +34,7 @@ STATED = "stated"  # source of the default calibration
 
 @reader("photo")
 def describe_photo(path: Path) -> dict[str, object]:
-    """Return width and height in pixels, bits, SHA-256 and path of a raw photo.
-
-    Raises
-    ------
-    FormatError
-        The file is unreadable, damaged, or not a grey 16-bit PNG of NASA's size.
-    """
+    """Return width and height in pixels, bits, SHA-256 and path of a raw photo."""
     content = path.read_bytes()
     header = png.parse_header(content)
     if (header.width, header.height) != (WIDTH, HEIGHT):
@@ -82,13 +76,6 @@ def index_terrain(
     """Write `photos.parquet`, `calibration.json`, `inventory.json` and the folder of seeds of a terrain.
 
     All photos of the positions are indexed. `grid` is the part of the photo grid whose missing photos are reported.
-
-    Raises
-    ------
-    FormatError
-        The source has no data of the terrain, a file is invalid, or the calibration contradicts the photos.
-    LabelError
-        A run with seeds has no seed, or a run without seeds has no scan.
     """
     if not source.root.is_dir():
         raise FormatError(f"no such folder, expected the root of the source {source.kind!r}", path=source.root)

@@ -36,11 +36,6 @@ def find_labels(root: Path, terrain: int) -> tuple[dict[PhotoKey, Path], Path]:
     root : Path
         A folder in the layout of the release, or a folder of label files. In the layout of the release, polygons are
         used for terrains without boxes.
-
-    Raises
-    ------
-    FormatError
-        The folder does not exist.
     """
     if not root.is_dir():
         reason = "a file, expected a folder of label files" if root.exists() else "no such folder of label files"
@@ -76,13 +71,7 @@ def no_seed_error(terrain: int, options: SeedOptions, files: Mapping[PhotoKey, P
 def choose_seed_files(
     files: Mapping[PhotoKey, Path], positions: Sequence[str], options: SeedOptions
 ) -> list[tuple[PhotoKey, Path]]:
-    """Return at most a single file per exposure bracket, sorted by photo key.
-
-    Raises
-    ------
-    FormatError
-        A candidate file is invalid.
-    """
+    """Return at most a single file per exposure bracket, sorted by photo key."""
     possible = [
         key
         for key in files

@@ -49,13 +49,7 @@ def split_commas(text: str) -> list[str]:
 
 
 def core_count(text: str | int) -> int:
-    """Parse a number of processor cores; `all` is the number that this process may use.
-
-    Raises
-    ------
-    typer.BadParameter
-        The text is neither a positive integer nor `all`.
-    """
+    """Parse a number of processor cores; `all` is the number that this process may use."""
     if text == "all":
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     if not str(text).isdecimal() or int(text) < 1:

@@ -23,13 +23,7 @@ IGNORED = 255  # unknown or excluded from the evaluation; not used in the masks 
 
 @reader("class mask")
 def read_class_mask(path: str | Path) -> np.ndarray:
-    """Read a mask (h, w) uint8 of indices in `CLASSES` and of `IGNORED`.
-
-    Raises
-    ------
-    FormatError
-        The image has several channels, another depth than 8 bits, or another value.
-    """
+    """Read a mask (h, w) uint8 of indices in `CLASSES` and of `IGNORED`."""
     mask = png.read_png(path)
     if mask.dtype != np.uint8 or mask.ndim != 2:
         raise FormatError(f"{mask.dtype} with shape {mask.shape}, expected a single channel of 8 bits", path=path)

@@ -18,13 +18,7 @@ BACKGROUND, GROUND, RELIEF_SHADOW, BODY, ROCK_IDS, SHADOW_IDS = 0, 1, 2, 3, 1000
 
 @reader("instance map")
 def read_instances(path: str | Path) -> np.ndarray:
-    """Read an instance map (h, w), uint16.
-
-    Raises
-    ------
-    FormatError
-        The image has several channels or another depth than 16 bits.
-    """
+    """Read an instance map (h, w), uint16."""
     ids = png.read_png(path)
     if ids.dtype != np.uint16 or ids.ndim != 2:
         raise FormatError(f"{ids.dtype} with shape {ids.shape}, expected a single channel of 16 bits", path=path)
@@ -33,12 +27,6 @@ def read_instances(path: str | Path) -> np.ndarray:
 
 @reader("instance map")
 def read_kind_masks(path: str | Path) -> dict[str, np.ndarray]:
-    """Read the masks (h, w) bool of rocks and of shadows from an instance map.
-
-    Raises
-    ------
-    FormatError
-        See `read_instances`.
-    """
+    """Read the masks (h, w) bool of rocks and of shadows from an instance map."""
     ids = read_instances(path)
     return {ROCK: (ids >= ROCK_IDS) & (ids < SHADOW_IDS), SHADOW: ids >= SHADOW_IDS}

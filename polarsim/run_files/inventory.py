@@ -30,13 +30,7 @@ class Inventory:
         return sorted(set(self.range_maps) | set(self.clouds))
 
     def rock_meshes(self) -> dict[int, str]:
-        """Return the OBJ files of the published rocks by rock id, sorted by id.
-
-        Raises
-        ------
-        FormatError
-            An id is not a number.
-        """
+        """Return the OBJ files of the published rocks by rock id, sorted by id."""
         if not all(name.isdigit() for name in self.meshes):
             raise FormatError(f"meshes has the key {sorted(self.meshes)[-1]!r}, expected rock ids")
         return dict(sorted((int(name), path) for name, path in self.meshes.items()))
@@ -48,13 +42,7 @@ def write_inventory(path: str | Path, inventory: Inventory) -> None:
 
 @reader("inventory")
 def read_inventory(path: str | Path) -> Inventory:
-    """Read an inventory.
-
-    Raises
-    ------
-    FormatError
-        The file is missing or has other keys.
-    """
+    """Read an inventory."""
     content = read_json(path)
     try:
         return Inventory(**{**content, "stray": tuple(content.get("stray", ()))})

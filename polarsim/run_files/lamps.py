@@ -32,24 +32,13 @@ def read_suns(folder: str | Path, localised: Mapping[str, LocalisedRig]) -> dict
         Folder of the rig poses of a terrain, with or without the file.
     localised : position -> LocalisedRig
         The rig poses, from which the height of the survey is computed.
-
-    Raises
-    ------
-    FormatError
-        The file is invalid.
     """
     return surveyed_suns(localised) | read_localised_suns(folder)
 
 
 @reader("lamps")
 def read_localised_suns(folder: str | Path) -> dict[str, np.ndarray]:
-    """Read the positions (3,) of the Sun lamps that were localised with photos, by azimuth.
-
-    Raises
-    ------
-    FormatError
-        The file is invalid.
-    """
+    """Read the positions (3,) of the Sun lamps that were localised with photos, by azimuth."""
     suns: dict[str, np.ndarray] = {}
     path = Path(folder) / FILE
     if not path.exists():

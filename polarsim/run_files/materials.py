@@ -79,13 +79,7 @@ def write_materials(folder: Path, mesh: TerrainMesh, materials: FittedMaterials)
 
 @reader("materials")
 def read_materials(folder: Path, mesh: TerrainMesh) -> FittedMaterials:
-    """Read the fit of a terrain with the meshes `mesh`.
-
-    Raises
-    ------
-    FormatError
-        A file is missing or invalid, or the fit belongs to different meshes.
-    """
+    """Read the fit of a terrain with the meshes `mesh`."""
     try:
         content = _Table.model_validate(read_json(folder / TABLE_FILE))
     except ValidationError as error:

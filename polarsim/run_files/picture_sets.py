@@ -49,13 +49,7 @@ class PictureSet:
 
     @classmethod
     def parse(cls, name: str) -> PictureSet:
-        """Parse the name of an image set.
-
-        Raises
-        ------
-        FormatError
-            The text has another form.
-        """
+        """Parse the name of an image set."""
         sun, _, rest = name.partition("_")
         model, _, exposure = rest.rpartition("_")
         try:

@@ -17,13 +17,7 @@ STRIP_TEXT = "strip.json"  # in the folder of a strip: photo key, and name and c
 
 @reader("pictures")
 def pictures_at(folder: Path) -> dict[PhotoKey, Path]:
-    """Return images by photo key, from a table of photos (see `resolve_from`) or a folder of twins.
-
-    Raises
-    ------
-    FormatError
-        The table or folder is missing, the argument is no path, or the name of a PNG file is no photo key.
-    """
+    """Return images by photo key, from a table of photos (see `resolve_from`) or a folder of twins."""
     if not isinstance(folder, Path):  # iteration over a string instead of a list of paths yields characters
         raise TypeError(f"{folder!r} is a {type(folder).__name__}, expected a pathlib.Path")
     if folder.suffix != ".parquet":

@@ -70,13 +70,7 @@ def write_rig(path: str | Path, rig: StereoRig, source: str) -> None:
 
 @reader("calibration", largest_mb=1)
 def read_rig(path: str | Path) -> StereoRig:
-    """Read `calibration.json`.
-
-    Raises
-    ------
-    FormatError
-        A value is missing or invalid.
-    """
+    """Read `calibration.json`."""
     with with_path(path):
         return _rig(read_json(path))
 
@@ -93,13 +87,7 @@ def write_localised(path: str | Path, localised: LocalisedRig) -> None:
 
 @reader("rig pose", largest_mb=1)
 def read_localised(path: str | Path) -> LocalisedRig:
-    """Read `PosX.json`.
-
-    Raises
-    ------
-    FormatError
-        A value is missing or invalid.
-    """
+    """Read `PosX.json`."""
     content = read_json(path)
     with with_path(path):
         try:
@@ -158,13 +146,7 @@ def _rig(content: dict[str, Any]) -> StereoRig:
 
 
 def lens_of(content: dict[str, Any]) -> Lens:
-    """Return the lens of a JSON content, the inverse of `lens_content`.
-
-    Raises
-    ------
-    FormatError
-        A number is not finite, or a focal length or size is impossible.
-    """
+    """Return the lens of a JSON content, the inverse of `lens_content`."""
     k1, k2, p1, p2, k3 = (float(term) for term in content["distortion"])
     lens = Lens(
         float(content["fx_px"]),

@@ -18,13 +18,7 @@ COLUMNS = TRANSLATIONS.columns
 
 @reader("rock shifts")
 def read_translations(cameras: Path) -> dict[int, np.ndarray]:
-    """Read the translation (3,) of each rock by id, metres, sandbox frame; empty if the table does not exist.
-
-    Raises
-    ------
-    FormatError
-        A column is missing, or a value is not finite.
-    """
+    """Read the translation (3,) of each rock by id, metres, sandbox frame; empty if the table does not exist."""
     path = cameras / FILE
     if not path.is_file():
         return {}

@@ -31,13 +31,7 @@ class Run:
 
     @classmethod
     def at(cls, folder: Path) -> Run:
-        """Return the run in a folder.
-
-        Raises
-        ------
-        ConfigError
-            The folder has neither photos, labels nor meshes.
-        """
+        """Return the run in a folder."""
         run = cls(folder)
         if not run.terrains:
             raise ConfigError("no run: expected photos, labels or meshes of a terrain", path=folder)

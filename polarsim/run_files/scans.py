@@ -23,13 +23,7 @@ PIXELS_PER_POINT = 0.7  # along a side, of the range map of a cloud: 7 of 8 pixe
 
 
 def read_scan(inventory: Inventory, position: str, rig: StereoRig) -> np.ndarray:
-    """Read the points (n, 3) of a scan in the left camera frame, metres. A range map is preferred to a cloud.
-
-    Raises
-    ------
-    FormatError
-        The file is invalid.
-    """
+    """Read the points (n, 3) of a scan in the left camera frame, metres. A range map is preferred to a cloud."""
     grid = rectified_left(rig)
     lens, path = grid.lens, inventory.range_maps.get(position)
     if path is not None:

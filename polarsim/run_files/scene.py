@@ -63,13 +63,7 @@ class TerrainMesh:
 
 
 def mesh_files(folder: str | Path, terrain: int) -> dict[int, Path]:
-    """Return the mesh files of a terrain by rock, with the ground (`NO_ROCK`) first.
-
-    Raises
-    ------
-    FormatError
-        The ground mesh is missing.
-    """
+    """Return the mesh files of a terrain by rock, with the ground (`NO_ROCK`) first."""
     ground = Path(folder) / obj.ground_name(terrain)
     if not ground.exists():
         raise FormatError("the ground mesh is missing", path=ground)
@@ -77,13 +71,7 @@ def mesh_files(folder: str | Path, terrain: int) -> dict[int, Path]:
 
 
 def terrain_of_folder(folder: str | Path) -> int:
-    """Return the number of the terrain in a folder of meshes, from the file name of the ground mesh.
-
-    Raises
-    ------
-    FormatError
-        The folder is missing, or has no ground mesh or ground meshes of several terrains.
-    """
+    """Return the number of the terrain in a folder of meshes, from the file name of the ground mesh."""
     grounds = sorted(existing_folder(folder).glob(obj.GROUND_PATTERN))
     if len(grounds) != 1:
         names = ", ".join(path.name for path in grounds) or "none"
@@ -93,13 +81,7 @@ def terrain_of_folder(folder: str | Path) -> int:
 
 @reader("mesh table")
 def mesh_origins(folder: str | Path) -> dict[str, str]:
-    """Read the origin of each mesh by file name: `scan`, `published` or `fitted`; empty without a table.
-
-    Raises
-    ------
-    FormatError
-        A column or value is missing.
-    """
+    """Read the origin of each mesh by file name: `scan`, `published` or `fitted`; empty without a table."""
     path = Path(folder) / MESH_TABLE
     if not path.exists():
         return {}
@@ -114,11 +96,6 @@ def read_terrain(folder: str | Path, terrain: int, pool: Executor | None = None)
     """Read `terrainNN_ground.obj` and every `terrainNN_rock<k>.obj`, in parallel if a pool is given.
 
     A decimated mesh is read only if the full mesh is missing.
-
-    Raises
-    ------
-    FormatError
-        The ground mesh is missing, or a mesh is invalid.
     """
     files = mesh_files(folder, terrain)
     meshes = (pool.map if pool else map)(obj.read_obj, files.values())

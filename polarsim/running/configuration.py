@@ -10,10 +10,10 @@ import yaml
 from pydantic import BaseModel, ValidationError
 
 from polarsim.arguments import run_folder
-from polarsim.config import Config, parse_config
-from polarsim.errors import ConfigError
+from polarsim.config import Config, parse_assignment, parse_config
+from polarsim.errors import ConfigError, with_part
 from polarsim.formats.files import resolve_packaged, write_text
-from polarsim.formats.yaml_files import parse_yaml, read_yaml
+from polarsim.formats.yaml_files import read_yaml
 
 BASE = Path("config/config.yaml")  # the configuration that overlays are applied to
 DEFAULT_RUN = "demo"
@@ -23,36 +23,23 @@ _SETTINGS = "--config"
 
 
 def base_configuration(files: Iterable[Path]) -> list[Path]:
-    """Return `BASE` if the files are overlays; an empty list if a file defines `source`.
-
-    Raises
-    ------
-    ConfigError
-        A file is not a configuration.
-    """
+    """Return `BASE` if the files are overlays; an empty list if a file defines `source`."""
     return [] if any("source" in _mapping(path) for path in files) else [BASE]
 
 
 def read_configs(files: Sequence[Path], settings: Sequence[str] = ()) -> Config:
     """Merge configuration files and settings; later values override earlier values.
 
-    Parameters
-    ----------
-    files
-        Configuration files and overlays; without a `source` they are applied to `BASE`.
-    settings
-        Texts `KEY=VALUE` with the value in YAML, as of `--config`.
-
-    Raises
-    ------
-    ConfigError
-        A file or setting cannot be read, or as `check_config`.
+    Files without `source` are applied to `BASE`. Settings are texts `KEY=VALUE` with the value in YAML, as of
+    `--config`.
     """
     chosen = [*base_configuration(files), *files]
     content: dict[str, Any] = {}
     set_by_hand: dict[str, Any] = {}
     for setting in settings:
-        _merge(set_by_hand, _parsed_setting(setting))
+        with with_part(_SETTINGS):
+            key, value = parse_assignment(setting)
+        _merge(set_by_hand, {key: value})
     for part in (*map(_mapping, chosen), set_by_hand):
         _merge(content, part)
     return check_config(content, chosen, set_by_hand)
@@ -61,13 +48,7 @@ def read_configs(files: Sequence[Path], settings: Sequence[str] = ()) -> Config:
 def check_config(
     content: Mapping[str, Any], files: Iterable[Path], settings: Mapping[str, Any] | None = None
 ) -> Config:
-    """Validate a merged configuration.
-
-    Raises
-    ------
-    ConfigError
-        As `parse_config`; names the files of the invalid keys, or all files if the error has no key.
-    """
+    """Validate a merged configuration; an error names the files with the invalid keys."""
     try:
         return parse_config(content)
     except ConfigError as error:
@@ -93,18 +74,6 @@ def config_of_run(run: Path, files: Sequence[Path] = ()) -> Config:
     """Return the configuration of a run: from files if given, else the stored configuration.
 
     Relative paths of a stored configuration are valid in every working folder.
-
-    Parameters
-    ----------
-    run
-        Folder with the name of the run.
-    files
-        Configuration files that replace the stored configuration.
-
-    Raises
-    ------
-    ConfigError
-        The configuration belongs to another run, is not stored, or is invalid.
     """
     stored = run / STORED
     if files:
@@ -124,22 +93,7 @@ def config_of_run(run: Path, files: Sequence[Path] = ()) -> Config:
 
 
 def run_and_config(results: Path, run: str | None, files: Sequence[Path] = ()) -> tuple[Path, Config]:
-    """Return the folder and the configuration of a run.
-
-    Parameters
-    ----------
-    results
-        Folder of results.
-    run
-        Name of the run; None: from the files, else `demo`.
-    files
-        Configuration files that replace the stored configuration.
-
-    Raises
-    ------
-    PolarsimError
-        The run does not exist, or as `config_of_run`.
-    """
+    """Return the folder and the configuration of a run; default name: from the files, else `demo`."""
     name = run if run is not None else read_configs(files).run if files else DEFAULT_RUN
     folder = run_folder(results, name)
     return folder, config_of_run(folder, files)
@@ -169,16 +123,6 @@ def _mapping(path: Path) -> Mapping[str, Any]:
     if not isinstance(content, Mapping):
         raise ConfigError("no keys, expected a configuration", path=path)
     return content
-
-
-def _parsed_setting(setting: str) -> dict[str, Any]:
-    key, equals, text = setting.partition("=")
-    if not key or not equals:
-        raise ConfigError(f"{_SETTINGS} {setting!r}: expected KEY=VALUE")
-    try:
-        return {key: parse_yaml(text)}
-    except yaml.YAMLError as error:
-        raise ConfigError(f"{_SETTINGS} {key}: {text!r} is not a YAML value") from error
 
 
 def _merge(content: dict[str, Any], other: Mapping[str, Any]) -> None:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -39,7 +38,7 @@ def needed_bytes(config: Config, complete: bool, places: Sequence[Path]) -> int:
     """Return the required free space, bytes: estimate minus existing files; for a part of a run a constant."""
     if not complete:
         return _MIN_BYTES
-    found = (entry.stat(follow_symlinks=False) for place in places for entry in _entries(place))
+    found = (path.lstat() for place in places for path in place.rglob("*"))
     existing = {(entry.st_dev, entry.st_ino): entry.st_size for entry in found}  # hard links are counted once
     return max(_MIN_BYTES, expected_bytes(config) - sum(existing.values()))
 
@@ -72,9 +71,9 @@ def remove_leftovers(place: Path) -> int:
     No job may be active in the folder. Files of other running commands are not removed.
     """
     found = [
-        Path(entry.path)
-        for entry in _entries(place)
-        if (name := _LEFTOVER.fullmatch(entry.name)) and not psutil.pid_exists(int(name[1]))
+        path
+        for path in place.rglob(".*")
+        if (name := _LEFTOVER.fullmatch(path.name)) and not psutil.pid_exists(int(name[1]))
     ]
     for path in found:
         if path.is_dir() and not path.is_symlink():
@@ -88,12 +87,3 @@ def remove_leftovers(place: Path) -> int:
 def _existing(place: Path) -> Path:
     """Return the folder, or its nearest existing parent."""
     return next(path for path in (place.absolute(), *place.absolute().parents) if path.is_dir())
-
-
-def _entries(place: Path) -> Iterator[os.DirEntry[str]]:
-    """Yield all files and folders below a folder, inner ones first; links are not followed."""
-    with suppress(FileNotFoundError, NotADirectoryError), os.scandir(place) as found:
-        for entry in found:
-            if entry.is_dir(follow_symlinks=False):
-                yield from _entries(Path(entry.path))
-            yield entry

@@ -16,24 +16,7 @@ _LOG = logging.getLogger(__name__)
 
 
 def write_report(run: Path, files: Sequence[Path], page: Path, cores: int) -> None:
-    """Write Snakemake's report of the existing tables and figures of a run.
-
-    Parameters
-    ----------
-    run
-        Folder of the run.
-    files
-        Configuration files of the run.
-    page
-        HTML file to write.
-    cores
-        Processor cores.
-
-    Raises
-    ------
-    PolarsimError
-        Snakemake failed.
-    """
+    """Write Snakemake's report (HTML) of the existing tables and figures of a run."""
     configured = ["--configfile", *map(str, files)]
     rows = [line.split("\t") for line in _snakemake(run, "--summary", *configured).splitlines()[1:]]
     made = [row[0] for row in rows if len(row) == 6 and row[4] != "missing"]

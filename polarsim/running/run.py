@@ -76,13 +76,6 @@ def run_workflow(call: Call, min_free_bytes: int | None = None) -> int:
     -------
     int
         Exit code: 0 complete, 1 a job failed, 130 stopped by Ctrl-C, SIGTERM or SIGHUP.
-
-    Raises
-    ------
-    CallError
-        Snakemake does not accept the arguments, or a target is not the output of a rule.
-    PolarsimError
-        The run cannot start: too little space, no permission, another run in this folder, an invalid configuration.
     """
     folder = Path.cwd().resolve()
     if not (folder / "Snakefile").exists():

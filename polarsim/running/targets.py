@@ -24,20 +24,7 @@ class CallError(PolarsimError):
 
 
 def targets_of(targets: Sequence[str], rest: Sequence[str]) -> list[str]:
-    """Return all targets of a call.
-
-    Parameters
-    ----------
-    targets
-        Words before the first option of Snakemake.
-    rest
-        The first option of Snakemake and all following words: options, values, targets.
-
-    Raises
-    ------
-    CallError
-        Snakemake does not accept the words, or a word is a key or a file of the configuration.
-    """
+    """Return all targets of a call: words before the first option of Snakemake, and targets among the `rest`."""
     found = list(targets)
     if rest:
         parsed = _parsed(rest)
@@ -54,23 +41,9 @@ def targets_of(targets: Sequence[str], rest: Sequence[str]) -> list[str]:
 
 
 def refuse_unknown(folder: Path, run: str, targets: Sequence[str], configured: Sequence[str]) -> None:
-    """Raise `CallError` if no rule creates a target.
+    """Raise `CallError` if no rule of the workflow in a folder creates a target.
 
-    Parameters
-    ----------
-    folder
-        Folder with the Snakefile.
-    run
-        Name of the run.
-    targets
-        Names of rules, and files.
-    configured
-        Options of Snakemake that define the configuration.
-
-    Raises
-    ------
-    CallError
-        A target is not a stage, belongs to another run, or is not the output of a rule.
+    Targets are names of rules and files; `configured` are the options of Snakemake that define the configuration.
     """
     names = [word for word in targets if "/" not in word and "." not in word]
     stages, known = _rules(folder)

@@ -49,11 +49,6 @@ class DataSource(Protocol):
         """Return the inventory and the photos of a terrain.
 
         `grid` is the part of the photo grid whose missing photos are reported.
-
-        Raises
-        ------
-        FormatError
-            The root has no data of the terrain.
         """
         ...
 
@@ -70,13 +65,7 @@ class DataSource(Protocol):
         ...
 
     def check_fetched(self, root: Path, terrain: int, files: Sequence[Path]) -> None:
-        """Check the files of a terrain after a download.
-
-        Raises
-        ------
-        FetchError
-            No file is usable.
-        """
+        """Raise a `FetchError` if no file of a terrain is usable after a download."""
         ...
 
 
