@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -28,15 +27,6 @@ _MIN_IN_FRONT = 0.5  # minimum share of matches in front of the cameras
 log = logging.getLogger("polarsim")
 
 
-@dataclass(frozen=True)
-class StereoAgreement:
-    """Agreement of matched features of a stereo pair with a calibration."""
-
-    matches: int
-    distance_px: float  # median Sampson distance
-    in_front: float  # share of the matches with positive depth
-
-
 def check_calibration(photos: Mapping[PhotoKey, Path], rig: StereoRig, calibration: Path | None) -> None:
     """Compare a calibration with a stereo pair of each position.
 
@@ -52,41 +42,40 @@ def check_calibration(photos: Mapping[PhotoKey, Path], rig: StereoRig, calibrati
         latter is only a warning for the stated calibration, which was not measured for these photos.
     """
     for left, right in _pairs(photos):
-        agreement = stereo_agreement(_features(photos[left]), _features(photos[right]), rig)
-        if agreement is None:
+        a, b = _matched_pixels(photos[left], photos[right])
+        if len(a) < _MIN_MATCHES:
             log.info("%s: too few features in both photos to check the stereo calibration", left)
             continue
-        where = f"{left} and {right} ({agreement.matches} matched features)"
-        if agreement.in_front < _MIN_IN_FRONT:
-            reason = f"left and right are exchanged: {1 - agreement.in_front:.0%} of the points in {where}"
+        distance_px = float(np.median(epipolar_distances(rig, a, b)))
+        in_front = float(np.mean(triangulated_depth(rig, a, b) > 0))
+        where = f"{left} and {right} ({len(a)} matched features)"
+        if in_front < _MIN_IN_FRONT:
+            reason = f"left and right are exchanged: {1 - in_front:.0%} of the points in {where}"
             raise FormatError(f"{reason} would be behind the cameras", path=calibration or photos[left])
-        if agreement.distance_px > _MAX_DISTANCE_PX:
-            off = f"matches are {agreement.distance_px:.1f} px off the epipolar lines in {where}"
+        if distance_px > _MAX_DISTANCE_PX:
+            off = f"matches are {distance_px:.1f} px off the epipolar lines in {where}"
             reason = f"calibration contradicts the photos: {off}"
             if calibration:
                 raise FormatError(reason, path=calibration)
             log.warning("no stereo.calibration, and the stated %s", reason)
 
 
-def stereo_agreement(left: Features, right: Features, rig: StereoRig) -> StereoAgreement | None:
-    """Match features of both photos, in pixels of the full photos. Return None for too few matches.
+def _matched_pixels(left: Path, right: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return matched pixels (n, 2) of both photos.
 
     Wrong matches are removed by a fundamental matrix fitted to the matches (RANSAC), independent of the calibration.
     """
     import cv2
 
-    first, second = match_features(left, right)
-    if len(first) < _MIN_MATCHES:
-        return None
-    a, b = left.pixels[first], right.pixels[second]
+    in_left, in_right = _features(left), _features(right)
+    first, second = match_features(in_left, in_right)
+    a, b = in_left.pixels[first], in_right.pixels[second]
+    if len(a) < _MIN_MATCHES:
+        return a, b
     cv2.setRNGSeed(0)
     _, fits = cv2.findFundamentalMat(a, b, cv2.FM_RANSAC, _RANSAC_PX / _SCALE, 0.999, 2000)
     chosen = np.zeros(len(a), bool) if fits is None else fits.ravel().astype(bool)
-    if chosen.sum() < _MIN_MATCHES:
-        return None
-    a, b = a[chosen], b[chosen]
-    distance = float(np.median(epipolar_distances(rig, a, b)))
-    return StereoAgreement(len(a), distance, float(np.mean(triangulated_depth(rig, a, b) > 0)))
+    return a[chosen], b[chosen]
 
 
 def _pairs(photos: Mapping[PhotoKey, Path]) -> list[tuple[PhotoKey, PhotoKey]]:

@@ -18,6 +18,7 @@ from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 
 LEFT = PhotoKey.parse("03_A_off_30_L_0256")
 RIG = default_rig()
+STEP = 8  # px between pixels whose rays are computed
 EXCHANGED = StereoRig(RIG.left, RIG.right, Pose(RIG.left_from_right.rotation, -RIG.left_from_right.translation))
 
 
@@ -25,19 +26,20 @@ def rendered(lens, left_from_camera):
     """Render a plane 3 m in front of the left camera with blurred noise as texture."""
     texture = cv2.GaussianBlur(np.random.default_rng(0).uniform(0, 4000, (1000, 1400)).astype(np.float32), (0, 0), 4)
     texture = np.clip((texture - 2000) * 8 + 2000, 16, 4095)
-    rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH] + 0.5
+    rows, columns = (np.mgrid[0 : HEIGHT // STEP, 0 : WIDTH // STEP] + 0.5) * STEP
     directions = left_from_camera.rotate(lens.directions(np.stack([columns, rows], -1)))
     origin = left_from_camera.translation
     points = origin + directions * ((3.0 - origin[2]) / directions[..., 2:])
-    u, v = ((points[..., k] + shift) * 300 for k, shift in ((0, 2.3), (1, 1.6)))
-    return cv2.remap(texture, u.astype(np.float32), v.astype(np.float32), cv2.INTER_LINEAR).astype(np.uint16)
+    coarse = (((points[..., k] + shift) * 300).astype(np.float32) for k, shift in ((0, 2.3), (1, 1.6)))
+    u, v = (cv2.resize(part, (WIDTH, HEIGHT), interpolation=cv2.INTER_LINEAR) for part in coarse)
+    return cv2.remap(texture, u, v, cv2.INTER_LINEAR).astype(np.uint16)
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _cached_features():
-    """Detect the features of each photo once: SIFT takes a second per photo."""
+def _cached_matches():
+    """Match the features of each pair once, which takes seconds."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(stereo_check, "_features", cache(stereo_check._features))
+        patch.setattr(stereo_check, "_matched_pixels", cache(stereo_check._matched_pixels))
         yield
 
 
