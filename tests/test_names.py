@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from itertools import chain
 from pathlib import Path
 
@@ -10,6 +11,11 @@ from polarsim.photo import HEIGHT, WIDTH
 CHECKOUT = Path(__file__).parent.parent
 FOLDERS = ("polarsim", "workflow/scripts", "benchmarks", "tests")
 BRANCHES = ("body", "orelse", "finalbody", "handlers", "cases")
+
+
+@cache
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
 
 
 def targets(node: ast.AST) -> Iterator[str]:
@@ -44,9 +50,9 @@ def statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
                 yield from statements(getattr(node, branch, []))
 
 
-def repeated(source: str) -> list[str]:
+def repeated(tree: ast.Module) -> list[str]:
     """Return `line: name` of each repeated binding of a name in the module or a class."""
-    tree, found = ast.parse(source), []
+    found = []
     for scope in [tree, *(node for node in ast.walk(tree) if isinstance(node, ast.ClassDef))]:
         seen: set[str] = set()
         for node in statements(scope.body):
@@ -59,14 +65,14 @@ def repeated(source: str) -> list[str]:
 def test_no_name_of_a_module_or_class_is_assigned_twice():
     paths = [path for folder in FOLDERS for path in sorted((CHECKOUT / folder).rglob("*.py"))]
     assert len(paths) > 500
-    found = {path.relative_to(CHECKOUT).as_posix(): repeated(path.read_text(encoding="utf-8")) for path in paths}
+    found = {path.relative_to(CHECKOUT).as_posix(): repeated(tree_of(path)) for path in paths}
     assert {path: names for path, names in found.items() if names} == {}
 
 
 def test_a_public_function_or_class_has_its_name_in_one_package_only():
     packages: dict[str, set[str]] = {}
     for path in sorted((CHECKOUT / "polarsim").rglob("*.py")):
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        for node in tree_of(path).body:
             if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
                 package = path.relative_to(CHECKOUT / "polarsim").with_suffix("").parts[0]
                 packages.setdefault(node.name, set()).add(package)
@@ -80,7 +86,7 @@ def test_the_size_of_a_photo_is_written_in_one_module():
     found = {
         f"{path.relative_to(CHECKOUT)}:{node.lineno}"
         for path in sorted((CHECKOUT / "polarsim").rglob("*.py"))
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in ast.walk(tree_of(path))
         if isinstance(node, ast.Constant) and type(node.value) is int and node.value in sizes
     }
     assert {place.split(":")[0] for place in found} == {"polarsim/photo.py"}, found
@@ -99,7 +105,7 @@ def test_a_figure_is_a_picture():
         f"{path.relative_to(CHECKOUT)}:{node.lineno}: {name}"
         for path in sorted((CHECKOUT / "polarsim").rglob("*.py"))
         if not path.relative_to(CHECKOUT / "polarsim").as_posix().startswith(drawing)
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in ast.walk(tree_of(path))
         for name in names_of(node)
         if {"figure", "figures"} & set(name.split("_"))
     }
