@@ -111,57 +111,30 @@ def test_render_takes_a_file_of_views(polarsim, tmp_path):
     assert max(png.read_png(path).max() for path in pictures) > 200
 
 
-@pytest.mark.parametrize(("source", "option"), [("views.yaml", "--exposure"), ("meshes", "--limit")])
-def test_render_refuses_options_of_its_other_form(polarsim, tmp_path, source, option):
-    done = polarsim("render", tmp_path / source, tmp_path / "out", option, 3)
-    assert done.returncode == 2
-    assert option in done.stderr
-
-
 def test_the_schema_of_views_is_that_in_the_configuration_folder(polarsim):
     stored = (Path(__file__).parent.parent / "config/views.schema.json").read_text()
     assert polarsim("schema", "--views").stdout == stored, "run make schema"
 
 
-def test_a_release_with_a_malformed_line_is_refused_by_validate(tmp_path):
+def test_a_release_with_a_malformed_line_is_refused_by_validate(polarsim, tmp_path):
     folder = tmp_path / "Labels/Terrain01"
     folder.mkdir(parents=True)
     (folder / "01_A_off_30_L_0256.txt").write_text("0 0.5 0.5 0.1\n")
-    done = started("validate", tmp_path, "--json", tmp_path / "report.json")
+    done = polarsim("validate", tmp_path, "--json", tmp_path / "report.json")
     assert done.returncode == 1
-    assert "Traceback" not in done.stderr
     assert "Labels/Terrain01/01_A_off_30_L_0256.txt:1: F110 malformed" in done.stdout
     assert json.loads((tmp_path / "report.json").read_text())["findings"]
-    sarif = json.loads(started("validate", tmp_path, "--format", "sarif").stdout)
+    sarif = json.loads(polarsim("validate", tmp_path, "--format", "sarif").stdout)
     (result,) = sarif["runs"][0]["results"]
     assert result["ruleId"] == "F110"
     assert result["locations"][0]["physicalLocation"]["region"] == {"startLine": 1}
-    assert started("validate", tmp_path, "--ignore", "F1").returncode == 0
-    assert started("validate", tmp_path, "--select", "X9").returncode == 2
-    assert started("validate", tmp_path, "--fix", tmp_path / "inside").returncode == 1
+    assert polarsim("validate", tmp_path, "--ignore", "F1").returncode == 0
+    assert polarsim("validate", tmp_path, "--select", "X9").returncode == 2
+    assert polarsim("validate", tmp_path, "--fix", tmp_path / "inside").returncode == 1
 
 
 def test_rules_are_listed_with_code_and_severity(polarsim):
     assert "V501  error    other_view" in polarsim("rules").stdout
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["show", "01_A"],
-        ["masks", "nowhere", "out"],
-        ["report", "nowhere"],
-        ["export", "out"],
-        ["render", "nowhere", "out.png", "--option", "samples=5"],
-    ],
-)
-def test_bad_input_ends_in_one_line(polarsim, tmp_path, monkeypatch, arguments):
-    monkeypatch.chdir(tmp_path)
-    done = polarsim(*arguments)
-    assert done.returncode == 1
-    assert done.stderr.startswith("error: ")
-    assert len(done.stderr.splitlines()) == 1
-    assert not list(Path(tmp_path).iterdir())
 
 
 def test_help_states_units(polarsim):
@@ -174,12 +147,6 @@ def test_brdf_prints_a_pinned_value(polarsim):
     assert done.returncode == 0
     assert "f_r     0.0422483 1/sr" in done.stdout
     assert "pi f_r  0.132727" in done.stdout
-
-
-def test_brdf_refuses_a_set_that_is_not_there(polarsim):
-    done = polarsim("brdf", "hapke", "--set", "basalt")
-    assert done.returncode == 1
-    assert "expected chrono_lunar" in done.stderr
 
 
 def test_ipd_of_two_folders_is_printed_and_written(polarsim, tmp_path):
@@ -195,13 +162,7 @@ def test_ipd_of_two_folders_is_printed_and_written(polarsim, tmp_path):
     assert "intervals over photos" in done.stdout
     rock = json.loads((tmp_path / "ipd.json").read_text())["classes"]["rock"]
     assert [rock[name] for name in ("pairs", "ipd", "iou_mean_a")] == pytest.approx([2, 0.5, 1], abs=1e-5)
-
-
-def test_ipd_of_names_that_have_no_view_ends_in_one_line_where_views_are_asked_for(polarsim, tmp_path):
-    for folder, text in (("labels", "0 0.3 0.3 0.2 0.2\n"), ("found", "0 0.3 0.3 0.2 0.2 0.9\n")):
-        (tmp_path / folder).mkdir()
-        (tmp_path / folder / "one.txt").write_text(text)
-    done = polarsim("ipd", *[tmp_path / name for name in ("labels", "found")] * 2, "--unit", "view")
+    done = polarsim("ipd", *sets, "--unit", "view")
     assert done.returncode == 1
-    assert done.stderr.startswith("error: 'one' is not a photo key")
-    assert len(done.stderr.splitlines()) == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("error: 'one' is not a photo key")

@@ -54,7 +54,7 @@ def here(tmp_path, monkeypatch):
 
 # One command per line; each ending after :: is a separate call.
 HOSTILE = """
-:: nonsense | --nonsense | render | score boxes | show | detect | ipd boxes
+:: nonsense | --nonsense | show 01_A | export new | render | score boxes | show | detect | ipd boxes
 render meshes out.png --yaw :: nan | inf | x
 render meshes out.png --pitch :: nan | 91
 render meshes out.png :: --intensity -1 | --lamp-radius nan | --exposure inf | --threads 0 | --model marble
@@ -62,16 +62,17 @@ render meshes out.png --camera :: nan 0 1 | 0 0 1e9 | 9 9 -1 | 0 0
 render meshes out.png --lamp :: nan 0 1 | 0 0 -1
 render meshes out.png --sun :: 30 95 | nan 10 | 30
 render meshes out.png --terrain :: 0 | 1.5 | 7
+render meshes out.png --limit :: 3
 render meshes out.png --option :: samples | samples=nan | nothing=1 | '' | blur_px=-1
 render meshes :: folder | out.jpg | file/out.png | folder/out.png | LONG.png | out.png --maps file/maps
-render :: file out.png | buried.yaml views | far.yaml views | no.yaml views | good.yaml file/views
+render :: nowhere out.png | file out.png | buried.yaml views | far.yaml views | no.yaml views | good.yaml file/views
 render good.yaml views :: --limit 0 | --scale nan | --exposure 3
 score boxes boxes :: --threshold nan | --threshold 2 | --json folder
 ipd boxes boxes boxes boxes :: --confidence 2 | --pair-iou nan | --resamples 1 | --seed -1 | --unit rock | --json folder
 brdf hapke :: --incidence 91 | --azimuth inf | --set basalt | --plot x.xyz | --plot file/x.png
 outline labels.json out.json --simplify-px :: nan | 11
 outline :: folder out.json | labels.json folder
-masks :: polygons file | folder out
+masks :: nowhere out | polygons file | folder out
 detect picture.png --weights text.pt --out new :: --confidence 0 | --device tpu | --widths x | --gates 30
 detect picture.png :: --weights missing --out new | --weights text.pt --out file
 show KEY :: --scale nan | --scale 1e9 | --kinds pebble | --out folder | --run ../results
