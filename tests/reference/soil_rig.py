@@ -27,7 +27,7 @@ def press(ground: SoilGround, bodies: Bodies, law: ContactLaw, dt: float) -> Loa
         bodies = bodies._replace(slips=np.zeros(count))
     loads = Loads.zeros(count)
     update_slips(bodies, length, dt)
-    press_nodes(ground, bodies, np.full(count, np.inf), law, dt, loads)
+    press_nodes(ground, bodies, law, dt, loads)
     return loads
 
 

@@ -16,16 +16,14 @@ from polarsim.kernels import njit
 from polarsim.rover.soil.bulldozing import bulldoze_nodes
 from polarsim.rover.soil.contact import (
     AREA,
-    CLEARANCE,
     POWER,
     SLIP_LENGTH,
     SLOWEST_RIM,
-    highest_start,
     press_nodes,
     update_slips,
 )
 from polarsim.rover.soil.nodes import ORIGINAL, START
-from polarsim.rover.soil.shapes import HALF_WIDTH, RADIUS, wheel_window
+from polarsim.rover.soil.shapes import HALF_WIDTH, RADIUS
 
 WHEELS = 4
 FIRST_DOF, DOFS = 6, 3  # index of the first wheel joint, after the free joint, and joints per wheel: lift, steer, spin
@@ -37,7 +35,6 @@ SIZE = 13
 SENSOR = 4  # values of a contact sensor: contact flag and normal
 TREAD, FLANK = range(2)  # parts of a wheel that touch a rock
 FLANK_FROM = math.sqrt(0.5)  # minimum cosine between normal and axle of a contact with the flank
-LET_GO = 0.01  # m: minimum height above the clearance at which a node is released; a wheel rises less in a step
 
 
 def _mujoco(name: str) -> nb.types.ExternalFunction:
@@ -97,7 +94,6 @@ def advance(physics, servos, ground, bodies, law, bulldozing, loads, records, st
     `SoilGround`, `Bodies`, `ContactLaw`, `Spreading`, `Loads`, `Records`.
     """
     before = np.empty_like(physics.qvel)
-    tops, updated_at = np.empty(WHEELS), np.full((WHEELS, 6), np.inf)
     xpos, xmat, cvel = physics.xpos, physics.xmat, physics.cvel
     for step in range(steps):
         for wheel in range(WHEELS):
@@ -109,12 +105,10 @@ def advance(physics, servos, ground, bodies, law, bulldozing, loads, records, st
                     bodies.rotations[wheel, axis, other] = xmat[body, 3 * axis + other]
             _velocity(xpos[body], cvel[body], physics.subtree_com[1], bodies.velocities[wheel])
         loads.forces[:], loads.torques[:], loads.readings[:] = 0.0, 0.0, 0.0
-        _update_tops(ground, bodies, tops, updated_at)
         update_slips(bodies, SLIP_LENGTH, dt)
-        press_nodes(ground, bodies, tops, law, dt, loads)
+        press_nodes(ground, bodies, law, dt, loads)
         if (done + step + 1) % bulldozing.every == 0:
             bulldoze_nodes(ground, bodies, bulldozing)
-            updated_at[:] = np.inf
         for wheel in range(WHEELS):
             for axis in range(3):
                 physics.xfrc_applied[physics.wheels[wheel], axis] = loads.forces[wheel, axis]
@@ -204,26 +198,6 @@ def _slip(rim, forward):  # type: ignore[no-untyped-def]
         return 0.0
     leading = rim if abs(rim) > SLOWEST_RIM else forward
     return math.copysign(1.0, leading) * (rim - forward) / larger
-
-
-@njit()
-def _update_tops(ground, bodies, tops, updated_at):  # type: ignore[no-untyped-def]
-    """Update `tops`, the heights above which a wheel touches or releases no node; higher nodes can be skipped.
-
-    The heights are recomputed after a wheel has moved by a cell from `updated_at` or the axle has rotated by as much.
-    """
-    shapes, centres, rotations = bodies.shapes, bodies.centres, bodies.rotations
-    for wheel in range(len(shapes)):
-        far = 0.0
-        for axis in range(3):
-            rotated = abs(rotations[wheel, axis, 1] - updated_at[wheel, 3 + axis]) * shapes[wheel, RADIUS]
-            far = max(far, abs(centres[wheel, axis] - updated_at[wheel, axis]) * (axis < 2), rotated)
-        if far <= ground.cell:
-            continue
-        for axis in range(3):
-            updated_at[wheel, axis], updated_at[wheel, 3 + axis] = centres[wheel, axis], rotations[wheel, axis, 1]
-        nodes = wheel_window(ground, shapes[wheel], centres[wheel], rotations[wheel])
-        tops[wheel] = highest_start(ground, nodes, 3) + CLEARANCE + LET_GO
 
 
 @njit()

@@ -28,7 +28,7 @@ from polarsim.rover.soil.nodes import (
     START,
     YIELD,
 )
-from polarsim.rover.soil.shapes import HALF_WIDTH, INVERSE_WIDTH, RADIUS, axis_product, low_window, lowest_wheel_point
+from polarsim.rover.soil.shapes import HALF_WIDTH, INVERSE_WIDTH, RADIUS, axis_product, lowest_wheel_point, wheel_window
 
 STEEPEST = 0.25  # minimum vertical part of a normal: a flank's area is at most four times its cell
 SLOWEST_RIM = 1e-3  # m/s; the slip of a slower wheel is 0
@@ -53,18 +53,6 @@ class Loads(NamedTuple):
 
 
 @njit()
-def highest_start(ground, nodes, margin):  # type: ignore[no-untyped-def]
-    """Return the maximum reference level for sinkage in a window and a margin of nodes around it."""
-    owner = ground.owner
-    top, rows, columns = -np.inf, owner.shape[0], owner.shape[1]
-    for row in range(max(nodes[0] - margin, 0), min(nodes[1] + margin, rows)):
-        for column in range(max(nodes[2] - margin, 0), min(nodes[3] + margin, columns)):
-            if owner[row, column] != ROCK:
-                top = max(top, ground.state[row, column, START])
-    return top
-
-
-@njit()
 def update_slips(bodies, length, dt):  # type: ignore[no-untyped-def]
     """Update the slips used for slip sinkage: running means over `length` metres of travel, in place.
 
@@ -84,8 +72,8 @@ def update_slips(bodies, length, dt):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
-def press_nodes(ground, bodies, tops, law, dt, loads):  # type: ignore[no-untyped-def]  # noqa: C901  one loop over nodes, so that nothing is stored between its parts
-    """Press all wheels on the ground, excluding nodes above `tops` (k,), and add the forces to `loads`.
+def press_nodes(ground, bodies, law, dt, loads):  # type: ignore[no-untyped-def]  # noqa: C901  one loop over nodes, so that nothing is stored between its parts
+    """Press all wheels on the ground and add the forces to `loads`.
 
     Nodes are accessed element by element, since array views would take longer than the physics.
     """
@@ -94,11 +82,11 @@ def press_nodes(ground, bodies, tops, law, dt, loads):  # type: ignore[no-untype
     for body in range(len(bodies.shapes)):
         shape, centre, rotation = bodies.shapes[body], bodies.centres[body], bodies.rotations[body]
         ax, ay, az, radius, half = rotation[0, 1], rotation[1, 1], rotation[2, 1], shape[RADIUS], shape[HALF_WIDTH]
-        height, tip2 = centre[2], radius**2
+        height = centre[2]
         wx, wy, wz = bodies.spins[body, 0], bodies.spins[body, 1], bodies.spins[body, 2]
         exponent = law.n + law.n_slip * bodies.slips[body]
         stiffness = law.K_c * shape[INVERSE_WIDTH] + law.K_phi
-        first_row, last_row, first, last = low_window(ground, shape, centre, rotation, tops[body])
+        first_row, last_row, first, last = wheel_window(ground, shape, centre, rotation)
         force_x = force_y = force_z = torque_x = torque_y = torque_z = power = total = 0.0
         sunk, deep = readings[body, DEPTH], readings[body, DEPTH_ORIGINAL]
         for row in range(first_row, last_row):
@@ -109,9 +97,9 @@ def press_nodes(ground, bodies, tops, law, dt, loads):  # type: ignore[no-untype
                     continue
                 dx, start = ground.x0 + cell * column - centre[0], state[row, column, START]
                 depth = height - start
-                # Skip nodes that are certainly below the wheel's surface.
+                # Skip nodes that are certainly below the wheel's surface: this saves a fifth of a step.
                 along = dx * ax + dy * ay - depth * az
-                if not held and depth > 0 and dx * dx + dy * dy + depth * depth - along * along > tip2:
+                if not held and depth > 0 and dx * dx + dy * dy + depth * depth - along * along > radius**2:
                     continue
                 weight, h, nx, ny, nz = lowest_wheel_point(ax, ay, az, radius, half, dx, dy, cell)
                 lx, ly, lz = normals[row, column, 0], normals[row, column, 1], normals[row, column, 2]

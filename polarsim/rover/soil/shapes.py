@@ -101,37 +101,16 @@ def _bound(at, count, last):  # type: ignore[no-untyped-def]
 
 
 @njit()
-def _nodes_within(ground, centre, half_x, half_y):  # type: ignore[no-untyped-def]
-    """Return rows and columns (first, last + 1) of the nodes within a rectangle around a position."""
+def wheel_window(ground, shape, centre, rotation):  # type: ignore[no-untyped-def]
+    """Return rows and columns (first, last + 1) of the nodes that may be below a wheel."""
+    ax, ay = rotation[0, 1], rotation[1, 1]
     rows, columns = ground.owner.shape
+    # Rounding makes an axle along y a little longer than 1.
+    half_x = shape[RADIUS] * math.sqrt(max(1 - ax**2, 0.0)) + shape[HALF_WIDTH] * abs(ax)
+    half_y = shape[RADIUS] * math.sqrt(max(1 - ay**2, 0.0)) + shape[HALF_WIDTH] * abs(ay)
     return (
         _bound((centre[1] - half_y - ground.y0) / ground.cell, rows, 0),
         _bound((centre[1] + half_y - ground.y0) / ground.cell, rows, 1),
         _bound((centre[0] - half_x - ground.x0) / ground.cell, columns, 0),
         _bound((centre[0] + half_x - ground.x0) / ground.cell, columns, 1),
     )
-
-
-@njit()
-def wheel_window(ground, shape, centre, rotation):  # type: ignore[no-untyped-def]
-    """Return rows and columns of the nodes that may be below a wheel."""
-    ax, ay = rotation[0, 1], rotation[1, 1]
-    # Rounding makes an axle along y a little longer than 1.
-    half_x = shape[RADIUS] * math.sqrt(max(1 - ax**2, 0.0)) + shape[HALF_WIDTH] * abs(ax)
-    half_y = shape[RADIUS] * math.sqrt(max(1 - ay**2, 0.0)) + shape[HALF_WIDTH] * abs(ay)
-    return _nodes_within(ground, centre, half_x, half_y)
-
-
-@njit()
-def low_window(ground, shape, centre, rotation, top):  # type: ignore[no-untyped-def]
-    """Return the part of `wheel_window` with points of a wheel below the height `top`, plus a cell."""
-    ax, ay, az = rotation[0, 1], rotation[1, 1], rotation[2, 1]
-    level, radius = math.hypot(ax, ay), shape[RADIUS]
-    depth = centre[2] - top - shape[HALF_WIDTH] * abs(az)
-    if level < 0.1 or not depth > 0:
-        return wheel_window(ground, shape, centre, rotation)
-    along = radius * math.sqrt(max(1 - (depth / (radius * level)) ** 2, 0.0))
-    across = shape[HALF_WIDTH] * level + radius * abs(az)
-    half_x = (along * abs(ay) + across * abs(ax)) / level + ground.cell
-    half_y = (along * abs(ax) + across * abs(ay)) / level + ground.cell
-    return _nodes_within(ground, centre, half_x, half_y)

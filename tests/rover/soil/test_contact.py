@@ -8,10 +8,9 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from polarsim.rover.soil import contact
 from polarsim.rover.soil.bulldozing import Bulldozing
 from polarsim.rover.soil.law import read_soil
-from polarsim.rover.soil.nodes import FREE, ROCK, SHEAR_X, SHEAR_Z, START, make_soil_ground
+from polarsim.rover.soil.nodes import FREE, ROCK, SHEAR_X, SHEAR_Z, make_soil_ground
 from polarsim.rover.soil.shapes import Bodies
 from tests.reference import soil as reference
 from tests.reference.soil_limit import steady_wheel
@@ -27,7 +26,6 @@ from tests.reference.soil_rig import (
     flat_ground,
     park,
     press,
-    rut,
 )
 from tests.rover.conftest import SOILS
 
@@ -201,21 +199,3 @@ def test_slip_sinkage_needs_travel(lunar, press):
     dug = press(flat_ground(1.2, 0.4, 0.02), steady, lunar.law(), 1e-9).forces[0, 2]
     assert loads[250, 0.9] == pytest.approx(dug, rel=0.01)
     assert dug < 0.1 * loads[1, 0.0]
-
-
-@settings(max_examples=15, deadline=None)
-@given(yaw=st.floats(-math.pi, math.pi), lean=st.floats(-0.4, 0.4), seed=st.integers(0, 99))
-def test_skipped_nodes_of_a_window_have_no_influence(yaw, lean, seed):
-    """Equal bytes with and without the bound on contact heights, over a drive with a hop."""
-    ground = make_soil_ground(np.random.default_rng(seed).normal(0, 0.006, (60, 60)), 0.02, -0.6, -0.6)
-    whole, ahead = copied(ground), np.array([math.cos(yaw), math.sin(yaw), 0])
-    law = read_soil(SOILS, "lunar").law()
-    for step in range(60):
-        height = 0.235 + 0.012 * math.sin(step / 4)
-        wheel = one_wheel(0.004 * step * ahead + (0, 0, height), 0.2 * ahead, 0.25, yaw, lean)
-        tight = np.array([ground.state[..., START].max() + 0.013])
-        for each, tops in ((ground, tight), (whole, np.array([np.inf]))):
-            contact.press_nodes(each, wheel._replace(slips=np.zeros(1)), tops, law, 1e-3, contact.Loads.zeros(1))
-    assert ground.state.tobytes() == whole.state.tobytes()
-    assert ground.owner.tobytes() == whole.owner.tobytes()
-    assert rut(ground).max() > 0.005
