@@ -54,10 +54,7 @@ def _window(ground: SoilGround, numbers: np.ndarray, centre: np.ndarray, rotatio
 
 
 def _covered(distance: np.ndarray, half: float, cell: float) -> np.ndarray:
-    """Return the share of a cell that a strip covers, for a cell at `distance` from the strip's centre line.
-
-    So the load is continuous when a wheel's edge passes a row of nodes.
-    """
+    """Return the share of a cell that a strip covers, for a cell at `distance` from the strip's centre line."""
     return np.clip((half - np.abs(distance)) / cell + 0.5, 0.0, 1.0)
 
 
@@ -156,26 +153,12 @@ def _press_one(
     # Seen from above the cell is a square; the loaded surface is larger because of the slope.
     area = ground.cell**2 / np.maximum(normal[:, 2], STEEPEST) * hits.weight.reshape(shape)[touched]
     loads = (sigma[:, None] * normal - tau[:, None] * direction) * area[:, None]
-    readings = np.array(
-        [
-            (s[touched] / slope[touched, 2]).max(initial=0.0),
-            (nodes[:, ORIGINAL] - surface[touched]).max(initial=0.0),
-            -(loads * velocity).sum(),
-            area.sum(),
-        ]
-    )
+    deep = (s[touched] / slope[touched, 2]).max(initial=0.0), (nodes[:, ORIGINAL] - surface[touched]).max(initial=0.0)
+    readings = np.array([*deep, -(loads * velocity).sum(), area.sum()])
     return loads.sum(axis=0), np.cross(arms, loads).sum(axis=0), readings
 
 
-def _pressure(
-    nodes: np.ndarray,
-    s: np.ndarray,
-    tried: np.ndarray,
-    v_n: np.ndarray,
-    law: ContactLaw,
-    stiffness: float,
-    exponent: float,
-) -> np.ndarray:
+def _pressure(nodes, s, tried, v_n, law, stiffness, exponent):
     """Return the pressure: elastic up to the largest earlier pressure, then Bekker's curve; updates the nodes."""
     plastic = tried > nodes[:, YIELD]
     # Increasing slip lowers the curve, but soil keeps the pressure that it has carried. Otherwise a wheel that starts
@@ -188,15 +171,7 @@ def _pressure(
     return np.where(plastic, curve, np.maximum(tried - law.R * v_n, 0.0))
 
 
-def _shear(
-    nodes: np.ndarray,
-    sigma: np.ndarray,
-    normal: np.ndarray,
-    level: np.ndarray,
-    slip: np.ndarray,
-    law: ContactLaw,
-    dt: float,
-) -> tuple[np.ndarray, np.ndarray]:
+def _shear(nodes, sigma, normal, level, slip, law, dt):
     """Return shear stress and the direction, in the contact surface, in which the soil is dragged."""
     # Shear displacement of a node, along the original ground.
     j = nodes[:, SHEAR_X : SHEAR_Z + 1] + (slip - (slip * level).sum(axis=-1)[:, None] * level) * dt

@@ -31,13 +31,8 @@ class Steady:
 def steady_wheel(wheel: Wheel, law: ContactLaw, load: float, slip: float) -> Steady:
     """Return the sinkage at which the soil carries `load` newtons, pull and torque; K_e is infinite.
 
-    Parameters
-    ----------
-    slip : float
-        1 minus the ratio of forward and rim speed, below 1.
+    `slip` is 1 minus the ratio of forward and rim speed, below 1.
     """
-    if not slip < 1:
-        raise RoverError(f"slip {slip:g}, expected less than 1")
 
     def excess(sinkage: float) -> float:
         return _bear(wheel, law, sinkage, slip)[0] - load

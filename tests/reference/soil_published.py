@@ -70,11 +70,6 @@ class SlopeCurve:
     tilted: bool  # a slope reduces the load of the wheel, a rig does not
     points: tuple[tuple[float, float], ...]
 
-    def loads(self) -> np.ndarray:
-        """Return the load of the wheel at each point, (n,) N."""
-        slopes = np.radians([slope for _, slope in self.points])
-        return self.load * (np.cos(slopes) if self.tilted else np.ones_like(slopes))
-
 
 # Digitised from Hu et al., arXiv 2405.11001, figure 4, with public code; repeats on the rig scatter by 1.5 degrees.
 # The data sets disagree (at 20 % slip 20 degrees on the rig, 12 degrees on the bed), so each has a separate soil.
@@ -91,14 +86,14 @@ TILT_BED = SlopeCurve(
     "MGRU3 tilt bed to 20 degrees", 88 * 9.81 / 4, True,
     ((2.5, 0.3), (5.1, 5.6), (10.4, 10.0), (35.5, 15.3), (73.8, 20.0)),
 )  # fmt: skip
-CURVES = {"trec-grc3": TREC, "mgru3-tilt-bed": TILT_BED}  # by the fitted soil
 
 
 def misses_deg(curve: SlopeCurve, law: ContactLaw) -> np.ndarray:
     """Return (n,) degrees by which a soil's slope exceeds the measured slope at the same slip."""
     found = []
-    for (slip, slope), load in zip(curve.points, curve.loads(), strict=True):
-        pull = steady_wheel(WHEEL_A, law, float(load), slip / 100).pull
+    for slip, slope in curve.points:
+        load = curve.load * (math.cos(math.radians(slope)) if curve.tilted else 1.0)
+        pull = steady_wheel(WHEEL_A, law, load, slip / 100).pull
         found.append(math.degrees(math.atan2(pull, load)) - slope)
     return np.array(found)
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.errors import RoverError
 from polarsim.rover.soil.bulldozing import Bulldozing, bulldoze_nodes
 from polarsim.rover.soil.contact import SLIP_LENGTH, Loads, press_nodes, update_slips
 from polarsim.rover.soil.law import ContactLaw
@@ -75,28 +74,13 @@ class Rig:
 class Driven:
     """Averages of a wheel at constant slip over the end of a run."""
 
-    slip: float
     sinkage: float  # m
     pull: float  # N
     torque: float  # N m
-    ground: SoilGround = field(repr=False)
 
 
-def drive(
-    wheel: Wheel,
-    law: ContactLaw,
-    load: float,
-    slip: float,
-    cell: float,
-    rig: Rig,
-    bulldozing: Bulldozing | None = None,
-) -> Driven:
-    """Drive over undisturbed level ground at constant slip; forward is +x, and the wheel starts on the surface.
-
-    With `bulldozing`, soil moves aside during the run, and the wheel is lifted at the end to release the soil below it.
-    """
-    if not slip < 1:
-        raise RoverError(f"slip {slip:g}, expected less than 1")
+def drive(wheel: Wheel, law: ContactLaw, load: float, slip: float, cell: float, rig: Rig) -> Driven:
+    """Drive over undisturbed level ground at constant slip; forward is +x, and the wheel starts on the surface."""
     length = rig.run_in + rig.run + 2 * wheel.reach + 2 * rig.margin
     ground = flat_ground(length, 2 * (wheel.width / 2 + rig.margin), cell)
     speed, spin = (1 - slip) * rig.rim_speed, rig.rim_speed / wheel.radius
@@ -109,21 +93,13 @@ def drive(
         velocity = np.array([speed, 0.0, sinking])
         bodies = Bodies(numbers, centre[None], _rolled(rolled)[None], velocity[None], np.array([[0.0, spin, 0.0]]))
         loads = press(ground, bodies, law, rig.dt)
-        if bulldozing and (step + 1) % bulldozing.every == 0:
-            bulldoze(ground, bodies, bulldozing)
         force = loads.forces[0]
         measured[step] = -(centre[2] - wheel.radius), force[0], -loads.torques[0, 1]
         # The damper is implicit, so that it cannot overshoot.
         sinking = (sinking + rig.dt * (force[2] - load) / rig.mass) / (1 + rig.dt * rig.damper / rig.mass)
         centre = centre + rig.dt * np.array([speed, 0.0, sinking])
         rolled += rig.dt * spin
-    if bulldozing:
-        lifted = bodies._replace(centres=centre[None] + [0.0, 0.0, wheel.reach])
-        press(ground, lifted, law, rig.dt)  # the soil rebounds elastically
-        bulldoze(ground, lifted, bulldozing)
-    averaged = measured[steps - math.floor(rig.run / (speed * rig.dt)) :]
-    sinkage, pull, torque = averaged.mean(axis=0)
-    return Driven(slip, sinkage, pull, torque, ground)
+    return Driven(*measured[steps - math.floor(rig.run / (speed * rig.dt)) :].mean(axis=0))
 
 
 def _rolled(angle: float) -> np.ndarray:
@@ -132,46 +108,23 @@ def _rolled(angle: float) -> np.ndarray:
     return np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
 
 
-@dataclass(frozen=True)
-class Parked:
-    """A braked wheel on a slope."""
-
-    time: np.ndarray  # (n,) s
-    slid: np.ndarray  # (n,) m downhill
-    sinkage: np.ndarray  # (n,) m
-
-    def creep(self, begin: float, end: float) -> float:
-        """Return the distance that the wheel slid between two times, metres."""
-        return float(np.interp(end, self.time, self.slid) - np.interp(begin, self.time, self.slid))
-
-
 def park(
-    wheel: Wheel,
-    law: ContactLaw,
-    mass: float,
-    gravity: float,
-    slope_deg: float,
-    cell: float,
-    seconds: float,
-    dt: float = 1e-3,
-) -> Parked:
-    """Lower a locked wheel onto a slope and simulate it; only the soil damps the motion.
+    wheel: Wheel, law: ContactLaw, mass: float, gravity: float, slope_deg: float, cell: float, seconds: float
+) -> np.ndarray:
+    """Lower a locked wheel onto a slope; return (n,) how far it slid downhill after each millisecond, m.
 
-    The grid is parallel to the slope and gravity is rotated, which is equivalent.
+    Only the soil damps the motion. The grid is parallel to the slope and gravity is rotated, which is equivalent.
     """
-    ground = flat_ground(4 * wheel.reach, wheel.width + 0.12, cell)
+    ground, dt = flat_ground(4 * wheel.reach, wheel.width + 0.12, cell), 1e-3
     pull = mass * gravity * np.array([math.sin(math.radians(slope_deg)), 0.0, -math.cos(math.radians(slope_deg))])
     centre, velocity, still = np.array([2 * wheel.reach, 0.0, wheel.radius]), np.zeros(3), np.zeros((1, 3))
-    numbers, start = wheel.numbers()[None], 2 * wheel.reach
-    steps = round(seconds / dt)
-    slid, sinkage = np.zeros(steps), np.zeros(steps)
-    for step in range(steps):
+    numbers, slid = wheel.numbers()[None], np.zeros(round(seconds / dt))
+    for step in range(len(slid)):
         bodies = Bodies(numbers, centre[None], np.eye(3)[None], velocity[None], still)
-        force = press(ground, bodies, law, dt).forces[0]
-        velocity = velocity + dt * (force + pull) / mass
+        velocity = velocity + dt * (press(ground, bodies, law, dt).forces[0] + pull) / mass
         centre = centre + dt * velocity
-        slid[step], sinkage[step] = centre[0] - start, wheel.radius - centre[2]
-    return Parked(dt * np.arange(1, steps + 1), slid, sinkage)
+        slid[step] = centre[0] - 2 * wheel.reach
+    return slid
 
 
 class SoilBin:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from polarsim.rover.soil.bulldozing import Bulldozing
 from polarsim.rover.soil.law import read_soil
@@ -29,21 +30,9 @@ from tests.reference.soil_rig import (
 )
 from tests.rover.conftest import SOILS
 
-ENGINES = pytest.mark.parametrize("press", [reference.press, press], ids=["numpy", "numba"])
-
-
-def rotated(yaw: float, lean: float, rolled: float) -> np.ndarray:
-    """Return world_from_wheel for a heading, a lean and a rolled angle."""
-    c, s = math.cos(yaw), math.sin(yaw)
-    heading = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-    c, s = math.cos(lean), math.sin(lean)
-    leaning = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
-    c, s = math.cos(rolled), math.sin(rolled)
-    return heading @ leaning @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
-
 
 def one_wheel(centre, velocity=(0.0, 0.0, 0.0), rim_speed=0.0, yaw=0.0, lean=0.0, rolled=0.0) -> Bodies:
-    rotation = rotated(yaw, lean, rolled)
+    rotation = Rotation.from_euler("ZXY", [yaw, lean, rolled]).as_matrix()
     spin = rotation[:, 1] * rim_speed / WHEEL_A.radius
     return Bodies(
         WHEEL_A.numbers()[None], np.array([centre], float), rotation[None], np.array([velocity], float), spin[None]
@@ -80,14 +69,14 @@ def test_sinkage_is_equal_on_moon_and_earth(lunar):
 
 
 def test_a_locked_wheel_on_a_slope_does_not_creep(lunar):
-    parked = park(WHEEL_A, lunar.law(), 107.5, 1.62, 15, 0.02, 12.0)
-    assert abs(parked.creep(2, 12)) < 0.0005
-    assert 0 < parked.slid[-1] < 0.02  # mobilised shear
+    slid = park(WHEEL_A, lunar.law(), 107.5, 1.62, 15, 0.02, 12.0)
+    assert abs(slid[-1] - slid[2000]) < 0.0005  # in 10 s
+    assert 0 < slid[-1] < 0.02  # mobilised shear
 
 
 def test_a_wheel_slides_down_a_slope_steeper_than_friction(lunar):
     law = replace(lunar, K_e=4e9, R=0.0, c=0.0).law()
-    assert park(WHEEL_A, law, 107.5, 1.62, 40, 0.02, 1.5).slid[-1] > 0.08
+    assert park(WHEEL_A, law, 107.5, 1.62, 40, 0.02, 1.5)[-1] > 0.08
 
 
 @settings(max_examples=10, deadline=None, phases=(Phase.explicit, Phase.generate))
@@ -119,8 +108,7 @@ def test_both_engines_agree(yaw, lean, slip, seed):
     assert (one.state[rock] == make_soil_ground(noise, 0.01, rock=rock).state[rock]).all()
 
 
-@ENGINES
-def test_a_rotated_wheel_has_rotated_forces(lunar, press):
+def test_a_rotated_wheel_has_rotated_forces(lunar):
     """Level ground is isotropic."""
     cell, law, forces = 0.02, lunar.law(), []
     for yaw in (0.0, math.pi / 2):
@@ -133,8 +121,7 @@ def test_a_rotated_wheel_has_rotated_forces(lunar, press):
     np.testing.assert_allclose(forces[1], forces[0], rtol=1e-9)
 
 
-@ENGINES
-def test_shear_is_reset_after_a_node_was_clear(lunar, press):
+def test_shear_is_reset_after_a_node_was_clear(lunar):
     ground, law = flat_ground(1.2, 0.4, 0.02), lunar.law()
     low = one_wheel((0.6, 0, 0.235), rim_speed=0.2)
     for _ in range(20):
@@ -148,8 +135,7 @@ def test_shear_is_reset_after_a_node_was_clear(lunar, press):
     assert (ground.owner == FREE).all()
 
 
-@ENGINES
-def test_soil_does_not_pull_a_wheel_down(lunar, press):
+def test_soil_does_not_pull_a_wheel_down(lunar):
     """The damper must not hold a wheel that is lifted fast."""
     ground, law = flat_ground(1.2, 0.4, 0.02), lunar.law()
     press(ground, one_wheel((0.6, 0, 0.235)), law, 1e-3)
@@ -157,8 +143,7 @@ def test_soil_does_not_pull_a_wheel_down(lunar, press):
     assert loads.forces[0, 2] > -1  # cohesion on the sloping rim; a pulling damper would give 30 kN
 
 
-@ENGINES
-def test_soil_under_a_rock_carries_no_load(lunar, press):
+def test_soil_under_a_rock_carries_no_load(lunar):
     rock = np.ones((40, 60), bool)
     ground = make_soil_ground(np.zeros((40, 60)), 0.02, y0=-0.4, rock=rock)
     loads = press(ground, one_wheel((0.6, 0, 0.23)), lunar.law(), 1e-3)
@@ -166,8 +151,7 @@ def test_soil_under_a_rock_carries_no_load(lunar, press):
     assert (ground.owner == ROCK).all()
 
 
-@ENGINES
-def test_an_axle_longer_than_one_by_rounding_still_has_contact(lunar, press):
+def test_an_axle_longer_than_one_by_rounding_still_has_contact(lunar):
     """Rotations of wheels are not exact: an axle along y may have 1 + 2e-16."""
     axes = np.eye(3)
     axes[1, 1] = np.nextafter(1.0, 2.0)
@@ -175,16 +159,14 @@ def test_an_axle_longer_than_one_by_rounding_still_has_contact(lunar, press):
     assert press(flat_ground(1.0, 0.4, 0.02), bodies, lunar.law(), 1e-3).forces[0, 2] > 10
 
 
-@ENGINES
-def test_soil_keeps_the_pressure_that_it_carried_when_slip_starts(lunar, press):
+def test_soil_keeps_the_pressure_that_it_carried_when_slip_starts(lunar):
     ground, still = flat_ground(1.0, 0.4, 0.02), one_wheel((0.5, 0.0, 0.235))
     spun = still._replace(spins=np.array([[0.0, 1.0, 0.0]]))  # spins in place: slip 1
     loads = [press(ground, bodies, lunar.law(), 1e-6).forces[0, 2] for bodies in (still, spun)]
     assert loads[1] == pytest.approx(loads[0], rel=1e-3)
 
 
-@ENGINES
-def test_slip_sinkage_needs_travel(lunar, press):
+def test_slip_sinkage_needs_travel(lunar):
     """A wheel with 0.2 mm of travel is carried like a rolling wheel; after a metre, slip sinkage is complete."""
     loads = {}
     for steps, slip in ((1, 0.0), (1, 0.9), (250, 0.9)):
