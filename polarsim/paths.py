@@ -576,7 +576,8 @@ class RoverPaths:
         rover, folder = self.rover, Path(f"results/{run.run}")
         self.seeds = list(rover.seeds) if rover.run else []
         self.first = f"results/{{run}}/rover/seed{rover.seeds[0]}"  # folder of the drive that figures show
-        self.views, self.suns, self.picture_sets = list(rover.cameras.views), list(rover.suns), list(rover.picture_sets)
+        self.views, self.suns = list(rover.cameras.views), list(rover.cameras.suns)
+        self.picture_sets = list(rover.picture_sets)
         self.terrains = [f"{terrain:02d}" for terrain in rover.world.terrains]  # from east to west
         self.tables = ["rover", "rover_drives", *(["rover_onboard"] if rover.onboard else [])]
         self.figures = ["rover_sequence", "rover_drive", *(["rover_front"] if rover.onboard else [])]

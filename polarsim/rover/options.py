@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from polarsim.rover.cameras.layout import picture_set
-from polarsim.rover.cameras.options import REAL, CameraSuiteOptions
+from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.export.options import BagOptions
 from polarsim.rover.perception.options import DriveTuningOptions
@@ -48,7 +48,7 @@ class RoverOptions(BaseModel, extra="forbid", frozen=True):
     def _bag_of_pictures(self) -> RoverOptions:
         suite, bag = self.cameras, self.bag
         for name, value, known in (
-            ("sun", bag.sun, self.suns),
+            ("sun", bag.sun, suite.suns),
             ("model", bag.model, suite.models),
             ("exposure_ms", bag.exposure_ms, suite.exposures_ms),
         ):
@@ -57,14 +57,9 @@ class RoverOptions(BaseModel, extra="forbid", frozen=True):
         return self
 
     @property
-    def suns(self) -> tuple[str, ...]:
-        """Names of all Suns."""
-        return (*self.cameras.suns, *([REAL] if self.cameras.real_sun else []))
-
-    @property
     def picture_sets(self) -> tuple[str, ...]:
         """Names of the picture sets of each view."""
-        return tuple(picture_set(sun, *what) for sun in self.suns for what in self.cameras.pictures)
+        return tuple(picture_set(sun, *what) for sun in self.cameras.suns for what in self.cameras.pictures)
 
     @property
     def shown_set(self) -> str:

@@ -17,7 +17,7 @@ from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.run_files.picture_sets import PictureSet, exposure_name, exposure_order
 
 EXPOSURES = st.floats(min_value=1e-6, max_value=1e9, exclude_min=True)
-SUNS = st.sampled_from([*SUN_AZIMUTHS_DEG, "night", "real"])
+SUNS = st.sampled_from([*SUN_AZIMUTHS_DEG, "night"])
 MODEL = st.sampled_from(MODELS)
 
 

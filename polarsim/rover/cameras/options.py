@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import AfterValidator, BaseModel, Field, PositiveFloat, field_validator, model_validator
+from pydantic import BaseModel, Field, PositiveFloat, field_validator, model_validator
 
 from polarsim.detect.options import PACKAGED, PACKAGED_ROVER
 from polarsim.render.options import Model, RenderOptions
@@ -24,7 +23,6 @@ PAPER_VIEWS = (
 SUN_AZIMUTHS_DEG = {"1": 0.0, "2": 315.0, "3": 225.0, "4": 180.0}  # of the paper, from east to north
 NIGHT = "night"  # name of a light without a Sun
 SunName = Literal["1", "2", "3", "4", "night"]
-REAL = "real"  # name of the real Sun
 PackagedName = Literal["packaged", "packaged_rover"]
 # Options of the section `render` that the rover's pictures replace: a drive has no walls that reflect light
 # (`bounce`), the light of headlights decreases with distance, and large pictures need few rays to the Sun's disc.
@@ -57,22 +55,6 @@ def rover_render(render: RenderOptions) -> dict[str, object]:
     return render.model_dump(mode="json", exclude=_NO_EFFECT)
 
 
-def _utc(moment: datetime) -> datetime:
-    return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
-
-
-class RealSun(BaseModel, extra="forbid", frozen=True):
-    """Direction of the Sun over a site on the Moon at a moment."""
-
-    latitude_deg: float = Field(
-        ge=-90, le=90, description="Selenographic latitude of the site, degrees; north is positive."
-    )
-    longitude_deg: float = Field(
-        ge=-180, le=360, description="Selenographic longitude of the site, degrees; east is positive."
-    )
-    moment_utc: Annotated[datetime, AfterValidator(_utc)] = Field(description="Date and time, UTC.")
-
-
 class OnboardOptions(BaseModel, extra="forbid", frozen=True):
     """Detector on the pictures of the front camera."""
 
@@ -99,12 +81,10 @@ class CameraSuiteOptions(BaseModel, extra="forbid", frozen=True):
     views: tuple[str, ...] = Field(PAPER_VIEWS, min_length=1, description="Names of the vehicle's cameras to render.")
     suns: tuple[SunName, ...] = Field(
         ("1", "2", "3", "4"),
+        min_length=1,
         description="Suns of the paper: 1 east, 2 southeast, 3 southwest, 4 west; `night`: headlights only.",
     )
     sun_elevation_deg: float = Field(8.0, gt=0, le=90, description="Elevation of these Suns, degrees.")
-    real_sun: RealSun | None = Field(
-        None, description="Additional Sun `real` at its true direction over a site at a time."
-    )
     lights: tuple[str, ...] = Field((), description="Names of the vehicle's lights that are on.")
     models: tuple[Model, ...] = Field(
         ("hapke", "principled"), min_length=1, description="Reflectance models of the pictures."

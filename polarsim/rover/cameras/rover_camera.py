@@ -15,6 +15,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 from polarsim.render.gain import gain_of
+from polarsim.render.lamps import Lamp
 from polarsim.render.olat import NO_LAMP, Rendering, render_view
 from polarsim.render.optics import apply_lens, apply_lens_to_olat_images
 from polarsim.render.options import Material, Model, RenderOptions
@@ -22,7 +23,7 @@ from polarsim.render.sensor import expose, noise_generator
 from polarsim.render.views.options import StarField
 from polarsim.render.views.stars import Sky, build_sky, star_radiance
 from polarsim.rover.cameras.bodywork import Bodywork, body_of, links_at
-from polarsim.rover.cameras.lights import Sun, headlights, named_sun
+from polarsim.rover.cameras.lights import headlights, named_sun
 from polarsim.rover.cameras.options import ROVER_RENDER, CameraSuiteOptions, ImagingCondition
 from polarsim.rover.cameras.render_scene import RenderScene
 from polarsim.rover.cameras.tracks import NodeGrid, WheelTracks
@@ -100,18 +101,18 @@ class RoverCamera:
     def render(
         self,
         camera: Camera,
-        suns: Mapping[str, Sun],
+        suns: Mapping[str, Lamp | None],
         lights: Sequence[LightPart],
         *,
         labels: bool,
         threads: int = 1,
     ) -> Rendering:
-        """Return radiance by model and Sun, including the headlights, and ids by Sun if `labels` is true.
+        """Return radiance by model and Sun (None: night), with the headlights, and ids by Sun if `labels` is true.
 
         The ids contain shadows of the Sun only; there are none at night.
         """
         options, models, surfaces = self.render_options, self.render_options.models, self.scene.surfaces
-        lamps = {name: sun.lamp for name, sun in suns.items() if sun.lamp is not None}
+        lamps = {name: lamp for name, lamp in suns.items() if lamp is not None}
         spots = {f"light {name}": spot for name, spot in headlights(lights, self.links).items()}  # distinct from Suns
         shadows = list(lamps) if labels else None if self.sky is None else []
         olat = render_view(surfaces, camera, lamps | spots, models, shadows, options, threads)
@@ -122,12 +123,9 @@ class RoverCamera:
             light[model, name] = np.sum(images, axis=0) if images else np.zeros(camera.lens.shape, np.float32)
         radiance = apply_lens_to_olat_images(light, lamps, surfaces, camera, options, threads)
         if self.sky is not None:
-            empty = olat.ids[NO_LAMP] == BACKGROUND
-            for name, sun in suns.items():
-                stars = apply_lens(
-                    empty * star_radiance(self.sky, sun.world_from_celestial, camera), camera.lens, options
-                )
-                radiance |= {(model, name): radiance[model, name] + stars for model in models}
+            stars = (olat.ids[NO_LAMP] == BACKGROUND) * star_radiance(self.sky, np.eye(3), camera)
+            blurred = apply_lens(stars, camera.lens, options)
+            radiance = {key: image + blurred for key, image in radiance.items()}
         ids = {name: olat.ids[name if name in lamps else NO_LAMP] for name in (NO_LAMP, *suns)} if labels else {}
         return Rendering(radiance, ids)
 
@@ -140,10 +138,10 @@ class RoverCamera:
         self, camera: Camera, light: ImagingCondition, *name: object, threads: int = 1
     ) -> tuple[np.ndarray, float]:
         """Return the 12-bit image (h, w) uint16 in a light, and its exposure, ms."""
-        sun = named_sun(light.sun, self._sun_elevation_deg)
+        suns = {light.sun: named_sun(light.sun, self._sun_elevation_deg)}
         lights = [self.vehicle.light(name) for name in light.lights]
-        rendering = self.render(camera, {sun.name: sun}, lights, labels=False, threads=threads)
-        radiance, exposure_ms = rendering.olat_images[light.model, sun.name], light.exposure_ms
+        rendering = self.render(camera, suns, lights, labels=False, threads=threads)
+        radiance, exposure_ms = rendering.olat_images[light.model, light.sun], light.exposure_ms
         if isinstance(exposure_ms, str):
             assert exposure_ms == AUTO
             exposure_ms = auto_exposure_ms(radiance, self._gain(light.model))

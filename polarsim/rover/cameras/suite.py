@@ -10,12 +10,13 @@ import numpy as np
 from polarsim.errors import RoverError
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
+from polarsim.render.lamps import Lamp
 from polarsim.render.olat import Rendering
 from polarsim.render.options import Model, RenderOptions
 from polarsim.rover.cameras import grouser_marks
 from polarsim.rover.cameras.bodywork import links_at
 from polarsim.rover.cameras.grouser_marks import GrouserMark, Tread
-from polarsim.rover.cameras.lights import suns_of
+from polarsim.rover.cameras.lights import named_sun
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.rover_camera import RoverCamera
 from polarsim.rover.drive.trace import Trace
@@ -40,7 +41,7 @@ class CameraSuite:
         for name in options.views:
             if vehicle.camera(name).link != "base_link":
                 raise RoverError(f"camera {name}: on link {vehicle.camera(name).link}, base_link was expected")
-        self.suns = suns_of(options)
+        self.suns: dict[str, Lamp | None] = {name: named_sun(name, options.sun_elevation_deg) for name in options.suns}
         self.lights = [vehicle.light(name) for name in options.lights]
         self._events = _events(trace, vehicle)
         self._tread = _tread(vehicle)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from polarsim.geometry.poses import Pose
 from polarsim.render.olat import NO_LAMP
 from polarsim.rover.cameras.bodywork import body_of
-from polarsim.rover.cameras.lights import SUN_IN_BAND_W_M2, headlights
+from polarsim.rover.cameras.lights import SUN_IN_BAND_W_M2, headlights, named_sun
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.vehicle.mounts import FRONT
@@ -112,3 +112,11 @@ def test_at_night_there_are_labels_of_rocks_but_not_of_shadows(both):
     assert (ids >= ROCK_IDS).any()
     assert not (ids >= SHADOW_IDS).any()
     assert (both.olat_images["hapke", "night"][ids == GROUND] > 0).mean() > 0.5
+
+
+def test_the_papers_suns_are_in_the_east_southeast_southwest_and_west():
+    towards = [named_sun(name, 8.0).position for name in "1234"]
+    azimuth = [np.degrees(np.arctan2(y, x)).round(6) % 360 for x, y, _ in towards]
+    assert azimuth == [0, 315, 225, 180]
+    np.testing.assert_allclose(np.degrees(np.arcsin(towards[0][2] / np.linalg.norm(towards[0]))), 8)
+    assert named_sun("night", 8.0) is None

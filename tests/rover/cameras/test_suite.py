@@ -31,6 +31,7 @@ def suite(drive):
         ({"views": ("eye",)}, ConfigError, "eye"),
         ({"lights": ("torch",)}, ConfigError, "torch"),
         ({"suns": ("night",)}, ValidationError, "suns"),  # no light at all
+        ({"suns": ()}, ValidationError, "suns"),
     ],
 )
 def test_unknown_cameras_and_lights_and_a_night_without_lights_are_errors(drive, changes, error, message):
