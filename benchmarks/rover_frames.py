@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats import png
-from polarsim.rover.cameras.frames import labels_of, write_boxes
+from polarsim.rover.cameras.frames import labels_of, write_label_file
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.trace import Trace, read_trace
@@ -78,7 +78,7 @@ def _frame(suite: CameraSuite, chosen: argparse.Namespace, frame: int) -> list[f
     with tempfile.TemporaryDirectory() as folder:
         for number, picture in enumerate(pictures):
             png.write_png(Path(folder) / f"{number}.png", picture)
-        write_boxes(Path(folder) / "labels.txt", labels, pictures[0].shape[::-1])
+        write_label_file(Path(folder) / "labels.txt", labels, pictures[0].shape[::-1])
     marks.append(time.process_time())
     return list(np.diff(marks))
 

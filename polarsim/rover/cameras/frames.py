@@ -72,7 +72,7 @@ def render_frames(
                     _write_pictures(folder, suite, rendering, view, sun, frame, pool)
                     labels[view, sun][frame] = found = labels_of(suite, rendering, sun)
                     size = suite.mounts[view].lens.shape[::-1]
-                    write_boxes(labels_folder(folder, view, sun) / f"{frame:05d}.txt", found, size)
+                    write_label_file(labels_folder(folder, view, sun) / f"{frame:05d}.txt", found, size)
         for view in views:
             _write_tables(folder, suite, view, {sun: labels[view, sun] for sun in suite.suns})
     made = len(views) * len(suite.frames) * len(suite.suns) * len(options.pictures)
@@ -90,7 +90,7 @@ def _write_pictures(
     list(pool.map(write, suite.options.pictures))
 
 
-def write_boxes(path: Path, labels: Sequence[coco.Annotation], size: tuple[int, int]) -> None:
+def write_label_file(path: Path, labels: Sequence[coco.Annotation], size: tuple[int, int]) -> None:
     """Write the YOLO boxes of an image of `size` (width, height)."""
     classes = np.array([BOX_CLASSES.index(label.kind) for label in labels], int)
     yolo.write_boxes(path, classes, np.array([label.box for label in labels], float), size)
