@@ -71,20 +71,14 @@ def detect(
 def ipd(
     labels_a: Annotated[
         Path,
-        typer.Argument(exists=True, help="Labels of the first domain: a folder of YOLO files, or a Parquet table."),
+        typer.Argument(help="Labels of the first domain: a folder of YOLO files, or a Parquet table."),
     ],
     predictions_a: Annotated[
         Path,
-        typer.Argument(
-            exists=True, help="Detections in the first domain: YOLO files with confidence as sixth field, or a table."
-        ),
+        typer.Argument(help="Detections in the first domain: YOLO files with confidence as sixth field, or a table."),
     ],
-    labels_b: Annotated[
-        Path, typer.Argument(exists=True, help="Labels of the second domain, files with the same names.")
-    ],
-    predictions_b: Annotated[
-        Path, typer.Argument(exists=True, help="Detections of the same detector in the second domain.")
-    ],
+    labels_b: Annotated[Path, typer.Argument(help="Labels of the second domain, files with the same names.")],
+    predictions_b: Annotated[Path, typer.Argument(help="Detections of the same detector in the second domain.")],
     confidence: Annotated[float, typer.Option(min=0, max=1, help="Confidence threshold of predictions.")] = 0.25,
     undetected: Annotated[
         Treatment, typer.Option(help="Labelled rock without overlapping prediction: IoU 0, or excluded.")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from polarsim.cover_photos.options import SCENE_PICTURES, VAL_SHARE
@@ -19,12 +19,7 @@ DOMAIN = "covers"  # domain of the data sets
 
 
 def make_cover_dataset(
-    *,
-    scenes: Mapping[int, Path],
-    covers: Path | None,
-    test: Sequence[int],
-    dataset: Path,
-    seed: int,
+    *, scenes: Mapping[int, Path], covers: Path | None, test: Sequence[int], dataset: Path, seed: int
 ) -> None:
     """Write a data set of scenes for training and validation, and cover photos for the test.
 
@@ -38,62 +33,40 @@ def make_cover_dataset(
         Folder of cover photos written by `read_covers`. The data set does not include their labels.
     test : sequence of int
         Test terrains. If empty, the data set has no test part.
-
-    Raises
-    ------
-    DetectError
-        A terrain is in training and test, a folder has images of a wrong terrain, or a part would be empty.
     """
-    _check_apart(test, scenes)
-    entries = [entry for terrain in sorted(scenes) for entry in _scenes(terrain, scenes[terrain], seed)]
+    entries = _all_scenes(scenes, test, seed)
     for path in sorted(covers.glob("*.png")) if covers else []:
         with with_path(path):
             if PhotoKey.parse(path.stem).terrain in test:
                 entries.append(Entry(path.stem, TEST, path, None))
-    with writing_folder(dataset) as folder:
-        facts = {"test": sorted(test), "train": sorted(scenes)}
-        write_yolo_dataset(DOMAIN, dataset, entries, folder, facts, needed=PARTS if test else (TRAIN, VAL))
+    _write(scenes, test, dataset, entries, PARTS if test else (TRAIN, VAL))
 
 
 def make_fine_tuning_dataset(
-    *,
-    scenes: Mapping[int, Path],
-    windows: Path,
-    test: Sequence[int],
-    dataset: Path,
-    seed: int,
+    *, scenes: Mapping[int, Path], windows: Path, test: Sequence[int], dataset: Path, seed: int
 ) -> None:
-    """Write a data set of windows of cover photos, without the test terrains, and of images of scenes.
-
-    Parameters
-    ----------
-    scenes : mapping of int to Path
-        Folders written by `render_scenes`, by the terrain of the rocks.
-    windows : Path
-        Folder written by `cut_windows`.
-    test : sequence of int
-        Excluded terrains.
-
-    Raises
-    ------
-    DetectError
-        A terrain is in training and test, a folder has images of a wrong terrain, or a part would be empty.
-    """
-    _check_apart(test, scenes)
+    """Write a data set of windows of cover photos (`cut_windows`) without test terrains, and of images of scenes."""
+    pictures = _all_scenes(scenes, test, seed)
     random = generator(seed, "covers", "fine tuning", *sorted(test))
     names = [path.stem for path in sorted((windows / "images").glob("*.png")) if terrain_of_window(path) not in test]
     entries = [image_entry(windows, name, VAL if random.random() < VAL_SHARE else TRAIN) for name in names]
-    pictures = [entry for terrain in sorted(scenes) for entry in _scenes(terrain, scenes[terrain], seed)]
     entries += [pictures[number] for number in random.permutation(len(pictures))[:SCENE_PICTURES]]
+    _write(scenes, test, dataset, entries, (TRAIN, VAL))
+
+
+def _write(
+    scenes: Mapping[int, Path], test: Sequence[int], dataset: Path, entries: Sequence[Entry], needed: Sequence[str]
+) -> None:
     with writing_folder(dataset) as folder:
         facts = {"test": sorted(test), "train": sorted(scenes)}
-        write_yolo_dataset(DOMAIN, dataset, entries, folder, facts, needed=(TRAIN, VAL))
+        write_yolo_dataset(DOMAIN, dataset, entries, folder, facts, needed=needed)
 
 
-def _check_apart(test: Sequence[int], trained: Collection[int]) -> None:
-    shared = sorted(set(test) & set(trained))
-    if shared:
+def _all_scenes(scenes: Mapping[int, Path], test: Sequence[int], seed: int) -> list[Entry]:
+    """Return the images of all scenes, none of which may have rocks of a test terrain."""
+    if shared := sorted(set(test) & set(scenes)):
         raise DetectError(f"terrain {shared[0]:02d} is in both training and test, remove it from one of them")
+    return [entry for terrain in sorted(scenes) for entry in _scenes(terrain, scenes[terrain], seed)]
 
 
 def _scenes(terrain: int, folder: Path, seed: int) -> list[Entry]:

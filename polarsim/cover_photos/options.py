@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 from pydantic import BaseModel, Field, field_validator
 
+from polarsim.detect.options import InferenceWidth
 from polarsim.photo import TERRAINS, PhotoKey
 from polarsim.scenes.options import SceneOptions
 
@@ -51,7 +50,7 @@ class CoversOptions(BaseModel, extra="forbid", frozen=True):
     fine_tuning: FineTuningOptions = Field(
         FineTuningOptions(), description="Second test, after fine-tuning on the cover photos of the training folds."
     )
-    widths: tuple[Annotated[int, Field(ge=64, multiple_of=32)], ...] = Field(
+    widths: tuple[InferenceWidth, ...] = Field(
         (512, 640, 768, 896, 1024, 1280, 1536, 1792),
         description="Candidate inference widths, px, selected for each fold on the training folds. Ignored if "
         "`detect.prediction.widths` is set.",

@@ -25,7 +25,6 @@ SOURCE = "annotated"  # source of human labels
 PAIRING_COLUMNS = (
     "cover", "key", "shown", "named_by", "drawn", "labels", "matched", "drawn_iou", "shadow_contrast",
 )  # fmt: skip
-BY_CONFIGURATION, BY_SHADOWS, BY_BOXES = "configuration", "shadows", "boxes"
 _MAX_ASPECT_ERROR = 0.01  # maximum relative error of the aspect ratio of an uncropped photo
 _MIN_WIDTH = 256  # minimum width of an image, px
 _MIN_PX = 20  # minimum number of pixels of a shadow and of its surroundings
@@ -57,17 +56,10 @@ def read_covers(
 
     Parameters
     ----------
-    root : Path
-        Folder of the published release.
     keys : sequence of str
         Known photo keys, which override the match of shadows.
     pairing : Path
         CSV to write: a row per cover photo and exposure bracket, with the measures of the match.
-
-    Raises
-    ------
-    DetectError
-        No usable cover photo, or a key without a cover photo.
     """
     named = {key.station: key for key in map(PhotoKey.parse, keys)}
     rows: list[tuple[object, ...]] = []
@@ -100,15 +92,7 @@ def read_covers(
 
 
 def read_cover(path: Path) -> Cover:
-    """Read a cover photo of any size and bit depth, grey or colour, and resize it to the size of a photo.
-
-    Raises
-    ------
-    DetectError
-        Image too small, or wrong aspect ratio.
-    FormatError
-        Not an image.
-    """
+    """Read a cover photo of any size and bit depth, grey or colour, and resize it to the size of a photo."""
     picture = png.read_png(path)
     height, width = picture.shape[:2]
     if width < _MIN_WIDTH or abs(width * HEIGHT / (height * WIDTH) - 1) > _MAX_ASPECT_ERROR:
@@ -131,17 +115,7 @@ def in_eight_bits(picture: np.ndarray) -> np.ndarray:
 def pair_cover(cover: Cover, brackets: Mapping[PhotoKey, Path], known: PhotoKey | None) -> pd.DataFrame:
     """Match a cover photo with exposure brackets: a row of `PAIRING_COLUMNS[1:]` per bracket; one row is `shown`.
 
-    Parameters
-    ----------
-    brackets : mapping of PhotoKey to Path
-        Label file of one photo of each exposure bracket of the position.
-    known : PhotoKey or None
-        Known key of the cover photo.
-
-    Raises
-    ------
-    DetectError
-        No matching labels.
+    `brackets` are the label files of one photo of each bracket of the position, `known` is the key if it is known.
     """
     rows = []
     for key, path in sorted(brackets.items()):
@@ -156,11 +130,11 @@ def pair_cover(cover: Cover, brackets: Mapping[PhotoKey, Path], known: PhotoKey 
         )  # fmt: skip
     table = pd.DataFrame(rows, columns=list(PAIRING_COLUMNS[1:]))
     if known is not None:
-        number, by = int(np.flatnonzero(table["key"] == str(known))[0]), BY_CONFIGURATION
+        number, by = int(np.flatnonzero(table["key"] == str(known))[0]), "configuration"
     elif (table["shadow_contrast"] > 0).any():
-        number, by = int(table["shadow_contrast"].argmax()), BY_SHADOWS
+        number, by = int(table["shadow_contrast"].argmax()), "shadows"
     elif (table["drawn_iou"] > 0).any():
-        number, by = int(table["drawn_iou"].argmax()), BY_BOXES
+        number, by = int(table["drawn_iou"].argmax()), "boxes"
     else:
         raise DetectError(f"none of {len(table)} labelled exposure brackets matches its shadows or boxes")
     return table.assign(shown=np.arange(len(table)) == number, named_by=by)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,14 +23,6 @@ from polarsim.photo import BOX_CLASSES
 from polarsim.schemas.covers import COVER_SCORES, FINE_TUNED, SINGLE
 
 
-@dataclass(frozen=True)
-class Check:
-    """Expected calibration error on photos used neither for training nor for the calibration."""
-
-    before: float  # without calibration
-    after: float
-
-
 def publish_detector(
     *,
     weights: Path,
@@ -45,28 +37,15 @@ def publish_detector(
     """Write the detector with inference widths, calibration and a model card in Markdown.
 
     The detector was trained on all rocks. Therefore widths and calibration are selected on predictions of the detectors
-    of the folds for photos of their test terrains. The card contains the metrics of the folds.
-
-    Parameters
-    ----------
-    weights : Path
-        Detector trained on all terrains.
-    found, datasets : mapping of fold to Path
-        As in `widths.choose_widths`.
-    scores : Path
-        Table written by `score_covers`.
-
-    Raises
-    ------
-    DetectError
-        Fewer than two folds.
+    of the folds for photos of their test terrains, `found` and `datasets` as in `widths.choose_widths`. The card
+    contains the metrics of the folds (`scores`).
     """
     if len(found) < 2:
         raise DetectError(f"{len(found)} fold, the model card requires metrics of at least 2 folds (covers.folds)")
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
     by_fold = read_folds(found, datasets)
     trained = detectors.read_detector(weights)
-    check = _check(truth, by_fold, trained.imgsz, options)
+    errors = _calibration_errors(truth, by_fold, trained.imgsz, options)
     sizes, calibration = _chosen(truth, together(by_fold), trained.imgsz, options)
     complete = replace(
         trained,
@@ -75,7 +54,7 @@ def publish_detector(
     )
     detectors.write_detector(detector, complete)
     metrics = tables.read_parquet(scores, COVER_SCORES.columns)
-    write_text(card, _card(complete, metrics[metrics["detectors"] == SINGLE], check))
+    write_text(card, _card(complete, metrics[metrics["detectors"] == SINGLE], errors))
 
 
 def _chosen(
@@ -86,10 +65,10 @@ def _chosen(
     return sizes, fit_calibration(labels_by_photo(labels, list(by_photo)), boxes)
 
 
-def _check(
+def _calibration_errors(
     labels: pd.DataFrame, by_fold: Mapping[str, WidthPredictions], imgsz: int, options: PredictionOptions
-) -> Check:
-    """Calibrate the boxes of each fold with widths and calibration from the remaining folds.
+) -> tuple[float, float]:
+    """Return the calibration error without and with calibration, for folds not used for widths and calibration.
 
     Widths are selected again without the sand filter of `widths.choose_widths`, because users of the published detector
     have no camera poses.
@@ -102,10 +81,10 @@ def _check(
         before += boxes
         after += [calibrate_boxes(rows, calibration) for rows in boxes]
     truth = labels_by_photo(labels, list(together(by_fold)))
-    return Check(calibration_error(truth, before), calibration_error(truth, after))
+    return calibration_error(truth, before), calibration_error(truth, after)
 
 
-def _card(detector: detectors.Detector, scores: pd.DataFrame, check: Check) -> str:
+def _card(detector: detectors.Detector, scores: pd.DataFrame, errors: tuple[float, float]) -> str:
     overall = scores[scores["terrain"] == ALL]
     images, folds, seeds = int(overall["images"].iloc[0]), int(overall["folds"].iloc[0]), overall["seed"].nunique()
     rows = [
@@ -118,6 +97,7 @@ def _card(detector: detectors.Detector, scores: pd.DataFrame, check: Check) -> s
         + (f" (boxes below {gates[0]:g} px of 1,936: the larger width)" if gates else "")
         for kind, (sizes, gates) in zip(BOX_CLASSES, detector.sizes, strict=True)
     )
+    parameters = sum(value.numel() for value in detector.state.values())
     tuned = (scores["trained"] == FINE_TUNED).all()
     photos = (
         f"Fine-tuned on windows of the {images} published cover photos with human boxes; the detectors of the table "
@@ -129,11 +109,11 @@ def _card(detector: detectors.Detector, scores: pd.DataFrame, check: Check) -> s
 
 Default detector of `polarsim detect PICTURES --out FOLDER`.
 
-- **Model**: {detectors.detector_name(detector.model)}, {_count(detector):,} parameters in half precision. Predicts
+- **Model**: {detectors.detector_name(detector.model)}, {parameters:,} parameters in half precision. Predicts
   boxes of the classes {" and ".join(BOX_CLASSES)} in grey images of any size. Inference widths: {widths}.
 - **Training data**: rendered images: generated rocks, then scanned rocks of the POLAR-Sim release, on generated sand
   with random cameras and lamps. {photos}
-- **Calibration**: expected calibration error {check.after:.3f} (IoU 0.5), without calibration {check.before:.3f}; the
+- **Calibration**: expected calibration error {errors[1]:.3f} (IoU 0.5), without calibration {errors[0]:.3f}; the
   boxes of each fold were calibrated on the remaining folds.
 - **Limitations**: low accuracy for rocks of terrain {worst.terrain} ({worst.map50:.2f}), rocks smaller than about ten
   pixels of the input, dark sides of rocks in shadow, piles annotated as one rock, cards and cloth behind the sand, and
@@ -153,7 +133,3 @@ was trained on the rocks of all these terrains and cannot be tested on them.
 def _interval(row: object) -> str:
     low, high = row.map50_low, row.map50_high  # type: ignore[attr-defined]
     return "" if np.isnan(low) else f"[{low:.3f}, {high:.3f}]"
-
-
-def _count(detector: detectors.Detector) -> int:
-    return sum(value.numel() for value in detector.state.values())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,14 +24,7 @@ from polarsim.schemas.covers import COVER_SCORES, MEAN, MERGED, NO_SEED, SINGLE
 from polarsim.schemas.detect import PREDICTIONS
 
 ALL = "all"  # all terrains
-
-
-@dataclass(frozen=True)
-class _CoverPredictions:
-    """Predictions in all cover photos."""
-
-    predictions: pd.DataFrame
-    calibrated: dict[str, np.ndarray]  # boxes from `cross_calibrated`
+CoverPredictions = tuple[pd.DataFrame, dict[str, np.ndarray]]  # table, and boxes from `cross_calibrated`
 
 
 def score_covers(
@@ -55,8 +47,6 @@ def score_covers(
 
     Parameters
     ----------
-    labels : Path
-        Label table written by `read_covers`.
     predictions : mapping of seed to Path
         Predictions in all cover photos; each photo is predicted by the fold that tests it.
     merged : Path, optional
@@ -64,25 +54,23 @@ def score_covers(
     datasets : mapping of fold to Path
         Data sets of the folds, with the cover photos as test part.
     trained_on : sequence of Path
-        Data sets of the last training of each fold.
+        Data sets of the last training of each fold, which has the options `training`.
     trained : str
         Kind of training: RENDERED or FINE_TUNED of `schemas.covers`.
-    training : TrainingOptions
-        Options of the last training.
     start : str
         Name in the table of the initial weights of the first training.
-
-    Raises
-    ------
-    PolarsimError
-        Missing or invalid file.
     """
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
     folds = {fold: dataset_images(folder, TEST) for fold, folder in datasets.items()}
-    of_seed = {seed: _read(path, truth, folds) for seed, path in sorted(predictions.items())}
+
+    def read(path: Path) -> CoverPredictions:
+        table = tables.read_parquet(path, PREDICTIONS.columns)
+        return table, cross_calibrated(truth, table, folds)
+
+    of_seed = {seed: read(path) for seed, path in sorted(predictions.items())}
     rows = [(SINGLE, seed, [evaluated]) for seed, evaluated in of_seed.items()]
     rows += [(MEAN, NO_SEED, list(of_seed.values()))] if len(of_seed) > 1 else []
-    rows += [(MERGED, NO_SEED, [_read(merged, truth, folds)])] if merged else []
+    rows += [(MERGED, NO_SEED, [read(merged)])] if merged else []
     parts = [
         _calibrated_metrics(truth, evaluated, keys, options).assign(terrain=name, detectors=detectors, seed=seed)
         for detectors, seed, evaluated in rows
@@ -99,11 +87,6 @@ def score_covers(
     tables.write_parquet(scores, table[list(COVER_SCORES.columns)].astype(COVER_SCORES.dtypes))
 
 
-def _read(path: Path, labels: pd.DataFrame, folds: Mapping[str, Sequence[str]]) -> _CoverPredictions:
-    predictions = tables.read_parquet(path, PREDICTIONS.columns)
-    return _CoverPredictions(predictions, cross_calibrated(labels, predictions, folds))
-
-
 def _by_terrain(keys: Sequence[str]) -> dict[str, list[str]]:
     """Return the photo keys of all terrains, and of each terrain."""
     chosen = {ALL: list(keys)}
@@ -113,13 +96,12 @@ def _by_terrain(keys: Sequence[str]) -> dict[str, list[str]]:
 
 
 def _calibrated_metrics(
-    labels: pd.DataFrame, by_seed: Sequence[_CoverPredictions], keys: Sequence[str], options: ComparisonOptions
+    labels: pd.DataFrame, by_seed: Sequence[CoverPredictions], keys: Sequence[str], options: ComparisonOptions
 ) -> pd.DataFrame:
     """Return the metrics of `cover_metrics` with the calibration error."""
-    predictions = [of_seed.predictions for of_seed in by_seed]
-    table = cover_metrics(labels, predictions, keys, resamples=options.resamples)
+    table = cover_metrics(labels, [predictions for predictions, _ in by_seed], keys, resamples=options.resamples)
     errors = [
-        np.mean([_calibration_error(labels, of_seed.calibrated, keys, kind) for of_seed in by_seed])
+        np.mean([_calibration_error(labels, calibrated, keys, kind) for _, calibrated in by_seed])
         for kind in table["kind"]
     ]
     return table.assign(calibration_error=errors)
@@ -145,7 +127,8 @@ def cover_metrics(
         if not any(map(len, boxes)):
             continue
         random = generator(0, "covers", "bootstrap", kind)
-        drawn = np.array([_times(len(keys), random) for _ in range(resamples)])
+        draws = (random.integers(len(keys), size=len(keys)) for _ in range(resamples))
+        drawn = np.array([np.bincount(draw, minlength=len(keys)) for draw in draws], float)
         each = []
         for detections, ranked in zip(by_table, ranked_by_table, strict=True):
             resampled = resampled_precision(ranked[number], 0, np.arange(len(keys)), drawn)[:, 0]
@@ -164,11 +147,7 @@ def cross_calibrated(
 ) -> dict[str, np.ndarray]:
     """Return boxes (n, 6) of each photo with confidences calibrated on the boxes of the remaining folds.
 
-    Empty with a single fold.
-
-    Parameters
-    ----------
-    folds : mapping of fold to photo keys
+    Empty with a single fold. `folds` are the photo keys of each fold.
     """
     keys = [key for fold_keys in folds.values() for key in fold_keys]
     detections = detections_by_photo(predictions, keys)
@@ -186,8 +165,3 @@ def _calibration_error(labels: pd.DataFrame, boxes: Mapping[str, np.ndarray], ke
         return float("nan")
     of_kind = [boxes[key][boxes[key][:, 5] == BOX_CLASSES.index(kind)] for key in keys]
     return calibration_error(labels_by_photo(labels[labels["kind"] == kind], keys), of_kind)
-
-
-def _times(count: int, random: np.random.Generator) -> np.ndarray:
-    """Return the draw counts (n,) of n photos sampled n times with replacement."""
-    return np.bincount(random.integers(count, size=count), minlength=count).astype(float)

@@ -16,25 +16,11 @@ from polarsim.formats.files import writing_folder
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey
 from polarsim.randomness import generator
 
-_SIZE = WIDTH, HEIGHT  # size of the photos of labels
-
 
 def cut_windows(*, photos: Path, labels: Path, windows: Path, count: int, stored_px: int, seed: int) -> None:
-    """Write windows of each cover photo as images of a data set: `images/`, `labels/`, `masks/` of `KEY_wNN`.
+    """Write `count` windows of each cover photo as images of a data set: `images/`, `labels/`, `masks/` of `KEY_wNN`.
 
-    Parameters
-    ----------
-    photos, labels : Path
-        Files of `read_covers`.
-    count : int
-        Number of windows of each photo.
-    stored_px : int
-        Width of a window, px, equal to the width of scene images.
-
-    Raises
-    ------
-    PolarsimError
-        Missing or invalid file.
+    Windows are `stored_px` wide, equal to scene images.
     """
     table = tables.read_parquet(labels, tables.LABEL_COLUMNS)
     with writing_folder(windows) as folder:
@@ -44,27 +30,18 @@ def cut_windows(*, photos: Path, labels: Path, windows: Path, count: int, stored
             classes = rows["kind"].map(BOX_CLASSES.index).to_numpy(int)
             with with_path(path):
                 photo = read_picture(path)
-            boxes = rows[list(BOX_COLUMNS)].to_numpy(float) * np.tile(photo.shape[::-1], 2) / (*_SIZE, *_SIZE)
+            boxes = (
+                rows[list(BOX_COLUMNS)].to_numpy(float) * np.tile(photo.shape[::-1], 2) / (WIDTH, HEIGHT, WIDTH, HEIGHT)
+            )
             random = generator(seed, "covers", "windows", path.stem)
             numbers = range(count)
             drawn = draw_windows(photo, classes, boxes, numbers, stored_px, WIDEST_PX, random)
             for number, window in zip(numbers, drawn, strict=True):
-                write_window(folder, window_name(PhotoKey.parse(path.stem), number), window)
-
-
-def window_name(key: PhotoKey, number: int) -> str:
-    """Return the name of a window of a photo, such as `01_A_off_30_L_0256_w03`."""
-    return f"{key}_w{number:02d}"
+                write_window(folder, f"{path.stem}_w{number:02d}", window)
 
 
 def terrain_of_window(path: Path) -> int:
-    """Return the terrain of a window file.
-
-    Raises
-    ------
-    DetectError
-        The file name is not the name of a window.
-    """
+    """Return the terrain of a window file."""
     key, _, number = path.stem.rpartition("_w")
     if not number.isdigit():
         raise DetectError("expected the name of a window, KEY_wNN", path=path)

@@ -11,7 +11,7 @@ import pandas as pd
 
 from polarsim.detect.grouping import BOX_COLUMNS, Unit
 from polarsim.detect.ipd import IpdRules, MissingTreatment, instance_performance, instance_performance_difference
-from polarsim.errors import DetectError, LabelError
+from polarsim.errors import DetectError, FormatError, LabelError
 from polarsim.formats import release, tables, yolo
 from polarsim.geometry import boxes
 from polarsim.photo import NO_ROCK, PhotoKey
@@ -50,6 +50,9 @@ def compare_sets(
         Minimum IoU of labels of the same object in both domains, if a set has no rock ids. Labels of a class are
         matched one to one, maximising the number of pairs.
     """
+    for path in (*labels, *predictions):
+        if not path.exists():
+            raise FormatError("no such folder of YOLO files or table", path=path)
     sides = [read_external_labels(path) for path in labels]
     predicted = [read_predictions(path) for path in predictions]
     common = sorted(set(sides[0]["key"]) & set(sides[1]["key"]))

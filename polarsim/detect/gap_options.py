@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any, Literal, Self
 
 from pydantic import BaseModel, Field, field_validator, model_validator
+
+from polarsim.detect.options import FolderName
 
 TWIN = "twin"  # name of the unmodified twin, the reference of every component
 
@@ -60,7 +61,7 @@ class Component(BaseModel, extra="forbid", frozen=True):
 class GapOptions(BaseModel, extra="forbid", frozen=True):
     """Ablation: contribution of the components of the twin to the gap, for the last of `render.models`."""
 
-    components: dict[str, Component] = Field(
+    components: dict[FolderName, Component] = Field(
         {},
         description="Replaced components by name (lower-case letters, digits and -). Empty: no ablation.",
     )
@@ -68,9 +69,8 @@ class GapOptions(BaseModel, extra="forbid", frozen=True):
     @field_validator("components")
     @classmethod
     def _possible_names(cls, components: dict[str, Component]) -> dict[str, Component]:
-        for name in components:
-            if name == TWIN or not re.fullmatch(r"[a-z][a-z0-9-]*", name):
-                raise ValueError(f"{name!r}: expected lower-case letters, digits and -, and not {TWIN}")
+        if TWIN in components:
+            raise ValueError(f"{TWIN!r} is the name of the unmodified twin, expected another name")
         return components
 
 

@@ -49,7 +49,7 @@ def class_mask(
 
     Probabilities are averaged over detectors and inference widths. The picture (h, w) uint8 may be a reduced copy.
     """
-    total = np.zeros((), np.float32)
+    total: np.ndarray = np.zeros((), np.float32)
     for detector, widths in loaded:
         by_width = [_probabilities_at(detector, picture, width, full) for width in widths]
         total = total + sum(by_width[1:], start=by_width[0]) / np.float32(len(by_width))

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
-import re
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_validator
+from pydantic import BaseModel, Field, field_validator, model_validator
 
 from polarsim.user_path import UserPath
 
@@ -16,6 +14,9 @@ PACKAGED = Path(__file__).parent / "packaged" / "rocks.pt"
 PACKAGED_ROVER = PACKAGED.with_name("rover.pt")  # PACKAGED after fine-tuning on images of drives
 VIEWS = "views"  # training domain of rendered novel viewpoints
 SplitName = Literal["photo", "view", "position", "terrain"]
+InferenceWidth = Annotated[int, Field(ge=64, multiple_of=32)]  # px
+FolderName = Annotated[str, Field(pattern="^[a-z][a-z0-9-]*$")]  # part of paths and of file names
+MixWeight = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class StereoOptions(BaseModel, extra="forbid", frozen=True):
@@ -152,7 +153,7 @@ class PredictionOptions(BaseModel, extra="forbid", frozen=True):
         False,
         description="Merge the predictions of each image and its mirror image. Finds more objects in twice the time.",
     )
-    widths: tuple[Annotated[int, Field(ge=64, multiple_of=32)], ...] = Field(
+    widths: tuple[InferenceWidth, ...] = Field(
         (),
         description="Inference widths, px, ascending. Wide images show small rocks, narrow images large rocks. Empty: "
         "training width.",
@@ -162,7 +163,7 @@ class PredictionOptions(BaseModel, extra="forbid", frozen=True):
         description="Box sizes at which detection switches between adjacent inference widths, descending, px at photo "
         "width 1936.",
     )
-    mask_widths: tuple[Annotated[int, Field(ge=64, multiple_of=32)], ...] = Field(
+    mask_widths: tuple[InferenceWidth, ...] = Field(
         (),
         description="Inference widths of masks, px; class probabilities are averaged. Empty: the widths of boxes.",
     )
@@ -174,8 +175,7 @@ class PredictionOptions(BaseModel, extra="forbid", frozen=True):
 
     @model_validator(mode="after")
     def _are_sizes(self) -> Self:
-        if len(self.gates_px) != max(0, len(self.widths) - 1):
-            expected = max(0, len(self.widths) - 1)
+        if len(self.gates_px) != (expected := max(0, len(self.widths) - 1)):
             raise ValueError(f"{len(self.gates_px)} gates_px, {len(self.widths)} widths need {expected}")
         if sorted(set(self.widths)) != list(self.widths) or sorted(self.gates_px, reverse=True) != list(self.gates_px):
             raise ValueError("widths must ascend and gates_px must descend")
@@ -209,7 +209,7 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
         True,
         description="Train and evaluate detectors if the run has photos.",
     )
-    seeds: tuple[int, ...] = Field(
+    seeds: tuple[Annotated[int, Field(ge=0)], ...] = Field(
         (0,), min_length=1, description="Random seeds of training. Each detector is trained once per seed."
     )
     splits: tuple[SplitName, ...] = Field(
@@ -222,7 +222,7 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
         None,
         description="Folder of the training domain `views`, written by `polarsim render VIEWS.yaml` without --preview.",
     )
-    mixes: dict[str, dict[str, float]] = Field(
+    mixes: dict[FolderName, Annotated[dict[str, MixWeight], Field(min_length=1)]] = Field(
         {},
         description="Mixed training domains: name -> domain -> weight. 0.5: half of the images; 2: each image twice.",
     )
@@ -230,7 +230,7 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
     split: SplitOptions = Field(SplitOptions(), description="Division of photos into training, validation and test.")
     pictures: PicturesOptions = Field(PicturesOptions(), description="Size of the detector input.")
     training: TrainingOptions = Field(TrainingOptions(), description="Architecture and training of detectors.")
-    others: dict[str, OtherDetector] = Field(
+    others: dict[FolderName, OtherDetector] = Field(
         {},
         description="Further detectors by name, such as `yolo: {model: yolov8n}`. They appear only in "
         "`tables/detection`.",
@@ -247,26 +247,3 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
         if len(set(values)) < len(values):
             raise ValueError("repeated value, list each value once")
         return values
-
-    @field_validator("seeds")
-    @classmethod
-    def _not_negative(cls, values: tuple[int, ...]) -> tuple[int, ...]:
-        if min(values) < 0:
-            raise ValueError(f"seed {min(values)}, expected 0 or more")
-        return values
-
-    @field_validator("mixes", "others")
-    @classmethod
-    def _names_of_folders(cls, named: dict[str, Any], info: ValidationInfo) -> dict[str, Any]:
-        for name in named:
-            if not re.fullmatch(r"[a-z][a-z0-9-]*", name):
-                raise ValueError(f"{info.field_name}: {name!r}, expected lower-case letters, digits and -")
-        return named
-
-    @field_validator("mixes")
-    @classmethod
-    def _possible_mixes(cls, mixes: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
-        for name, weights in mixes.items():
-            if not weights or not all(0 < weight < math.inf for weight in weights.values()):
-                raise ValueError(f"mix {name}: expected at least one domain and weights above 0")
-        return mixes

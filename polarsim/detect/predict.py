@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -41,9 +42,9 @@ def predict_domains(
     meshes: Sequence[Path] = (),
 ) -> None:
     """Apply `predict` to the test part of each data set."""
-    common = {"weights": weights, "options": options, "threads": threads, "cameras": cameras, "meshes": meshes}
+    of_dataset = partial(predict, weights=weights, options=options, threads=threads, cameras=cameras, meshes=meshes)
     for dataset, table in zip(datasets, predictions, strict=True):
-        predict(dataset=dataset, predictions=table, **common)
+        of_dataset(dataset=dataset, predictions=table)
 
 
 def predict(
