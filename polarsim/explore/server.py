@@ -11,8 +11,8 @@ import socket
 import sys
 import threading
 import time
-from collections import OrderedDict
 from collections.abc import Mapping
+from functools import lru_cache
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from socketserver import TCPServer
@@ -25,7 +25,7 @@ from polarsim.explore.site import CORRECTIONS, Files, corrections_content
 log = logging.getLogger("polarsim")
 
 HOST = "127.0.0.1"  # local interface only, for security
-MAX_CACHE_BYTES = 256 << 20  # maximum size of the cache of files
+MAX_CACHED_FILES = 1000  # images have about 0.2 MB
 MAX_REQUEST_BYTES = 1 << 20  # maximum size of the boxes of a photo
 MAX_DISCARDED_BYTES = 8 << 20  # maximum content of a refused request that is read before the connection is closed
 MAX_WORKERS = max(4, os.cpu_count() or 1)  # maximum number of files computed in parallel
@@ -54,14 +54,12 @@ _CORRECTION_PREFIX = f"/{CORRECTIONS.removesuffix('.json')}/"  # of the addresse
 
 
 class FileCache:
-    """Cache of file contents; the least recently used files are dropped if the cache is full."""
+    """Contents of the most recently used files."""
 
-    def __init__(self, files: Files, max_bytes: int = MAX_CACHE_BYTES) -> None:
-        self._files, self._max_bytes, self._size = files, max_bytes, 0
-        self._contents: OrderedDict[str, bytes] = OrderedDict()
-        self._lock = threading.Lock()
+    def __init__(self, files: Files, max_files: int = MAX_CACHED_FILES) -> None:
+        self._files, self._closed = files, False
         self._workers = threading.BoundedSemaphore(MAX_WORKERS)
-        self._closed = False
+        self._cached = lru_cache(max_files)(self._computed)
 
     def close(self) -> None:
         """Abort all further and waiting reads."""
@@ -72,22 +70,13 @@ class FileCache:
 
         Raises ConnectionAbortedError if the server is closing.
         """
-        if name not in self._files:
-            return None
-        with self._lock:
-            if name in self._contents:
-                self._contents.move_to_end(name)
-                return self._contents[name]
+        return self._cached(name) if name in self._files else None
+
+    def _computed(self, name: str) -> bytes:
         with self._workers:
             if self._closed:
                 raise ConnectionAbortedError
-            content = self._files[name]()
-        with self._lock:
-            self._size += len(content) - len(self._contents.get(name, b""))
-            self._contents[name] = content
-            while self._size > self._max_bytes and len(self._contents) > 1:
-                self._size -= len(self._contents.popitem(last=False)[1])
-        return content
+            return self._files[name]()
 
 
 def server(files: Files, port: int = 0, corrections: Corrections | None = None) -> Server:

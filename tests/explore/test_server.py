@@ -143,7 +143,7 @@ def test_a_port_in_use_is_an_error(served):
 def test_the_cache_drops_the_least_recently_used_files():
     made = []
     files = {name: lambda name=name: made.append(name) or bytes(10) for name in "abc"}
-    kept = FileCache(files, max_bytes=20)
+    kept = FileCache(files, max_files=2)
     for name in "aabac":
         kept.read(name)
     assert made == ["a", "b", "c"]
