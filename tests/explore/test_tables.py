@@ -8,12 +8,10 @@ from hypothesis import strategies as st
 
 from polarsim.detect.evaluate import clip_labels
 from polarsim.detect.false_positives import false_positives
-from polarsim.errors import ConfigError
 from polarsim.explore.pictures import outlines_of_twins
 from polarsim.explore.site import overview
 from polarsim.explore.tables import facts_of_rocks, picture_table, shown_predictions
 from polarsim.explore.terrain import clustered, terrain_setup, thinned_terrain
-from polarsim.formats import arrow
 from polarsim.geometry.polygons import signed_area
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
 from polarsim.run_files.run import Run
@@ -33,11 +31,6 @@ def test_every_image_has_a_row_with_score_and_counts(made):
     assert photo["min_confidence"] == 0.4
     assert table["defect"].value_counts().to_dict() == {"": len(table) - 1, "dark": 1}
     assert table.loc[(str(KEYS[0]), "photo"), "defect"] == "dark"
-
-
-def test_a_folder_without_a_run_is_an_error(tmp_path):
-    with pytest.raises(ConfigError):
-        Run.at(tmp_path / "nothing")
 
 
 def test_the_overview_is_json_and_lists_the_available_data(made):
@@ -140,14 +133,3 @@ def test_polygons_of_twins_cover_the_pixels_of_the_instance_map(made):
 def test_facts_of_rocks_require_the_table_of_rocks_only(made):
     assert facts_of_rocks(Run.at(made), 3)["size_m"].tolist() == [0.2, 0.06]
     assert facts_of_rocks(Run(made / "nothing"), 3).empty
-
-
-def test_the_table_of_all_of_nasas_photos_is_small():
-    """5,280 photos and two models, loaded at the start of the page."""
-    keys = np.repeat([f"03_A_off_30_L_{number:04d}" for number in range(5280)], 3)
-    table = pd.DataFrame({"key": keys, "domain": np.tile(["photo", "hapke", "principled"], 5280)})
-    for name in ("terrain", "exposure_ms", "rocks", "shadows"):
-        table[name] = 1
-    for name in ("score", "confidence", "min_confidence"):
-        table[name] = 0.5
-    assert len(arrow.encode_arrow(table)) < 1 << 20

@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 from polarsim.errors import RegistrationError
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, angle_between, camera_pose
-from polarsim.geometry.topology import part_of_face
 from polarsim.scoring.alignment import fit_alignment, refine_alignment
 from polarsim.scoring.surface import Surface
 
@@ -69,14 +68,6 @@ def test_only_faces_towards_the_viewpoint_are_visible(cube):
     points = np.array([[1, 0.1, 0.2], [-1, 0.1, 0.2], [0.1, 0.2, 1]])
     seen = surface.seen_from(np.array([5.0, 0, 0.5]), points, np.array([[1.0, 0, 0], [-1, 0, 0], [0, 0, 1]]))
     assert seen.tolist() == [True, False, False]
-
-
-def test_components_do_not_include_vertices_without_face(cube):
-    one, other = cube((0, 0, 0), 1), cube((3, 0, 0), 1)
-    both = Mesh(
-        np.concatenate([one.vertices, [[9, 9, 9]], other.vertices]), np.concatenate([one.faces, other.faces + 9])
-    )
-    assert [part_of_face(mesh.faces).max() + 1 for mesh in (one, both)] == [1, 2]
 
 
 def _fields(mesh):

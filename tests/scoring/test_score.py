@@ -54,25 +54,26 @@ def test_an_iou_of_exactly_the_threshold_is_a_hit(side, hits):
     assert count_boxes(np.array([[0, 0, 10, 10]]), np.array([[0, 0, 10, side]]), 0.5).tp == hits
 
 
-def test_a_rock_never_matches_a_shadow():
-    found = score_boxes({KEY: labels(square(0, 0), kind=0)}, {KEY: labels(square(0, 0), kind=1)})["classes"]
-    assert (found["rock"]["fn"], found["rock"]["fp"], found["shadow"]["fp"]) == (1, 0, 1)
-
-
-def test_a_photo_without_labels_misses_all_its_boxes():
-    assert score_boxes({KEY: labels(square(0, 0), square(50, 0))}, {})["classes"]["rock"]["fn"] == 2
-
-
-def test_labels_where_the_truth_has_none_are_false_positives():
-    rock = score_boxes({KEY: PhotoLabels.none()}, {KEY: labels(square(0, 0))})["classes"]["rock"]
-    assert (rock["fp"], rock["precision"], rock["recall"], rock["miou"]) == (1, 0.0, None, None)
-
-
-def test_ratios_are_those_of_the_summed_counts():
-    truth = {KEY: labels(square(0, 0)), RIGHT: labels(square(0, 0), square(50, 0), square(90, 0))}
-    found = {KEY: labels(square(0, 0)), RIGHT: labels(square(200, 0))}
+@pytest.mark.parametrize(
+    ("truth", "found", "wanted"),
+    [
+        ({KEY: labels(square(0, 0))}, {KEY: labels(square(0, 0), kind=1)}, {"fn": 1, "fp": 0}),  # a rock is no shadow
+        ({KEY: labels(square(0, 0), square(50, 0))}, {}, {"fn": 2}),  # a photo without labels
+        (
+            {KEY: PhotoLabels.none()},
+            {KEY: labels(square(0, 0))},
+            {"fp": 1, "precision": 0, "recall": None, "miou": None},
+        ),
+        (  # ratios of the summed counts
+            {KEY: labels(square(0, 0)), RIGHT: labels(square(0, 0), square(50, 0), square(90, 0))},
+            {KEY: labels(square(0, 0)), RIGHT: labels(square(200, 0))},
+            {"recall": 1 / 4, "precision": 1 / 2, "f1": 2 / 6},
+        ),
+    ],
+)
+def test_counts_of_rocks_are_those_of_a_calculation_by_hand(truth, found, wanted):
     rock = score_boxes(truth, found)["classes"]["rock"]
-    assert (rock["recall"], rock["precision"], rock["f1"]) == (1 / 4, 1 / 2, 2 / 6)
+    assert {name: rock[name] for name in wanted} == wanted
 
 
 def test_photos_are_grouped_by_each_part_of_the_key():
@@ -121,19 +122,17 @@ def test_a_selection_compares_only_its_photos(tmp_path):
     assert (report["classes"]["rock"]["tp"], report["files"]["not_selected"]) == (2, 1)
 
 
-def test_an_invalid_label_file_is_an_error_with_file_and_line(tmp_path):
-    write(tmp_path / "truth", KEY, labels(square(0, 0)))
-    write(tmp_path / "found", KEY, labels(square(0, 0)))
+def test_an_invalid_file_a_missing_folder_and_a_folder_without_truth_are_errors(tmp_path):
+    for folder in ("truth", "found"):
+        write(tmp_path / folder, KEY, labels(square(0, 0)))
     (tmp_path / "found" / f"{KEY}.txt").write_text("0 0.5 0.5 0.1 0.1\n2 0.5 0.5 0.1 0.1\n")
     with pytest.raises(FormatError, match=rf"found/{KEY}.txt:2: class 2"):
         score_folders(tmp_path / "truth", tmp_path / "found")
-
-
-def test_a_missing_folder_and_a_folder_without_truth_are_errors(tmp_path):
     with pytest.raises(FormatError, match="nowhere: no such folder"):
         score_folders(tmp_path / "nowhere", tmp_path)
+    (tmp_path / "empty").mkdir()
     with pytest.raises(LabelError, match="no label file, such as"):
-        score_folders(tmp_path, tmp_path)
+        score_folders(tmp_path / "empty", tmp_path / "truth")
 
 
 @pytest.mark.release
