@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from polarsim.arguments import STOPPED, refuse_existing_folder, run_folder, writes_file, writes_folder
+from polarsim.arguments import refuse_existing_folder, run_folder, writes_file, writes_folder
 from polarsim.cli.application import ConfigFiles, Results, commands_of, core_count
 from polarsim.errors import PolarsimError
 from polarsim.photo import WIDTH
@@ -160,12 +160,11 @@ def explore(
         if browser:
             webbrowser.open(address)
         try:
-            served.serve_until_stopped()
+            served.serve_forever()
         except KeyboardInterrupt:
             typer.echo("stopped")
-    if served.busy:  # a thread waits for a disk that does not respond: end the process with all threads
-        sys.stdout.flush()
-        os._exit(STOPPED)
+            sys.stdout.flush()
+            os._exit(0)  # with all threads: a thread in a C++ library aborts a process that exits otherwise
 
 
 @command()

@@ -7,15 +7,12 @@ import json
 import logging
 import os
 import secrets
-import socket
 import sys
 import threading
-import time
 from collections.abc import Mapping
 from functools import lru_cache
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from socketserver import TCPServer
 from typing import Any
 
 from polarsim.errors import ConfigError, LabelError, PolarsimError
@@ -29,7 +26,6 @@ MAX_CACHED_FILES = 1000  # images have about 0.2 MB
 MAX_REQUEST_BYTES = 1 << 20  # maximum size of the boxes of a photo
 MAX_DISCARDED_BYTES = 8 << 20  # maximum content of a refused request that is read before the connection is closed
 MAX_WORKERS = max(4, os.cpu_count() or 1)  # maximum number of files computed in parallel
-END_S = 10.0  # maximum time that requests in progress have to end
 PROOF_HEADER = "X-Polarsim-Token"
 TYPES: Mapping[str, str] = {
     "html": "text/html; charset=utf-8",
@@ -57,25 +53,15 @@ class FileCache:
     """Contents of the most recently used files."""
 
     def __init__(self, files: Files, max_files: int = MAX_CACHED_FILES) -> None:
-        self._files, self._closed = files, False
-        self._workers = threading.BoundedSemaphore(MAX_WORKERS)
+        self._files, self._workers = files, threading.BoundedSemaphore(MAX_WORKERS)
         self._cached = lru_cache(max_files)(self._computed)
 
-    def close(self) -> None:
-        """Abort all further and waiting reads."""
-        self._closed = True
-
     def read(self, name: str) -> bytes | None:
-        """Return the content of an address, or None for an unknown address.
-
-        Raises ConnectionAbortedError if the server is closing.
-        """
+        """Return the content of an address, or None for an unknown address."""
         return self._cached(name) if name in self._files else None
 
     def _computed(self, name: str) -> bytes:
         with self._workers:
-            if self._closed:
-                raise ConnectionAbortedError
             return self._files[name]()
 
 
@@ -98,65 +84,7 @@ def server(files: Files, port: int = 0, corrections: Corrections | None = None) 
 
 
 class Server(ThreadingHTTPServer):
-    """HTTP server with a thread per connection that waits for the threads when it is closed.
-
-    The threads are not daemons: a thread inside a C++ library at interpreter exit would abort the process.
-    """
-
-    daemon_threads, block_on_close = False, False  # `server_close` waits with a time limit
-
-    def __init__(self, address: tuple[str, int], handler: type[_Handler]) -> None:
-        self._content = handler.content
-        self._connections: dict[threading.Thread, socket.socket] = {}
-        self._guard, self._closed = threading.Lock(), False
-        super().__init__(address, handler)
-
-    def serve_until_stopped(self) -> None:
-        """Serve until `KeyboardInterrupt`, which is raised in this thread and not while a connection is accepted."""
-        accepting = threading.Thread(target=self.serve_forever, args=(0.1,))
-        accepting.start()
-        try:
-            while accepting.is_alive():
-                accepting.join(1)
-        finally:
-            self.shutdown()
-            accepting.join()
-
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        """Answer a connection and register the thread meanwhile."""
-        with self._guard:
-            self._connections[threading.current_thread()] = request
-            ended = self._closed
-        try:
-            if ended:
-                self.shutdown_request(request)
-            else:
-                super().process_request_thread(request, client_address)
-        finally:
-            with self._guard:
-                del self._connections[threading.current_thread()]
-
-    def server_close(self) -> None:
-        """Close the port and all connections, and wait at most `END_S` for requests in progress."""
-        TCPServer.server_close(self)
-        self._content.close()
-        with self._guard:
-            self._closed = True
-            for connection in self._connections.values():
-                try:
-                    connection.shutdown(socket.SHUT_RDWR)
-                except OSError:
-                    continue  # closed already
-            threads = list(self._connections)
-        deadline = time.monotonic() + END_S
-        for thread in threads:
-            thread.join(max(0.0, deadline - time.monotonic()))
-
-    @property
-    def busy(self) -> bool:
-        """Whether a request is in progress."""
-        with self._guard:
-            return bool(self._connections)
+    """HTTP server with a thread per connection. At Ctrl-C, the command ends the process with all threads."""
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Ignore connections that are closed by the browser."""
