@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import json
 import logging
 import os
@@ -93,7 +92,7 @@ class Server(ThreadingHTTPServer):
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Request handler: GET and HEAD of listed addresses, compared literally without decoding.
+    """Request handler: GET of listed addresses, compared literally without decoding.
 
     PUT and DELETE of `data/corrections/KEY` save and remove the boxes of a photo. They require the token in
     `data/corrections.json`, which pages of other origins cannot read.
@@ -107,12 +106,6 @@ class _Handler(BaseHTTPRequestHandler):
     server_version, sys_version = "polarsim", ""
 
     def do_GET(self) -> None:  # called by http.server
-        self._answer(with_content=True)
-
-    def do_HEAD(self) -> None:
-        self._answer(with_content=False)
-
-    def _answer(self, *, with_content: bool) -> None:
         if not self._is_local_host():
             return self._refuse(HTTPStatus.MISDIRECTED_REQUEST)
         name = self.path.partition("?")[0].removeprefix("/") or "index.html"
@@ -128,10 +121,7 @@ class _Handler(BaseHTTPRequestHandler):
             return self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, str(error) if name == CORRECTIONS else "")
         if content is None:
             return self._refuse(HTTPStatus.NOT_FOUND)
-        kind = name.rpartition(".")[2]
-        packed = kind not in ("jpg",) and "gzip" in self.headers.get("Accept-Encoding", "")
-        self._send(HTTPStatus.OK, gzip.compress(content, 1) if packed else content, kind, with_content, packed)
-        return None
+        return self._send(HTTPStatus.OK, content, name.rpartition(".")[2])
 
     def do_PUT(self) -> None:
         self._change()
@@ -160,8 +150,7 @@ class _Handler(BaseHTTPRequestHandler):
         except PolarsimError as error:
             log.warning("%s", error)
             return self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, str(error))
-        self._send(HTTPStatus.OK, b"{}", "json", with_content=True, packed=False)
-        return None
+        return self._send(HTTPStatus.OK, b"{}", "json")
 
     def _refusal(self) -> HTTPStatus | None:
         """Return the status of a refused change, or None for a valid request of this server's page."""
@@ -213,14 +202,12 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _refuse(self, status: HTTPStatus, reason: str = "") -> None:
         text = reason or f"{status.value} {status.phrase}"
-        self._send(status, f"{text}\n".encode(), "txt", self.command != "HEAD", packed=False)
+        self._send(status, f"{text}\n".encode(), "txt")
 
-    def _send(self, status: HTTPStatus, content: bytes, kind: str, with_content: bool, packed: bool) -> None:
+    def _send(self, status: HTTPStatus, content: bytes, kind: str) -> None:
         self.send_response(status)
         self.send_header("Content-Type", TYPES.get(kind, TYPES["txt"]))
         self.send_header("Content-Length", str(len(content)))
-        if packed:
-            self.send_header("Content-Encoding", "gzip")
         if self.close_connection:
             self.send_header("Connection", "close")
         # Images are requested while scrolling and may be cached; tables and the page may change.
@@ -228,8 +215,7 @@ class _Handler(BaseHTTPRequestHandler):
         for name, value in HEADERS.items():
             self.send_header(name, value)
         self.end_headers()
-        if with_content:
-            self.wfile.write(content)
+        self.wfile.write(content)
 
     def log_message(self, format: str, *values: Any) -> None:  # noqa: A002
         log.debug(format, *values)
