@@ -61,7 +61,7 @@ def test_the_export_for_labelimg_has_images_boxes_and_classes(tmp_path, run):
     assert shown.shape == PIXELS.shape
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(drawn=BOXES)
 def test_exported_boxes_read_back_with_an_error_below_a_hundredth_of_a_pixel(tmp_path_factory, drawn):
     folder = tmp_path_factory.mktemp("export")

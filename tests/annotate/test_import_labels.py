@@ -4,30 +4,18 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from polarsim.acquire.options import SeedOptions
 from polarsim.acquire.seeds import choose_seed_files, find_labels
-from polarsim.annotate.export import label_studio_tasks
 from polarsim.annotate.import_labels import import_labels
 from polarsim.errors import ConfigError, FormatError
 from polarsim.formats import coco, yolo
-from polarsim.formats.tables import key_columns, label_table
 from polarsim.labels.seeds import read_corrections
-from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 
 KEY = PhotoKey.parse("01_A_off_30_L_0256")
 OTHER = PhotoKey.parse("01_A_off_180_L_0256")
 ROCK, SHADOW = np.array([100.0, 200, 150, 230]), np.array([60.0, 210, 105, 230])
-BOXES = st.lists(
-    st.tuples(
-        st.sampled_from(BOX_CLASSES), st.floats(0, 1800), st.floats(0, 1100), st.floats(2, 130), st.floats(2, 110)
-    ),
-    min_size=1,
-    max_size=6,
-)
-
 CVAT = f"""<?xml version="1.0" encoding="utf-8"?>
 <annotations><version>1.1</version>
   <image id="0" name="some/{KEY}.png" width="968" height="608">
@@ -97,27 +85,6 @@ def test_an_export_becomes_seeds_that_the_acquire_stage_chooses(tmp_path):
     import_labels(write_source(tmp_path / "export", "cvat"), tmp_path / "seeds")
     files, _ = find_labels(tmp_path / "seeds", 1)
     assert [key for key, _ in choose_seed_files(files, ["A"], SeedOptions())] == [KEY]
-
-
-@settings(max_examples=15)
-@given(drawn=BOXES)
-def test_an_export_to_label_studio_reads_back(tmp_path_factory, drawn):
-    folder = tmp_path_factory.mktemp("studio")
-    rows = [
-        key_columns(KEY)
-        | {"kind": kind, "rock": number, "source": "fused", "confidence": 0.8}
-        | {"x0": x, "y0": y, "x1": x + width, "y1": y + height}
-        for number, (kind, x, y, width, height) in enumerate(drawn)
-    ]
-    (task,) = label_studio_tasks(label_table(rows), [KEY], "pictures")
-    task["annotations"] = task.pop("predictions")  # a person took them as they were
-    (folder / "tasks.json").write_text(json.dumps([task]))
-    import_labels(folder / "tasks.json", folder / "out")
-    classes, boxes = yolo.read_boxes(folder / f"out/{KEY}.txt")
-    wanted = label_table(rows)
-    assert [BOX_CLASSES[number] for number in classes] == wanted["kind"].tolist()
-    edges = np.clip(wanted[["x0", "y0", "x1", "y1"]], 0, [WIDTH, HEIGHT] * 2)
-    np.testing.assert_allclose(boxes, edges, atol=0.01)
 
 
 def test_a_rotated_rectangle_of_label_studio_becomes_a_box(tmp_path):

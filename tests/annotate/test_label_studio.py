@@ -1,9 +1,6 @@
 from xml.etree import ElementTree
 
-import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from polarsim.annotate.export import label_studio_interface, label_studio_tasks
 from polarsim.formats.tables import key_columns, label_table
@@ -37,22 +34,6 @@ def test_positions_are_percentages_of_the_image_size():
     assert rectangle["meta"] == {"text": ["rock 7"]}
 
 
-@settings(max_examples=40)
-@given(
-    box=st.tuples(st.floats(0, 1900), st.floats(0, 1200), st.floats(1, 36), st.floats(1, 16)),
-)
-def test_pixels_are_recovered_by_label_studio_s_formula(box):
-    x, y, width, height = box
-    ((rectangle,), _) = results([label("shadow", NO_ROCK, (x, y, x + width, y + height))])
-    value = rectangle["value"]
-    # pixel_x = x / 100.0 * original_width, and so on: Label Studio's documentation, "Units of image annotations"
-    found = [
-        value[name] / 100.0 * rectangle[size]
-        for name, size in zip(("x", "y", "width", "height"), ("original_width", "original_height") * 2, strict=True)
-    ]
-    np.testing.assert_allclose(found, box, atol=0.01)
-
-
 def test_a_shadow_is_related_only_to_the_rock_with_the_same_id():
     rows = [
         label("rock", 7, (10, 10, 20, 20)),
@@ -66,12 +47,6 @@ def test_a_shadow_is_related_only_to_the_rock_with_the_same_id():
     assert len(by_id) == len(rows)
     assert by_id[relation["from_id"]]["value"]["x"] * 19.36 == pytest.approx(5, abs=1e-3)
     assert by_id[relation["to_id"]]["value"]["x"] * 19.36 == pytest.approx(10, abs=1e-3)
-
-
-def test_every_photo_has_a_task_with_the_image():
-    (task,) = label_studio_tasks(label_table([]), [KEY], "out/images")
-    assert task["data"] == {"image": f"/data/local-files/?d=out/images/{KEY}.png", "key": str(KEY)}
-    assert task["predictions"][0]["result"] == []
 
 
 def test_the_interface_has_the_names_in_rectangles():

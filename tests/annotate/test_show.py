@@ -134,18 +134,6 @@ def test_ids_of_adjacent_rocks_do_not_overlap():
     assert ink(together) > 0.9 * sum(map(ink, alone))
 
 
-def test_labels_are_scaled_to_an_image_of_half_size():
-    drawn = draw_labels(np.zeros((608, 968, 3), np.uint8), label_table([label()]))
-    assert tuple(drawn[150, 300]) == COLOURS["rock"]
-    assert tuple(drawn[200, 200]) == COLOURS["rock"]
-
-
-def test_a_photo_without_labels_is_shown(tmp_path):
-    png.write_png(tmp_path / "photo.png", np.full((1216, 1936), 16, np.uint16))
-    write_preview(key=KEY, picture=tmp_path / "photo.png", labels=[], out=tmp_path / "out.png")
-    assert not png.read_png(tmp_path / "out.png")[:1216].any()
-
-
 @pytest.mark.parametrize(
     ("change", "error"),
     [
@@ -161,11 +149,6 @@ def test_an_invalid_input_is_a_one_line_error_without_output(tmp_path, change, e
         write_preview(**{**arguments, **change})
     assert "\n" not in str(caught.value)
     assert [path.name for path in tmp_path.iterdir()] == ["photo.png"]
-
-
-def test_a_missing_image_is_an_error(tmp_path):
-    with pytest.raises(FormatError, match=r"none\.png"):
-        write_preview(key=KEY, picture=tmp_path / "none.png", labels=[], out=tmp_path / "out.png")
 
 
 def test_tone_keeps_black_black_and_maps_white_to_white():

@@ -80,14 +80,6 @@ def test_a_shadow_refers_to_the_rock_in_the_same_photo(written):
     assert all("shadow_of" not in row for row in rows if row["category_id"] == 1)
 
 
-def test_photos_without_labels_are_listed_with_the_parts_of_their_key(written):
-    images = {image["file_name"]: image for image in json.loads(written.read_text())["images"]}
-    assert set(images) == {f"{KEY}.png", f"{OTHER}.png"}
-    other = images[f"{OTHER}.png"]
-    parts = {"terrain": 1, "position": "A", "light": "off", "azimuth": "30", "camera": "R", "exposure_ms": 256}
-    assert {name: other[name] for name in (*parts, "width", "height")} == {**parts, "width": 1936, "height": 1216}
-
-
 def test_every_photo_has_a_unique_id():
     ids = [image_id(key) for key in GRID]
     assert len(set(ids)) == len(GRID)
@@ -117,7 +109,7 @@ def annotations(draw):
 any_photos = st.dictionaries(st.sampled_from(GRID), st.lists(annotations(), max_size=4), max_size=3)
 
 
-@settings(deadline=None, max_examples=50)
+@settings(deadline=None, max_examples=20)
 @given(photos=any_photos)
 def test_annotations_read_back(tmp_path_factory, photos):
     path = tmp_path_factory.mktemp("coco") / "a.json"
@@ -144,11 +136,6 @@ def test_amodal_fields_are_written_only_if_known(tmp_path):
         1,
         8,
     )
-
-
-def test_the_order_of_photos_does_not_matter(written, tmp_path):
-    write_coco(tmp_path / "again.json", dict(sorted(PHOTOS.items())))
-    assert (tmp_path / "again.json").read_bytes() == written.read_bytes()
 
 
 def test_masks_may_be_written_as_polygons(tmp_path):
@@ -205,11 +192,6 @@ def test_masks_are_read_from_polygons_and_from_plain_runs(tmp_path, segmentation
     np.testing.assert_array_equal(found.mask.mask(), SQUARE)
 
 
-def test_categories_are_identified_by_name(tmp_path):
-    ((found,),) = read_coco(foreign(tmp_path, annotation={"category_id": 1})).values()
-    assert found.kind == SHADOW
-
-
 def test_a_missing_box_is_computed_from_the_mask(tmp_path):
     own = {"bbox": [], "segmentation": [[10, 20, 14, 20, 14, 24, 10, 24]]}
     ((found,),) = read_coco(foreign(tmp_path, annotation=own)).values()
@@ -245,6 +227,7 @@ def test_rock_ids_may_be_attributes_or_missing(tmp_path, own, rock):
         {"annotation": {"rock": "pebble"}},
         {"image": {"width": 968}},
         {"image": {"file_name": "holiday.png"}},
+        {"images": [{"id": 5, "file_name": f"{key}.png"} for key in (KEY, OTHER)]},
     ],
 )
 def test_an_invalid_file_is_a_one_line_error(tmp_path, changes):
@@ -262,23 +245,12 @@ def test_a_photo_that_is_listed_twice_is_an_error(tmp_path, folders):
         read_coco(foreign(tmp_path, images=images, annotations=[]))
 
 
-def test_a_repeated_image_id_is_an_error(tmp_path):
-    images = [{"id": 5, "file_name": f"{key}.png"} for key in (KEY, OTHER)]
-    with pytest.raises(FormatError):
-        read_coco(foreign(tmp_path, images=images))
-
-
 @pytest.mark.parametrize("content", [b"", b"{", b"[]", b"\xff\xfe", b'{"images": 3}', b"[" * 5000])
 def test_a_file_that_is_no_coco_is_a_one_line_error(tmp_path, content):
     (tmp_path / "a.json").write_bytes(content)
     with pytest.raises(FormatError, match=r"a\.json") as caught:
         read_coco(tmp_path / "a.json")
     assert "\n" not in str(caught.value)
-
-
-def test_a_missing_file_is_an_error(tmp_path):
-    with pytest.raises(FormatError, match=r"none\.json"):
-        read_coco(tmp_path / "none.json")
 
 
 json_values = st.recursive(
@@ -291,7 +263,7 @@ json_values = st.recursive(
 )
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 @given(values=st.dictionaries(st.sampled_from(["bbox", "segmentation", "rock", "attributes", "id"]), json_values))
 def test_any_annotation_is_read_or_a_one_line_error(tmp_path_factory, values):
     path = foreign(tmp_path_factory.mktemp("coco"), annotation=values)

@@ -56,12 +56,6 @@ def test_colmap_projects_points_to_the_same_pixels(tmp_path, camera):
         np.testing.assert_allclose(localised.project(camera, points), np.array(seen), atol=1e-6)
 
 
-def test_both_cameras_of_a_position_belong_to_the_same_frame_of_the_rig(tmp_path):
-    write_model(tmp_path / "colmap", LOCALISED)
-    model = pycolmap.Reconstruction(str(tmp_path / "colmap"))
-    assert (model.num_rigs(), model.num_frames(), model.num_images(), model.num_cameras()) == (1, 2, 4, 2)
-
-
 def test_the_same_rigs_give_the_same_bytes(tmp_path):
     for name in ("first", "second"):
         write_model(tmp_path / name, LOCALISED)

@@ -91,13 +91,6 @@ def test_an_interrupted_write_keeps_the_old_folder(tmp_path, interruption):
     assert list(tmp_path.rglob("*.txt")) == [target / "old.txt"]
 
 
-def test_a_folder_is_replaced_completely(tmp_path):
-    for name in ("old", "new"):
-        with writing_folder(tmp_path / "seeds") as temporary:
-            (temporary / f"{name}.txt").write_text(name)
-    assert [path.name for path in tmp_path.rglob("*.txt")] == ["new.txt"]
-
-
 def test_json_has_sorted_keys_and_reads_back(tmp_path):
     write_json(tmp_path / "a.json", {"b": [1.5, "x"], "a": None})
     assert (tmp_path / "a.json").read_text().index('"a"') < (tmp_path / "a.json").read_text().index('"b"')
@@ -110,11 +103,6 @@ def test_invalid_json_is_a_one_line_error_with_the_file(tmp_path, content):
     with pytest.raises(FormatError, match=r"a\.json") as caught:
         read_json(tmp_path / "a.json")
     assert "\n" not in str(caught.value)
-
-
-def test_missing_json_is_an_error_with_the_file(tmp_path):
-    with pytest.raises(FormatError, match=r"none\.json"):
-        read_json(tmp_path / "none.json")
 
 
 def test_a_folder_is_renamed_before_it_is_deleted(tmp_path, monkeypatch):

@@ -68,10 +68,6 @@ def test_a_file_that_is_no_elevation_model_in_metres_is_an_error(tmp_path, slope
         read_elevation(path, 20.0, 20.0)
 
 
-def test_an_unused_no_data_value_is_accepted(tmp_path, slope):
-    assert read_elevation(write(tmp_path / "a.tif", slope, nodata=7.1), 20.0, 20.0).height.size
-
-
 @pytest.mark.parametrize(("value", "more"), [(-9999.0, {"nodata": -9999.0}), (-32768.0, {}), (np.nan, {})])
 def test_holes_are_errors_with_the_location_of_the_first_hole(tmp_path, slope, value, more):
     slope[10:12, 20] = value
@@ -134,12 +130,3 @@ def test_heights_in_kilometres_are_errors(tmp_path, slope):
         file.units = ("km",)
     with pytest.raises(FormatError, match=r"a\.tif"):
         read_elevation(path, 20.0, 20.0)
-
-
-def test_a_file_that_is_no_geotiff_is_a_one_line_error(tmp_path):
-    (tmp_path / "a.tif").write_text("no image")
-    with pytest.raises(FormatError, match=r"a\.tif") as error:
-        read_elevation(tmp_path / "a.tif", 1.0, 1.0)
-    assert "\n" not in str(error.value)
-    with pytest.raises(FormatError, match=r"none\.tif"):
-        read_elevation(tmp_path / "none.tif", 1.0, 1.0)

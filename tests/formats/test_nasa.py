@@ -168,18 +168,6 @@ def test_a_cloud_reads_back_with_an_error_below_a_twentieth_of_a_millimetre(tmp_
     np.testing.assert_allclose(nasa.read_cloud(tmp_path / name), points, atol=0.5e-4 + 1e-9)
 
 
-def test_a_cloud_is_written_as_lines_of_millimetres(tmp_path):
-    nasa.write_cloud(tmp_path / "a.xyz", np.array([[1.23456, -0.5, 0.00004]]), np.array([7]))
-    assert (tmp_path / "a.xyz").read_text() == "1234.6 -500 0 7\n"
-
-
-def test_headers_counts_and_commas_of_other_programs_are_read(tmp_path):
-    (tmp_path / "a.pts").write_text("2\n1000 2000 3000 5 0 0 0\n4000 5000 6000 5 0 0 0\n")
-    (tmp_path / "b.txt").write_text("// X,Y,Z\n1000,2000,3000\n4000,5000,6000\n")
-    for name in ("a.pts", "b.txt"):
-        np.testing.assert_allclose(nasa.read_cloud(tmp_path / name), [[1, 2, 3], [4, 5, 6]])
-
-
 @st.composite
 def clouds(draw):
     """Points in millimetres, and a text file of the points in any notation of common programs."""
@@ -198,7 +186,7 @@ def clouds(draw):
     return np.array(points) / 10, text.encode(encoding)
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=60)
 @given(cloud=clouds())
 def test_all_notations_of_a_cloud_give_the_same_cloud(tmp_path_factory, cloud):
     path = tmp_path_factory.getbasetemp() / "a.xyz"
@@ -282,14 +270,6 @@ def test_a_compression_that_needs_a_package_is_named(tmp_path, compression):
         nasa.read_range_map(tmp_path / "a.tif", (16, 12))
 
 
-@pytest.mark.parametrize("name", ["CamL_7_0256.PNG", "CamL_7_0256.Png"])
-def test_suffixes_of_photos_may_be_upper_or_lower_case(tmp_path, name):
-    path = tmp_path / "PosA_1500_Loff/Sun_30" / name
-    path.parent.mkdir(parents=True)
-    path.touch()
-    assert [str(key) for key, _ in nasa.find_photos(tmp_path, 1)] == ["01_A_off_30_L_0256"]
-
-
 def test_a_ply_cloud_is_read_in_millimetres(tmp_path):
     header = (
         "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
@@ -307,20 +287,6 @@ def test_a_file_that_is_no_cloud_is_an_error(tmp_path, name, text):
     (tmp_path / name).write_text(text)
     with pytest.raises(FormatError):
         nasa.read_cloud(tmp_path / name)
-
-
-READERS = {
-    "stereo.calibration": nasa.read_calibration,
-    "PosA_org-XYZ.tif": lambda path: nasa.read_range_map(path, SIZE),
-    "PosA.xyz": nasa.read_cloud,
-    "PosA.ply": nasa.read_cloud,
-}
-
-
-def test_a_missing_file_is_an_error_of_every_reader(tmp_path):
-    for name, read in READERS.items():
-        with pytest.raises(FormatError, match=name):
-            read(tmp_path / name)
 
 
 def touch(path):

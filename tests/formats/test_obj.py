@@ -43,14 +43,6 @@ def test_trimesh_reads_the_same_triangles(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "faces",
-    ["f 1 2 3\nf 2 4 3\n", "f 1//1 2//2 3//3\nf 2//2 4//4 3//3\n", "f 1/7/1 2/8/2 3/9/3\nf 2/1/2 4/1/4 3/1/3\n"],
-)
-def test_faces_may_have_texture_and_normals(tmp_path, faces):
-    np.testing.assert_array_equal(read_text(tmp_path, PLAIN + faces).faces, [[0, 1, 2], [1, 3, 2]])
-
-
-@pytest.mark.parametrize(
     "faces", ["f 1 2 4 3\n", "f -4 -3 -1 -2\n", "l 1 2\nf 1//1 2//1 4//1\nl 2 3\nf 1//1 4//1 3//1\n"]
 )
 def test_quads_relative_numbers_and_unknown_lines_are_read(tmp_path, faces):
@@ -93,7 +85,7 @@ def spellings(draw):
     return f"o rock\n{plain}".encode(), text.encode(encoding)
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=60)
 @given(files=spellings())
 def test_all_notations_of_a_mesh_give_the_same_mesh(tmp_path_factory, files):
     folder = tmp_path_factory.getbasetemp()
@@ -112,7 +104,7 @@ LINES = (
 )
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=60)
 @given(lines=st.lists(st.sampled_from(LINES), min_size=3, max_size=12), first=st.booleans())
 def test_the_fast_reader_accepts_the_files_of_the_reference(lines, first):
     """Plain blocks of vertices and triangles with any other lines before, between and after them."""
@@ -147,22 +139,6 @@ def test_an_invalid_file_is_an_error_with_line_and_reason(tmp_path, text):
         read_text(tmp_path, text)
 
 
-def test_a_missing_file_is_an_error(tmp_path):
-    with pytest.raises(FormatError, match=r"terrain01_rock1\.obj"):
-        obj.read_obj(tmp_path / "terrain01_rock1.obj")
-
-
-@pytest.mark.release
-def test_the_fast_reader_agrees_with_the_reference(release_root):
-    paths = sorted((release_root / "TerrainMeshes" / "Terrain11").glob("*.obj"))
-    quick = [path for path in paths if obj._plain_triangles(path.read_bytes()) is not None]
-    assert quick
-    for path in quick[:4]:
-        slow = obj._any_faces(path.read_bytes())
-        np.testing.assert_array_equal(obj.read_obj(path).vertices, slow.vertices)
-        np.testing.assert_array_equal(obj.read_obj(path).faces, slow.faces)
-
-
 def test_the_full_mesh_is_preferred_to_the_decimated_mesh(tmp_path):
     for name in (
         "terrain04_rock2_decimate-005.obj",
@@ -180,11 +156,6 @@ def test_the_full_mesh_is_preferred_to_the_decimated_mesh(tmp_path):
 def test_a_name_has_terrain_rock_and_decimation():
     assert obj.parse_rock_name(obj.rock_name(4, 12, decimated=True)) == (4, 12, True)
     assert obj.parse_rock_name("terrain01_ground.obj") is None
-
-
-def test_normals_of_an_outward_mesh_point_outward():
-    offset = TETRAHEDRON.vertices - TETRAHEDRON.vertices.mean(axis=0)
-    assert ((TETRAHEDRON.normals() * offset).sum(axis=1) > 0).all()
 
 
 @pytest.mark.parametrize("faces", ["f 1 2  3\n", "f 1 2 3 \n", "f 1/7/1 2//2 3//3\nf 2//2 4 3\n", "f +1 2 3\n"])

@@ -79,11 +79,6 @@ def test_cover_photos_are_found_by_position(tmp_path):
     }
 
 
-def test_a_folder_of_labels_may_be_flat_or_have_terrain_folders(tmp_path):
-    make(tmp_path, f"{KEY}.txt", "Terrain03/03_B_on_30_R_0032.txt", "other/04_B_on_30_R_0032.txt")
-    assert [str(key) for key in release.key_files(tmp_path).files] == [str(KEY), "03_B_on_30_R_0032"]
-
-
 def test_a_photo_with_two_label_files_is_an_error(tmp_path):
     make(tmp_path, f"{KEY}.txt", f"Terrain01/{KEY}.txt")
     with pytest.raises(LabelError):

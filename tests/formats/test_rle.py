@@ -17,13 +17,13 @@ def of_coco(mask: np.ndarray) -> str:
     return coco_mask.encode(np.asfortranarray(mask.astype(np.uint8)))["counts"].decode()
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 @given(mask=any_mask)
 def test_runs_equal_those_of_pycocotools(mask):
     assert rle.encode_rle(mask, size=mask.shape[::-1]).counts == of_coco(mask)
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 @given(mask=any_mask, left=st.integers(0, 1927), top=st.integers(0, 1207))
 def test_a_part_of_a_photo_has_the_same_runs_as_the_photo(mask, left, top):
     whole = np.zeros((1216, 1936), bool)
@@ -31,7 +31,7 @@ def test_a_part_of_a_photo_has_the_same_runs_as_the_photo(mask, left, top):
     assert rle.encode_rle(mask, left, top).counts == of_coco(whole)
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 @given(mask=any_mask)
 def test_runs_of_pycocotools_decode_to_the_mask(mask):
     found = rle.from_text(of_coco(mask), mask.shape[::-1])

@@ -20,7 +20,7 @@ def rows_of(items):
     return table.astype({"key": "str", "value": "float64"})
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=8)
 @given(size=st.integers(1, 30))
 def test_the_table_does_not_depend_on_the_size_of_parts(tmp_path_factory, size):
     path = tmp_path_factory.mktemp("parts") / "table.parquet"

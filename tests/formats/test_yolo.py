@@ -36,13 +36,6 @@ def test_whole_pixel_boxes_read_back_to_a_hundredth_of_a_pixel(tmp_path_factory,
     np.testing.assert_allclose(read_boxes, boxes, atol=0.01)
 
 
-def test_no_box_is_an_empty_file(tmp_path):
-    yolo.write_boxes(tmp_path / "a.txt", np.zeros(0, int), np.zeros((0, 4)))
-    assert (tmp_path / "a.txt").read_bytes() == b""
-    classes, boxes = yolo.read_boxes(tmp_path / "a.txt")
-    assert (classes.shape, boxes.shape) == ((0,), (0, 4))
-
-
 @pytest.mark.parametrize(
     "line",
     [
@@ -75,11 +68,6 @@ def test_bytes_that_are_no_text_or_no_digits_are_errors(tmp_path, content):
     (tmp_path / "a.txt").write_bytes(content)
     with pytest.raises(FormatError, match=r"a\.txt"):
         yolo.read_boxes(tmp_path / "a.txt")
-
-
-def test_a_missing_file_is_an_error(tmp_path):
-    with pytest.raises(FormatError, match=r"none\.txt"):
-        yolo.read_boxes(tmp_path / "none.txt")
 
 
 def test_polygons_read_back(tmp_path):

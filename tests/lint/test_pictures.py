@@ -29,10 +29,6 @@ def found(root):
     return [(one.defect, one.file, one.line) for one in lint_folder(root, set(RULES)).findings]
 
 
-def test_sound_pictures_and_labels_have_no_defect(root):
-    assert found(root) == []
-
-
 @pytest.mark.parametrize(
     ("text", "defect", "line"),
     [
@@ -66,7 +62,7 @@ def test_a_broken_picture_is_reported_and_a_folder_without_labels_refused(root):
         lint_folder(root, set(RULES), fix=root / "out")
 
 
-@pytest.mark.parametrize("name", ["large.jpg", "large.tif", "large.webp", "large.png"])
+@pytest.mark.parametrize("name", ["large.jpg", "large.tif", "large.png"])
 def test_pictures_of_large_cameras_and_of_phones_are_sound(root, name):
     """The size is read from the header, upright by the EXIF orientation."""
     exif = Image.Exif()

@@ -89,14 +89,6 @@ def test_defects_have_their_line(tmp_path):
     assert lines["malformed"] == 2
 
 
-def test_unreadable_files_and_wrong_views_are_errors():
-    errors = {name for name, rule in RULES.items() if rule.severity == "error"}
-    assert errors == {
-        "malformed", "unreadable_mesh", "unreadable_picture", "out_of_photo", "swapped_class", "other_azimuth",
-        "other_view", "ground_as_rock", "other_camera_polygons",
-    }  # fmt: skip
-
-
 def test_a_copy_is_compared_with_its_regular_file(tmp_path):
     root = make(
         sound(tmp_path),

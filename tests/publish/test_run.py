@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from polarsim.detect.tone import to_8_bits
 from polarsim.errors import ConfigError, FormatError, PolarsimError
 from polarsim.formats import png
-from polarsim.formats.tables import read_parquet, write_csv, write_parquet
+from polarsim.formats.tables import write_csv
 from polarsim.publish import bundle as bundles
 from polarsim.publish import run as running
 from polarsim.publish.bundle import Bundle, check_space
@@ -309,18 +309,6 @@ def test_the_date_of_a_run_is_that_of_the_newest_file_or_source_date_epoch(tmp_p
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "tomorrow")
     with pytest.raises(ConfigError):
         read_catalogue(run)
-
-
-def test_photos_are_found_from_any_folder(tmp_path, monkeypatch):
-    run = make_run(tmp_path)
-    table = read_parquet(run / "acquire/Terrain01/photos.parquet")
-    table["path"] = [str(Path(path).relative_to(tmp_path)) for path in table["path"]]
-    write_parquet(run / "acquire/Terrain01/photos.parquet", table)
-    elsewhere = tmp_path / "elsewhere"
-    elsewhere.mkdir()
-    for folder in (tmp_path, elsewhere, run):
-        monkeypatch.chdir(folder)
-        assert len(read_catalogue(run).of_domain("analog")) == 4
 
 
 FIRST, SECOND = "position", "photo"  # not in alphabetical order
