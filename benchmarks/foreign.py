@@ -398,7 +398,6 @@ def reconstruct(folder: Path, rocks_options: RocksOptions | None = None) -> dict
         seeds=folder / "seeds",
         cameras=folder / "cameras",
         options=LocalisationOptions(),
-        threads=1,
     )
     seconds["cameras"], start = time.process_time() - start, time.process_time()
     find_rocks(

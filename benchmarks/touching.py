@@ -88,7 +88,7 @@ def make(folder: Path, name: str) -> None:
     locate_cameras(
         terrain=number, positions=positions, inventory=folder / "inventory.json",
         calibration=folder / "calibration.json", seeds=folder / "seeds", cameras=folder / "cameras",
-        options=LocalisationOptions(), threads=1,
+        options=LocalisationOptions(),
     )  # fmt: skip
 
 

@@ -126,7 +126,6 @@ class Run:
             seeds=at["seeds"],
             cameras=self.folder / "cameras",
             options=self.config.cameras.localisation,
-            threads=1,
         )
         if self.unlocalised:
             self._forget_pose(self.folder / "cameras" / f"Pos{self.unlocalised}.json")

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import logging
-import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from operator import itemgetter
 from pathlib import Path
@@ -60,17 +58,15 @@ def locate_cameras(
     seeds: Path,
     cameras: Path,
     options: LocalisationOptions,
-    threads: int,
 ) -> None:
     """Localise the rigs of a terrain and write the folder `cameras`: `PosX.json`, `colmap/` and tables of quality.
 
     `inventory`, `calibration`: inventory of the source, and calibration of the rig.
     `seeds`: folder of seed labels; the labels of the left camera are used if there are no scans.
-    `threads`: number of threads of Open3D.
     """
     source, rig = read_inventory(inventory), read_rig(calibration)
     scanned = [position for position in positions if position in source.scanned]
-    with _openmp_threads(threads), with_part(f"Terrain{terrain:02d}"):
+    with with_part(f"Terrain{terrain:02d}"):
         if scanned:
             located = _locate_by_scans(source, scanned, rig)
         else:
@@ -85,20 +81,6 @@ def locate_cameras(
             write(folder / name, table)
 
 
-@contextmanager
-def _openmp_threads(threads: int) -> Iterator[None]:
-    """Set the number of threads that OpenMP of Open3D reads when it is first loaded; subprocesses do not inherit it."""
-    before = os.environ.get("OMP_NUM_THREADS")
-    os.environ["OMP_NUM_THREADS"] = str(threads)
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ["OMP_NUM_THREADS"]
-        else:
-            os.environ["OMP_NUM_THREADS"] = before
-
-
 def _locate_by_scans(source: Inventory, positions: list[str], rig: StereoRig) -> LocalisationResult:
     scans = {position: read_scan(source, position, rig) for position in positions}
     surveyed = stations(source.terrain)
@@ -110,11 +92,7 @@ def _locate_by_scans(source: Inventory, positions: list[str], rig: StereoRig) ->
     for position, level_from_left in network.level_from_left.items():
         pose = frame.sandbox_from_level @ level_from_left
         mine = [pair for pair in network.pairs if position in (pair.fixed, pair.moving)]
-        metrics = {
-            "walls": float(frame.walls),
-            "points": float(len(scans[position])),
-            **_survey_offsets(position, pose, surveyed),
-        }
+        metrics = {"walls": float(frame.walls), "points": float(len(scans[position]))}
         if mine:
             metrics |= {
                 "fitness": max(pair.alignment.fitness for pair in mine),
@@ -122,7 +100,7 @@ def _locate_by_scans(source: Inventory, positions: list[str], rig: StereoRig) ->
                 "agreement": max(pair.agreement for pair in mine),
                 **_formal_errors(network.covariances[position], level_from_left.translation),
             }
-        localised[position] = _rounded_rig(rig, pose, "scans", metrics)
+        localised[position] = _rounded_rig(rig, position, pose, "scans", metrics, surveyed)
     rows = []
     for pair in network.pairs:
         alignment = pair.alignment
@@ -180,26 +158,20 @@ def _locate_by_labels(
         before = untranslated_fits(result, outlines, rig.left)
         fits = [localisation.fit for localisation in result.localised.values()]
         details[TRANSLATION_FILE] = translation_table(outlines.rocks, result.translations, before, fits)
-    surveyed, localised, rows = stations(source.terrain), {}, []
-    for position, localisation in sorted(result.localised.items()):
-        pose = localisation.fit.sandbox_from_left
-        metrics = {**_label_metrics(localisation, len(outlines)), **_survey_offsets(position, pose, surveyed)}
-        localised[position] = _rounded_rig(rig, pose, "labels", metrics)
-        rows += _match_rows(position, localisation, outlines.rocks)
-    rows.sort(key=itemgetter(0, 1))
+    surveyed = stations(source.terrain)
+
+    def localised_rig(position: str, localisation: LabelLocalisation, method: str) -> LocalisedRig:
+        pose, metrics = localisation.fit.sandbox_from_left, _label_metrics(localisation, len(outlines))
+        return _rounded_rig(rig, position, pose, method, metrics, surveyed)
+
+    localised = {position: localised_rig(position, one, "labels") for position, one in sorted(result.localised.items())}
     unconfirmed = {
-        position: _rounded_rig(
-            rig,
-            guess.fit.sandbox_from_left,
-            UNCERTAIN_LABELS,
-            {
-                **_label_metrics(guess, len(outlines)),
-                **_survey_offsets(position, guess.fit.sandbox_from_left, surveyed),
-            },
-        )
+        position: localised_rig(position, guess, UNCERTAIN_LABELS)
         for position, refusal in sorted(result.refused.items())
         if (guess := refusal.best) is not None and is_plausible(guess)
     }
+    rows = [row for position, one in result.localised.items() for row in _match_rows(position, one, outlines.rocks)]
+    rows.sort(key=itemgetter(0, 1))
     matches = pd.DataFrame(rows, columns=list(MATCHES.columns))
     return LocalisationResult(localised, {**details, "matches.parquet": matches}, unconfirmed)
 
@@ -267,15 +239,22 @@ def _complete_positions(
             continue
         log.warning("position %s has neither a scan nor enough labels and meshes: its surveyed pose is used", position)
         pose, pitch_sd = likely
-        metrics = {PITCH_SD: pitch_sd, **_survey_offsets(position, pose, surveyed)}
-        complete[position] = _rounded_rig(rig, pose, SURVEYED, metrics)
+        complete[position] = _rounded_rig(rig, position, pose, SURVEYED, {PITCH_SD: pitch_sd}, surveyed)
     if not complete:
         raise RegistrationError(f"positions {', '.join(positions)}: {_NOT_LOCALISED}")
     return complete
 
 
-def _rounded_rig(rig: StereoRig, pose: Pose, method: str, metrics: Mapping[str, float]) -> LocalisedRig:
-    return LocalisedRig(rig, rounded(pose), method, rounded_metrics(dict(metrics)))
+def _rounded_rig(
+    rig: StereoRig,
+    position: str,
+    pose: Pose,
+    method: str,
+    metrics: Mapping[str, float],
+    surveyed: Mapping[str, Pose],
+) -> LocalisedRig:
+    offsets = _survey_offsets(position, pose, surveyed)
+    return LocalisedRig(rig, rounded(pose), method, rounded_metrics({**metrics, **offsets}))
 
 
 def _survey_offsets(position: str, pose: Pose, surveyed: Mapping[str, Pose]) -> dict[str, float]:

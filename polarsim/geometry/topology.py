@@ -21,14 +21,18 @@ def hull_faces(points: np.ndarray) -> np.ndarray:
     return faces
 
 
+def linked_parts(links: np.ndarray, size: int) -> np.ndarray:
+    """Return the number (size,) of the connected part of each element, by pairs (n, 2) of linked elements."""
+    graph = coo_array((np.ones(len(links), bool), (links[:, 0], links[:, 1])), shape=(size, size))
+    return np.asarray(connected_components(graph, directed=False)[1])
+
+
 def part_of_vertex(faces: np.ndarray, vertices: int) -> np.ndarray:
     """Return the number (vertices,) of the connected part of each vertex; parts of faces (f, 3) share no vertex.
 
     A vertex that no face uses is a separate part.
     """
-    first, second = faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel()
-    links = coo_array((np.ones(len(first), bool), (first, second)), shape=(vertices, vertices))
-    return np.asarray(connected_components(links, directed=False)[1])
+    return linked_parts(np.concatenate([faces[:, :2], faces[:, 1:]]), vertices)
 
 
 def part_of_face(faces: np.ndarray) -> np.ndarray:

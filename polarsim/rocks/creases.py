@@ -7,7 +7,7 @@ Stein et al., CVPR 2014; learned agglomeration: Nunez-Iglesias et al., PLoS ONE 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,7 +15,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import ConvexHull, QhullError
 
-from polarsim.rocks.heights import hull_mask
+from polarsim.rocks.heights import hull_mask, upward_normals
 
 CURVATURE_SMOOTHING = 0.0075  # metres, sigma of the heights for curvatures
 NORMAL_SMOOTHING = 0.005  # metres, sigma of the heights for normals
@@ -24,6 +24,7 @@ CREASE_DEPTH = 15.0  # minimum curvature of a crease above the centres of both p
 CURVATURES = (-60.0, 120.0)  # 1 / m: curvatures are clipped to this range
 SMALLEST = 12  # minimum number of cells of a piece
 FOLD = 0.25  # radians: minimum angle of a folded border
+PLANES = 400  # of a hull that are evaluated at a time
 BODY_BASE = 0.02  # metres below the lowest point to which a body is extended
 
 TERMS = (
@@ -55,9 +56,7 @@ class Relief:
     @cached_property
     def normals(self) -> np.ndarray:
         """Unit normals (rows, columns, 3), upwards."""
-        along_y, along_x = np.gradient(ndimage.gaussian_filter(self.above, NORMAL_SMOOTHING / self.cell), self.cell)
-        normals = np.stack([-along_x, -along_y, np.ones_like(along_x)], axis=-1)
-        return np.asarray(normals / np.linalg.norm(normals, axis=-1, keepdims=True))
+        return upward_normals(ndimage.gaussian_filter(self.above, NORMAL_SMOOTHING / self.cell), self.cell)
 
     @cached_property
     def bend(self) -> np.ndarray:
@@ -244,15 +243,10 @@ def depths_below_hull(points: np.ndarray) -> np.ndarray:
         return np.zeros(len(points))
     planes = np.unique(np.round(planes[planes[:, 2] > 1e-3], 9), axis=0)
     top = np.full(len(points), np.inf)
-    for block in _blocks(planes):
+    for block in (planes[start : start + PLANES] for start in range(0, len(planes), PLANES)):
         heights = -(points[:, :2] @ block[:, :2].T + block[:, 3]) / block[:, 2]
         top = np.minimum(top, heights.min(axis=1))
     return np.maximum(top - points[:, 2], 0)
-
-
-def _blocks(planes: np.ndarray, size: int = 400) -> Iterator[np.ndarray]:
-    for start in range(0, len(planes), size):
-        yield planes[start : start + size]
 
 
 def _window(cells: np.ndarray, shape: tuple[int, ...], margin: int) -> tuple[tuple[slice, slice], np.ndarray]:

@@ -110,7 +110,7 @@ def _without_mislabelled(sand: SandSurface, limits: Limits, evidence: Evidence, 
 
 def ground_cloud(sand: SandSurface) -> Cloud:
     """Return a point for each cell of visible ground, with the normal of the surface."""
-    normals = upward_normals(sand.grid, sand.ground)
+    normals = upward_normals(sand.ground, sand.grid.cell)
     points = np.concatenate([sand.grid.centres(), sand.ground[..., None]], axis=-1)
     return Cloud(points[sand.is_ground], normals[sand.is_ground])
 

@@ -8,10 +8,9 @@ from itertools import combinations
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from polarsim.geometry.boxes import iou
+from polarsim.geometry.topology import linked_parts
 from polarsim.rocks.evidence import ANNOTATION_IOU
 
 ROCK_COST = 0.06  # IoU per position that each rock costs: two rocks must explain the boxes better than one
@@ -57,9 +56,8 @@ def _clusters(
     following = np.stack([order[:-1], order[1:]], axis=1)
     same_rock = following[rock[following[:, 0]] == rock[following[:, 1]]]
     links = np.concatenate([np.array(touching, int).reshape(-1, 2), same_rock])
-    graph = coo_array((np.ones(len(links), bool), (links[:, 0], links[:, 1])), shape=(len(rock), len(rock)))
-    count, cluster = connected_components(graph, directed=False)
-    for number in range(count):
+    cluster = linked_parts(links, len(rock))
+    for number in range(cluster.max(initial=-1) + 1):
         pieces = np.flatnonzero(cluster == number)
         if len(pieces) > 1:
             yield pieces, {(first, second) for first, second in touching if cluster[first] == number}

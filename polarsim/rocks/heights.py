@@ -123,9 +123,9 @@ def _from_coarser(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     return ndimage.map_coordinates(coarse, np.meshgrid(row, column, indexing="ij"), order=1, mode="nearest")
 
 
-def upward_normals(grid: FloorGrid, heights: np.ndarray) -> np.ndarray:
-    """Return unit normals (rows, columns, 3) of a height field."""
-    along_y, along_x = np.gradient(heights, grid.cell)
+def upward_normals(heights: np.ndarray, cell: float) -> np.ndarray:
+    """Return unit normals (rows, columns, 3) of a height field with square cells, metres."""
+    along_y, along_x = np.gradient(heights, cell)
     normals = np.stack([-along_x, -along_y, np.ones_like(along_x)], axis=-1)
     return normals / np.linalg.norm(normals, axis=-1, keepdims=True)
 

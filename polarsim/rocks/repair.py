@@ -16,7 +16,7 @@ from polarsim.formats.ply import Cloud
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import rim
 from polarsim.geometry.planes import robust_plane
-from polarsim.geometry.topology import is_watertight, largest_island, open_edges, part_of_face, part_of_vertex
+from polarsim.geometry.topology import is_watertight, largest_island, linked_parts, open_edges, part_of_face
 from polarsim.progress import track
 from polarsim.rocks.fitted_ground import FITTED_GROUND_CELL
 from polarsim.rocks.folder import write_named
@@ -53,7 +53,7 @@ def defects(mesh: Mesh) -> dict[str, object]:
     main = largest_island(joined)
     edges = open_edges(main.faces)
     lengths = np.linalg.norm(main.vertices[edges[:, 0]] - main.vertices[edges[:, 1]], axis=1)
-    loop = part_of_vertex(np.column_stack([edges, edges[:, :1]]), len(main.vertices))[edges[:, 0]]
+    loop = linked_parts(edges, len(main.vertices))[edges[:, 0]]
     loops = np.bincount(loop, lengths)
     loops = loops[loops > 0]
     return {

@@ -6,11 +6,15 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.topology import is_watertight, largest_island, numbered_edges, remove_unused_vertices
+from polarsim.geometry.topology import (
+    is_watertight,
+    largest_island,
+    linked_parts,
+    numbered_edges,
+    remove_unused_vertices,
+)
 
 COINCIDENT_ANGLE = 1e-6  # radians: coincident faces enclose an angle of zero, not a full turn
 PARTING = 1e-5  # metres: displacement that separates touching parts of a surface
@@ -92,8 +96,8 @@ def split_non_manifold(mesh: Mesh) -> Mesh:
             np.stack([following[first_corner], second_corner], axis=1),
         ]
     )
-    graph = coo_array((np.ones(len(links), bool), (links[:, 0], links[:, 1])), shape=(len(starts), len(starts)))
-    number, vertex = connected_components(graph, directed=False)
+    vertex = linked_parts(links, len(starts))
+    number = int(vertex.max(initial=-1)) + 1
     if number == len(np.unique(starts)):
         return mesh
     origin = np.empty(number, np.int64)

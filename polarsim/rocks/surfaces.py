@@ -152,7 +152,7 @@ def ground_surface(grid: FloorGrid, heights: np.ndarray, cell: float) -> Mesh:
     `cell`: cell of the reconstruction, metres.
     """
     points = np.concatenate([grid.centres(), heights[..., None]], axis=-1).reshape(-1, 3)
-    surface = poisson(Cloud(points, upward_normals(grid, heights).reshape(-1, 3)), cell, GROUND_ROOM)
+    surface = poisson(Cloud(points, upward_normals(heights, grid.cell).reshape(-1, 3)), cell, GROUND_ROOM)
     inside = grid.extent.contains(surface.vertices)
     return largest_island(remove_unused_vertices(surface.vertices, surface.faces[inside[surface.faces].all(axis=1)]))
 

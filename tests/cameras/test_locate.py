@@ -19,7 +19,7 @@ from polarsim.schemas.stages import ALIGNMENT, MATCHES
 pytestmark = pytest.mark.usefixtures("coarse_search", "coarse_scans")
 
 
-def locate(folder, inventory, rig, positions="ABC", seeds=None, name="cameras", threads=1):
+def locate(folder, inventory, rig, positions="ABC", seeds=None, name="cameras"):
     write_inventory(folder / "inventory.json", inventory)
     write_rig(folder / "calibration.json", rig, "test")
     locate_cameras(
@@ -30,7 +30,6 @@ def locate(folder, inventory, rig, positions="ABC", seeds=None, name="cameras", 
         seeds=seeds or folder / "seeds",
         cameras=folder / name,
         options=LocalisationOptions(),
-        threads=threads,
     )
     return read_all_localised(folder / name)
 
@@ -85,7 +84,7 @@ def test_scans_localise_their_rigs_and_the_survey_localises_the_rest(tmp_path, s
     image = pycolmap.Reconstruction(str(tmp_path / "cameras" / "colmap")).find_image_with_name("PosB_CamL")
     expected = localised["B"].sandbox_from_left.inverse().matrix
     np.testing.assert_allclose(image.cam_from_world().matrix(), expected[:3], atol=1e-9)
-    locate(tmp_path, scanned, sandbox.rig, name="again", threads=2)
+    locate(tmp_path, scanned, sandbox.rig, name="again")
     assert contents(tmp_path / "again") == contents(tmp_path / "cameras")
 
 

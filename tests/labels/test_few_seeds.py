@@ -45,7 +45,6 @@ def labels(release_root, tmp_path_factory):
         seeds=folder / "seeds",
         cameras=folder / "cameras",
         options=LocalisationOptions(),
-        threads=1,
     )
     adopt_rocks(
         terrain=TERRAIN,

@@ -88,7 +88,9 @@ def test_smoothing_ignores_values_without_weight():
 
 def test_normals_of_a_plane():
     normal = np.array([-0.2, 0.3, 1]) / np.linalg.norm([-0.2, 0.3, 1])
-    np.testing.assert_allclose(upward_normals(GRID, plane(GRID.centres())), np.broadcast_to(normal, (*GRID.shape, 3)))
+    np.testing.assert_allclose(
+        upward_normals(plane(GRID.centres()), GRID.cell), np.broadcast_to(normal, (*GRID.shape, 3))
+    )
 
 
 def test_the_hull_of_a_ring_is_a_disc():

@@ -15,5 +15,4 @@ with reporting(log=snakemake.log[0]):
         seeds=Path(snakemake.input.seeds),
         cameras=Path(snakemake.output.cameras),
         options=LocalisationOptions(**snakemake.params.options),
-        threads=snakemake.threads,
     )
