@@ -1,9 +1,7 @@
 """Documents agree with the code: commands run or parse, configurations are valid, keys, links and paths exist."""
 
-import argparse
 import os
 import re
-import runpy
 import shlex
 import subprocess
 import sys
@@ -148,31 +146,9 @@ def check_python(arguments: list[str]) -> None:
         return
     script, *rest = arguments
     text = (CHECKOUT / script).read_text()
-    if "argparse" in text:
-        parse_with_parser_of(script, rest)
     for word in rest:
         if word.startswith("--"):
             assert f'"{word.partition("=")[0]}"' in text, word
-
-
-def parse_with_parser_of(script: str, arguments: list[str]) -> None:
-    """Run a script until the arguments are parsed."""
-
-    class ParsedError(Exception):
-        pass
-
-    parse = argparse.ArgumentParser.parse_args
-
-    def parse_args(self, *given, **named):
-        parse(self, *given, **named)
-        raise ParsedError
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sys, "argv", [script, *arguments])
-        patch.setattr(sys, "path", [str(CHECKOUT / "benchmarks"), str(CHECKOUT), *sys.path])
-        patch.setattr(argparse.ArgumentParser, "parse_args", parse_args)
-        with pytest.raises(ParsedError):
-            runpy.run_path(str(CHECKOUT / script), run_name="__main__")
 
 
 CHECKS = {"make": check_make, "polarsim": check_polarsim, "snakemake": check_snakemake, "python": check_python}

@@ -63,13 +63,6 @@ def test_a_given_exposure_is_chosen_if_available(tmp_path):
     assert [str(key) for key, _ in choose_seed_files(files, "ABC", SeedOptions(exposure=64))] == names[:1]
 
 
-def test_an_invalid_line_of_a_candidate_is_an_error_with_file_and_line(tmp_path):
-    files = dict([write(tmp_path, "03_A_off_30_L_0064", 3)])
-    (tmp_path / "03_A_off_30_L_0064.txt").write_text("0 0.5 0.5 0.1 0.1\n0 0.5 0.5 0.1\n")
-    with pytest.raises(FormatError, match=r"03_A_off_30_L_0064\.txt:2"):
-        choose_seed_files(files, "ABC", SeedOptions())
-
-
 def test_seeds_are_written_with_six_decimals_and_replace_earlier_files(tmp_path):
     _, path = write(tmp_path, str(KEY), 0)
     path.write_text("0 0.5 0.5  0.1 0.2")

@@ -46,12 +46,6 @@ def test_azimuths_may_be_written_as_numbers():
     assert SeedOptions(azimuths=[30, "350"]).azimuths == ("30", "350")
 
 
-def test_default_seeds_are_left_photos_without_rover_light_under_all_suns():
-    options = SeedOptions()
-    assert (options.camera, options.light, options.exposure) == ("L", "off", "best")
-    assert options.azimuths == ("30", "180", "270", "350")
-
-
 def test_seeds_are_options_or_none():
     assert seed_choice("none") == "none"
     assert seed_choice({"camera": "R"}) == SeedOptions(camera="R")
@@ -65,8 +59,3 @@ def test_the_selection_of_seeds_is_described_as_text():
     assert describe_seeds("none") == "none"
     assert describe_seeds(SeedOptions(azimuths=[30, 180])) == "L, rover light off, azimuths 30 180, exposure best"
     assert describe_seeds(SeedOptions(exposure=256)).endswith("exposure 256 ms")
-
-
-def test_options_read_back_from_json():
-    source = SourceOptions(kind="polar", root="data/polar", urls={"Terrain11_FreshCrater.zip": "https://x/y.zip"})
-    assert SourceOptions(**source.model_dump(mode="json")) == source

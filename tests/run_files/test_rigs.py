@@ -8,7 +8,6 @@ from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.rigs import (
     LocalisedRig,
-    read_all_localised,
     read_localised,
     read_rig,
     write_localised,
@@ -32,12 +31,6 @@ def test_a_calibration_reads_back(tmp_path):
     back = read_rig(tmp_path / "calibration.json")
     assert back.right == default_rig().right
     np.testing.assert_allclose(back.left_from_right.matrix, default_rig().left_from_right.matrix, atol=1e-15)
-
-
-def test_positions_are_found_by_file_names(tmp_path):
-    for position in "CA":
-        write_localised(tmp_path / f"Pos{position}.json", LOCALISED)
-    assert list(read_all_localised(tmp_path)) == ["A", "C"]
 
 
 def test_the_right_camera_is_a_baseline_to_the_right_of_the_left_camera():
