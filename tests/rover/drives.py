@@ -7,6 +7,7 @@ import pandas as pd
 import yaml
 
 from polarsim.formats import obj, png, tables
+from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.meshes import Mesh
 from polarsim.rover.cameras.frames import pose_table
 from polarsim.rover.cameras.layout import TRUTH_COLUMNS
@@ -98,11 +99,8 @@ def write_meshes(folder: Path, terrain: int) -> None:
     world = practice_world(PracticeGround(length_m=4.0, width_m=4.0, cell_m=0.1, rocks=3, largest_m=0.1), 1)
     centre = np.array([2.0, 0.0, 0.0])
     x, y = np.meshgrid(world.x, world.y)
-    number = np.arange(world.level.size).reshape(world.level.shape)
-    a, b, c, d = (part.ravel() for part in (number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]))
-    nodes = np.stack([x, y, world.level], axis=-1).reshape(-1, 3)
-    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    obj.write_obj(folder / obj.ground_name(terrain), Mesh(nodes - centre, faces), "ground")
+    ground = grid_mesh(x, y, world.level)
+    obj.write_obj(folder / obj.ground_name(terrain), Mesh(ground.vertices - centre, ground.faces), "ground")
     for rock in world.rocks["rock"]:
         vertices, triangles = world.rock_mesh(int(rock))
         name = obj.rock_name(terrain, int(rock) + 1)

@@ -7,7 +7,7 @@ published meshes with vertical offsets of decimetres also match.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -75,7 +75,8 @@ def stitch(terrains: list[TerrainSolids], options: WorldOptions) -> World:
         total[:, part] += np.where(covered, heights, 0.0) * share
         weights[:, part] += covered * share
     level = _with_filler(total, weights, cell)
-    return _with_rocks(bare_world(level, cell, x0, y0), terrains, options)
+    world = bare_world(level, cell, x0, y0)
+    return with_rocks(world, _rocks_in_strip(world, terrains, options))
 
 
 def terrain_centres(options: WorldOptions) -> np.ndarray:
@@ -150,13 +151,11 @@ def _with_filler(total: np.ndarray, weights: np.ndarray, cell: float) -> np.ndar
     return np.where(covered, level, kept * edge + (1 - kept) * relief)
 
 
-def _with_rocks(world: World, terrains: list[TerrainSolids], options: WorldOptions) -> World:
-    rocks = []
+def _rocks_in_strip(world: World, terrains: list[TerrainSolids], options: WorldOptions) -> Iterator[PlacedRock]:
     for terrain, centre in zip(terrains, terrain_centres(options), strict=True):
         for number, rock in sorted(terrain.rocks.items()):
             mesh = remove_unused_vertices(rock.vertices, rock.faces)
             points = mesh.vertices + np.array([centre, 0.0, -terrain.sand_level])
             x, y = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2
             if abs(x - centre) <= LENGTH_M / 2 and world.y[0] < y < world.y[-1]:
-                rocks.append(PlacedRock(terrain.number, number, points, outward(points, mesh.faces)))
-    return with_rocks(world, rocks)
+                yield PlacedRock(terrain.number, number, points, outward(points, mesh.faces))

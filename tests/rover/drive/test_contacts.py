@@ -8,20 +8,14 @@ import trimesh
 
 pytest.importorskip("mujoco", reason="the rover drives with MuJoCo")
 
-from polarsim.geometry.meshes import Mesh
 from polarsim.rover.drive.control import Command
 from polarsim.rover.drive.simulation import Simulation
-from polarsim.rover.drive.state import Start
-from polarsim.rover.soil.law import read_soil
+from polarsim.rover.soil.law import Soil
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
-from polarsim.rover.world.options import WorldOptions
-from polarsim.rover.world.stitch import TerrainSolids, _with_rocks
-from polarsim.rover.world.surface import World, bare_world
-from tests.rover.made_world import plane
+from polarsim.rover.world.surface import PlacedRock, World, bare_world, with_rocks
 
-CONFIG = Path(__file__).parents[3] / "config"
-VIPER = read_vehicle(CONFIG / "viper.yaml")
+VIPER = read_vehicle(Path(__file__).parents[3] / "config/viper.yaml")
 FIRM = SoilOptions(slip_sinkage=False, step_s=0.002)
 CHUNK = 150  # steps per call
 
@@ -31,20 +25,15 @@ def pebbles() -> World:
 
     The wheels pass over each rock within tenths of a second.
     """
-    level = np.zeros((121, 161))
-    places = [(0.98, 0.55), (1.02, 0.66), (0.3, -1.0)]
-    rocks = {}
-    for number, (x, y) in enumerate(places, 1):
+    rocks = []
+    for number, (x, y) in enumerate([(0.98, 0.55), (1.02, 0.66), (0.3, -1.0)], 1):
         box = trimesh.creation.box((0.03, 0.03, 0.06))
-        rocks[number] = Mesh(np.asarray(box.vertices) + np.array([x, y, 0.0]), np.asarray(box.faces))
-    ground = bare_world(level, 0.02, -1.6, -1.2)
-    return _with_rocks(ground, [TerrainSolids(4, plane(0.0), rocks)], WorldOptions(terrains=(4,)))
+        rocks.append(PlacedRock(4, number, np.asarray(box.vertices) + np.array([x, y, 0.0]), np.asarray(box.faces)))
+    return with_rocks(bare_world(np.zeros((121, 161)), 0.02, -1.6, -1.2), rocks)
 
 
-def made() -> Simulation:
-    simulation = Simulation(
-        pebbles(), VIPER, read_soil(CONFIG / "soils.csv", "lunar"), FIRM, Start(0.0, 0.0, 0.0)
-    )  # fmt: skip
+def made(lunar: Soil) -> Simulation:
+    simulation = Simulation(pebbles(), VIPER, lunar, FIRM)
     simulation.zero()
     return simulation
 
@@ -66,8 +55,8 @@ def by_mujoco(simulation: Simulation, steps: int) -> dict[int, float]:
     return times
 
 
-def test_all_contacts_are_counted_for_any_number_of_steps_per_call():
-    seldom, often = made(), made()
+def test_all_contacts_are_counted_for_any_number_of_steps_per_call(lunar):
+    seldom, often = made(lunar), made(lunar)
     for simulation in (seldom, often):
         simulation.apply(Command(0.3, 0.0))
     for _ in range(12):

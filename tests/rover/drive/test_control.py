@@ -5,8 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from polarsim.rover.drive.control import Command, Driver, ReferencePath, SteeringLaw, steer
 from polarsim.rover.vehicle.table import read_vehicle
@@ -42,22 +40,23 @@ def body_motion(velocities: np.ndarray) -> tuple[np.ndarray, float]:
     return motion, float(np.abs(rows @ motion - measured).max())
 
 
-@given(speed=st.floats(-0.5, 0.5), steer=st.floats(-0.5, 0.5))
-def test_no_wheel_slides_sideways_in_a_bend(speed, steer):
-    (forward, sideways, turn), slide = body_motion(wheel_speeds(Command(speed, steer)))
+@pytest.mark.parametrize("speed", [0.4, -0.1])
+@pytest.mark.parametrize("steer", [-0.5, 0.0, 1e-3, 0.4])
+@pytest.mark.parametrize("crab", [0.0, -0.3, 0.4])
+def test_no_wheel_slides_sideways_in_a_bend_with_or_without_crab(speed, steer, crab):
+    (forward, sideways, turn), slide = body_motion(wheel_speeds(Command(speed, steer, "drive", crab)))
     assert slide < 1e-9
-    assert forward == pytest.approx(speed, abs=1e-6)
-    assert sideways == pytest.approx(0, abs=1e-9)
+    assert (forward, sideways) == pytest.approx((speed * math.cos(crab), speed * math.sin(crab)), abs=1e-6)
     # Front and rear wheels steer in opposite directions: the curvature is twice that of a car.
     assert turn == pytest.approx(speed * 2 * math.tan(steer) / VIPER.wheelbase, abs=1e-6)
 
 
-@given(speed=st.floats(-0.5, 0.5), steer=st.floats(-1.5, 1.5))
-def test_a_crab_does_not_turn(speed, steer):
-    (forward, sideways, turn), slide = body_motion(wheel_speeds(Command(speed, steer, "crab")))
+@pytest.mark.parametrize("steer", [-1.5, -0.4, 0.0, 1.2])
+def test_a_crab_does_not_turn(steer):
+    (forward, sideways, turn), slide = body_motion(wheel_speeds(Command(0.3, steer, "crab")))
     assert slide < 1e-9
     assert turn == pytest.approx(0, abs=1e-9)
-    assert (forward, sideways) == pytest.approx((speed * math.cos(steer), speed * math.sin(steer)), abs=1e-9)
+    assert (forward, sideways) == pytest.approx((0.3 * math.cos(steer), 0.3 * math.sin(steer)), abs=1e-9)
 
 
 @pytest.mark.parametrize("speed", [0.1, -0.1])
@@ -87,14 +86,6 @@ def kinematic_drive(
     return points, driver
 
 
-@given(speed=st.floats(0.05, 0.5), steer=st.floats(-0.4, 0.4), crab=st.floats(-0.4, 0.4))
-def test_a_rover_can_crab_and_turn_at_the_same_time(speed, steer, crab):
-    (forward, sideways, turn), slide = body_motion(wheel_speeds(Command(speed, steer, "drive", crab)))
-    assert slide < 1e-9
-    assert (forward, sideways) == pytest.approx((speed * math.cos(crab), speed * math.sin(crab)), abs=1e-6)
-    assert turn == pytest.approx(speed * 2 * math.tan(steer) / VIPER.wheelbase, abs=1e-6)
-
-
 WEST = ReferencePath(np.array([[10.0, 0.0], [0.0, 0.0]]))
 
 
@@ -122,12 +113,8 @@ def test_the_integral_compensates_a_lateral_slide(steering):
         worst.append(max(abs(position[3]) for position in points[600:]))
     assert worst[0] > 0.01
     assert worst[1] < 0.002
-
-
-def test_the_integral_is_bounded():
-    law = SteeringLaw(0.2, 4.0, 3.0, math.radians(30), "combined", 4.0)
     _, driver = kinematic_drive(law, WEST, 10, 0.0, math.pi, 20, slide=0.2)
-    assert abs(driver.drift) == pytest.approx(math.radians(10))
+    assert abs(driver.drift) == pytest.approx(math.radians(10))  # the bound
 
 
 def test_steering_by_the_offset_only_oscillates():
@@ -136,11 +123,6 @@ def test_steering_by_the_offset_only_oscillates():
     offsets = np.array([position[3] for position in points])
     assert offsets.min() < -0.25
     assert offsets[len(offsets) // 2 :].max() > 0.25
-
-
-def test_a_position_to_the_left_of_a_westward_line_is_south_of_it():
-    _, left = WEST.beside(5.0, -0.2, 0)
-    assert left == pytest.approx(0.2)
 
 
 def test_a_sharp_corner_is_turned_on_the_spot():

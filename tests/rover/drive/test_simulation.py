@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.ndimage import gaussian_filter
 
 pytest.importorskip("mujoco", reason="the rover drives with MuJoCo")
@@ -15,19 +16,12 @@ from polarsim.rover.drive.control import Command
 from polarsim.rover.drive.energy import EnergyError, largest_step
 from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.drive.state import OffGridError, Start
-from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
-from polarsim.rover.world.stitch import _with_rocks
-from polarsim.rover.world.surface import bare_world
+from polarsim.rover.world.surface import PlacedRock, bare_world, with_rocks
 
 CONFIG = Path(__file__).parents[3] / "config"
 VIPER = read_vehicle(CONFIG / "viper.yaml")
-
-
-@pytest.fixture
-def soil():
-    return read_soil(CONFIG / "soils.csv", "lunar")
 
 
 def flat(length: float = 4.0, slope_deg: float = 0.0):
@@ -48,8 +42,8 @@ def run(simulation: Simulation, seconds: float, command: Command | None = None) 
     return states
 
 
-def test_at_rest_the_soil_carries_the_weight_and_an_accelerometer_measures_gravity(soil):
-    last = run(Simulation(flat(), VIPER, soil), 2.5)[-1]
+def test_at_rest_the_soil_carries_the_weight_and_an_accelerometer_measures_gravity(lunar):
+    last = run(Simulation(flat(), VIPER, lunar), 2.5)[-1]
     np.testing.assert_allclose(last.wheel("load_n"), 430 * 1.62 / 4, rtol=2e-3)
     np.testing.assert_allclose(last.acceleration, [0, 0, 1.62], atol=2e-3)
     assert np.abs(last.velocity).max() < 1e-4
@@ -59,26 +53,26 @@ def test_at_rest_the_soil_carries_the_weight_and_an_accelerometer_measures_gravi
     assert (last.wheel("sinkage_first_m") < 0.017).all()
 
 
-def test_on_earth_a_rover_is_heavier_and_has_the_same_sinkage(soil):
-    last = run(Simulation(flat(), VIPER, soil, SoilOptions(gravity_m_s2=9.81, step_s=0.0005)), 2.5)[-1]
+def test_on_earth_a_rover_is_heavier_and_has_the_same_sinkage(lunar):
+    last = run(Simulation(flat(), VIPER, lunar, SoilOptions(gravity_m_s2=9.81, step_s=0.0005)), 2.5)[-1]
     assert last.wheel("load_n").sum() == pytest.approx(430 * 9.81, rel=5e-3)
     assert last.acceleration[2] == pytest.approx(9.81, abs=0.02)
     assert (last.wheel("sinkage_first_m") > 0.006).all()
     assert (last.wheel("sinkage_first_m") < 0.020).all()
 
 
-def test_a_rover_lowered_onto_rough_ground_sinks_as_on_level_ground(soil):
+def test_a_rover_lowered_onto_rough_ground_sinks_as_on_level_ground(lunar):
     """Braked wheels that touch down one by one turn by hundredths of a millimetre, without slip sinkage."""
     rng = np.random.default_rng(0)
     bumps = gaussian_filter(rng.normal(size=flat().level.shape), 5.0)
     world = replace(flat(), level=bumps * (0.008 / bumps.std()))
-    last = run(Simulation(world, VIPER, soil, start=Start(0.0, 0.0, math.pi)), 2.0)[-1]
+    last = run(Simulation(world, VIPER, lunar, start=Start(0.0, 0.0, math.pi)), 2.0)[-1]
     assert (last.wheel("sinkage_first_m") > 0.008).all()
     assert (last.wheel("sinkage_first_m") < 0.025).all()
 
 
-def test_a_flat_drive_has_little_ripple_and_closes_the_energy_balance(soil):
-    simulation = Simulation(flat(5.0), VIPER, soil, start=Start(-1.2))
+def test_a_flat_drive_has_little_ripple_and_closes_the_energy_balance(lunar):
+    simulation = Simulation(flat(5.0), VIPER, lunar, start=Start(-1.2))
     run(simulation, 2.0)
     simulation.zero()
     states = run(simulation, 7.0, Command(0.2))
@@ -93,19 +87,19 @@ def test_a_flat_drive_has_little_ripple_and_closes_the_energy_balance(soil):
     assert (slips < 0.12).all()
 
 
-def test_rovers_with_locked_wheels_do_not_creep_down_a_slope(soil):
+def test_rovers_with_locked_wheels_do_not_creep_down_a_slope(lunar):
     """5 s after settling here, 10 s in the benchmark."""
-    simulation = Simulation(flat(slope_deg=15), VIPER, soil)
+    simulation = Simulation(flat(slope_deg=15), VIPER, lunar)
     run(simulation, 2.0)
     before = simulation.state().position
     after = run(simulation, 5.0)[-1].position
     assert np.linalg.norm(after - before) < 0.0005
 
 
-def test_equal_commands_give_equal_bytes(soil):
+def test_equal_commands_give_equal_bytes(lunar):
     ends = []
     for _ in range(2):
-        simulation = Simulation(flat(), VIPER, soil, start=Start(0.0, 0.013, 0.02))
+        simulation = Simulation(flat(), VIPER, lunar, start=Start(0.0, 0.013, 0.02))
         run(simulation, 0.3)
         run(simulation, 0.7, Command(0.2, 0.1))
         ends.append(
@@ -114,8 +108,8 @@ def test_equal_commands_give_equal_bytes(soil):
     assert ends[0] == ends[1]
 
 
-def test_a_bend_has_the_commanded_radius(soil):
-    simulation = Simulation(flat(5.0), VIPER, soil)
+def test_a_bend_has_the_commanded_radius(lunar):
+    simulation = Simulation(flat(5.0), VIPER, lunar)
     run(simulation, 1.0)
     states = run(simulation, 4.0, Command(0.2, 0.3))
     turned = states[-1].heading - states[-150].heading
@@ -126,23 +120,23 @@ def test_a_bend_has_the_commanded_radius(soil):
     assert turned / path == pytest.approx(2 * math.tan(0.3) / VIPER.wheelbase, rel=0.12)
 
 
-def test_a_point_turn_turns_left_in_place(soil):
-    simulation = Simulation(flat(), VIPER, soil)
+def test_a_point_turn_turns_left_in_place(lunar):
+    simulation = Simulation(flat(), VIPER, lunar)
     run(simulation, 1.0)
     states = run(simulation, 5.0, Command(0.15, 0.0, "turn"))
     assert states[-1].heading > 0.2
     assert np.hypot(*states[-1].position[:2]) < 0.05
 
 
-def test_a_step_too_large_for_the_stiffness_is_an_error(soil):
+def test_a_step_too_large_for_the_stiffness_is_an_error(lunar):
     with pytest.raises(RoverError):
-        Simulation(flat(), VIPER, soil, SoilOptions(step_s=0.004))
-    softer = replace(soil, K_e=2e7)
+        Simulation(flat(), VIPER, lunar, SoilOptions(step_s=0.004))
+    softer = replace(lunar, K_e=2e7)
     assert largest_step(VIPER, softer.law(), 1.62) > 0.004
 
 
-def test_an_external_push_ends_a_run(soil):
-    simulation = Simulation(flat(), VIPER, soil)
+def test_an_external_push_ends_a_run(lunar):
+    simulation = Simulation(flat(), VIPER, lunar)
     run(simulation, 0.5)
     simulation.zero()
     run(simulation, 2.0, Command(0.2))
@@ -152,26 +146,19 @@ def test_an_external_push_ends_a_run(soil):
         run(simulation, 0.1)
 
 
-def test_a_rover_stops_before_it_leaves_the_ground(soil):
+def test_a_rover_stops_before_it_leaves_the_ground(lunar):
     with pytest.raises(OffGridError):
-        Simulation(flat(), VIPER, soil, start=Start(1.9))
-    simulation = Simulation(flat(2.6), VIPER, soil)
+        Simulation(flat(), VIPER, lunar, start=Start(1.9))
+    simulation = Simulation(flat(2.6), VIPER, lunar)
     with pytest.raises(OffGridError):
         run(simulation, 9.0, Command(0.3))
 
 
-def test_a_wheel_on_a_rock_has_contact_with_the_rock(soil):
-    import trimesh
-
-    from polarsim.geometry.meshes import Mesh
-    from polarsim.rover.world.options import WorldOptions
-    from polarsim.rover.world.stitch import TerrainSolids
-
+def test_a_wheel_on_a_rock_has_contact_with_the_rock(lunar):
     box = trimesh.creation.box((0.5, 0.5, 0.2)).subdivide()
-    rock = Mesh(np.asarray(box.vertices) + np.array([0.642, 0.61, -0.08]), np.asarray(box.faces))
-    ground = Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))
-    world = _with_rocks(flat(), [TerrainSolids(4, ground, {1: rock})], WorldOptions(terrains=(4,)))
-    last = run(Simulation(world, VIPER, soil), 3.0)[-1]
+    rock = np.asarray(box.vertices) + np.array([0.642, 0.61, -0.08]), np.asarray(box.faces)
+    world = with_rocks(flat(), [PlacedRock(4, 1, *rock)])
+    last = run(Simulation(world, VIPER, lunar), 3.0)[-1]
     assert list(last.wheel("contact")) == [2, 1, 1, 1]
     assert last.wheel("load_n").sum() == pytest.approx(430 * 1.62, rel=0.01)
     # The wheel is on top of the box, 2 cm above the ground.
