@@ -39,8 +39,8 @@ def step_costs(seconds: float) -> None:
     corners = np.array([(0.642, 0.61), (0.642, -0.61), (-0.642, 0.61), (-0.642, -0.61)])
     for label, cell, rule in (
         ("2 cm", 0.02, None),
-        ("2 cm, bulldozing every 10 steps", 0.02, Bulldozing()),
-        ("1 cm, bulldozing every 10 steps", 0.01, Bulldozing()),
+        ("2 cm, bulldozing every 10 steps", 0.02, Bulldozing.on(0.02)),
+        ("1 cm, bulldozing every 10 steps", 0.01, Bulldozing.on(0.01)),
     ):
         ground = make_soil_ground(np.zeros((round(4 / cell), round(12 / cell))), cell, -2.0, -2.0)
         bed = SoilBin(ground, SOILS["lunar"].law(), rule)

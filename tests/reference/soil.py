@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.rover.soil.bulldozing import DISTURBED, MOVED, SQRT2, Bulldozing
+from polarsim.rover.soil.bulldozing import DISTURBED, HEADROOM, MOVED, SQRT2, SWEEPS, Bulldozing
 from polarsim.rover.soil.contact import CLEARANCE, SHEAR_CAP, SLIP_LENGTH, SLOWEST_RIM, STEEPEST, Loads
 from polarsim.rover.soil.law import ContactLaw
 from polarsim.rover.soil.nodes import (
@@ -189,16 +189,15 @@ def _shear(nodes, sigma, normal, level, slip, law, dt):
 
 def bulldoze(ground: SoilGround, bodies: Bodies, rule: Bulldozing) -> None:
     """Move aside the soil that the bodies pressed since the last call, then let it slide around them."""
-    weights, climb = rule.on(ground.cell).weights, rule.on(ground.cell).climb
     for body in range(len(bodies.shapes)):
         inner = _window(ground, bodies.shapes[body], bodies.centres[body], bodies.rotations[body])
         pressed = _sources(ground, inner)
         if pressed is None:
             continue
-        outer = _wider(ground, pressed, len(weights) // 2)
-        _push(ground, bodies, body, outer, weights, rule)
-        for _ in range(rule.sweeps):
-            slide(ground, outer, climb)
+        outer = _wider(ground, pressed, len(rule.weights) // 2)
+        _push(ground, bodies, body, outer, rule)
+        for _ in range(SWEEPS):
+            slide(ground, outer, rule.climb)
 
 
 def settle(ground: SoilGround, angle_deg: float = 36.0, sweeps: int = 200, still_m: float = DISTURBED) -> None:
@@ -240,9 +239,7 @@ def slide(ground: SoilGround, part: tuple[slice, slice], climb: float, corners: 
     return float(np.abs(change).max())
 
 
-def _push(
-    ground: SoilGround, bodies: Bodies, body: int, part: tuple[slice, slice], weights: np.ndarray, rule: Bulldozing
-) -> None:
+def _push(ground: SoilGround, bodies: Bodies, body: int, part: tuple[slice, slice], rule: Bulldozing) -> None:
     state, owner, normals = ground.state[part], ground.owner[part], ground.normals[part]
     pressed = np.where(owner == ROCK, 0.0, state[..., FLOW] / normals[..., 2])
     y, x = np.meshgrid(ground.y[part[0]], ground.x[part[1]], indexing="ij")
@@ -250,12 +247,12 @@ def _push(
         bodies.shapes[body], bodies.centres[body], bodies.rotations[body], x.ravel(), y.ravel(), ground.cell
     )
     surface = hits.level.reshape(owner.shape)
-    below = hits.hit.reshape(owner.shape) & (surface - state[..., LEVEL] < rule.headroom)
+    below = hits.hit.reshape(owner.shape) & (surface - state[..., LEVEL] < HEADROOM)
     room = ((owner == FREE) & ~below).astype(float)
-    reached = _blur(room, weights)
+    reached = _blur(room, rule.weights)
     sends = (pressed > 0) & (reached > 0)  # soil without room stays
     sent = np.where(sends, rule.share * pressed / np.where(sends, reached, 1.0), 0.0)
-    gained = room * _blur(sent, weights)
+    gained = room * _blur(sent, rule.weights)
     state[..., LEVEL] += gained
     state[..., START] += gained
     state[sends, FLOW] = 0

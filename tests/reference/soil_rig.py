@@ -34,7 +34,7 @@ def bulldoze(ground: SoilGround, bodies: Bodies, rule: Bulldozing) -> None:
     """Move aside the soil that the bodies pressed since the last call, then let it slide around them."""
     if bodies.slips is None:  # unused here, but the kernels need an array
         bodies = bodies._replace(slips=np.zeros(len(bodies.shapes)))
-    bulldoze_nodes(ground, bodies, rule.on(ground.cell))
+    bulldoze_nodes(ground, bodies, rule)
 
 
 def flat_ground(length: float, width: float, cell: float) -> SoilGround:

@@ -91,7 +91,7 @@ def advance(physics, servos, ground, bodies, law, bulldozing, loads, records, st
     """Run `steps` steps of `dt` seconds after `done` earlier steps.
 
     Before and after the call, the first half of the next step (`mj_step1`) is done. Types: `Physics`, `Servos`,
-    `SoilGround`, `Bodies`, `ContactLaw`, `Spreading`, `Loads`, `Records`.
+    `SoilGround`, `Bodies`, `ContactLaw`, `Bulldozing`, `Loads`, `Records`.
     """
     before = np.empty_like(physics.qvel)
     xpos, xmat, cvel = physics.xpos, physics.xmat, physics.cvel

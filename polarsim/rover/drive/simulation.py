@@ -171,7 +171,7 @@ class Simulation:
         self._records = kernels.Records(
             np.zeros(kernels.SIZE), np.full((rocks, 2), NO_CONTACT), np.full(rocks, NO_CONTACT)
         )
-        self._bulldozing = Bulldozing(every=max(round(EVERY_S / self.dt), 1)).on(self.ground.cell)
+        self._bulldozing = Bulldozing.on(self.ground.cell, max(round(EVERY_S / self.dt), 1))
         self._energy_zero = 0.0
         self._reach = max(rim.reach for rim in rims_of_soil)
         self._radii = np.array([wheel.radius_m for wheel in vehicle.wheels])

@@ -23,13 +23,7 @@ MIN_SPEED_M_S = 0.02  # m/s: rows at lower speed are excluded from slip
 
 
 def summarise_drives(folders: Sequence[Path], each: Path, together: Path) -> None:
-    """Write a row per drive and metric, `DRIVE_METRICS.columns`, and the summary `drive_table`.
-
-    Raises
-    ------
-    FormatError
-        The files of a drive are missing or broken.
-    """
+    """Write a row per drive and metric, `DRIVE_METRICS.columns`, and the summary `drive_table`."""
     traces = [read_trace(folder) for folder in folders]
     parts = [rover_metrics(trace) for trace in traces]
     tables.write_parquet(each, pd.concat(parts, ignore_index=True))
@@ -61,10 +55,10 @@ def wheel_metrics(trace: Trace) -> pd.DataFrame:
         soil, rock = moving[contact == "soil"], contact.isin(["rock", "both"]).to_numpy()
         on_rock |= rock
         rows += [
-            ("slip", wheel, "", _mean(soil[f"{wheel}_slip"])),
-            ("sinkage", wheel, "mm", 1000 * _mean(soil[f"{wheel}_sinkage_first_m"])),
-            ("sinkage, 95th percentile", wheel, "mm", 1000 * _percentile(soil[f"{wheel}_sinkage_first_m"])),
-            ("torque", wheel, "N m", _mean(soil[f"{wheel}_torque_n_m"])),
+            ("slip", wheel, "", soil[f"{wheel}_slip"].mean()),
+            ("sinkage", wheel, "mm", 1000 * soil[f"{wheel}_sinkage_first_m"].mean()),
+            ("sinkage, 95th percentile", wheel, "mm", 1000 * float(soil[f"{wheel}_sinkage_first_m"].quantile(0.95))),
+            ("torque", wheel, "N m", soil[f"{wheel}_torque_n_m"].mean()),
             ("energy", wheel, "J/m", account["motor_of"][wheel] / driven),
             ("time on a rock", wheel, "%", 100 * float(rock.mean()) if len(rock) else 0.0),
         ]
@@ -85,32 +79,16 @@ def wheel_metrics(trace: Trace) -> pd.DataFrame:
 
 
 def drive_table(traces: Iterable[Trace]) -> pd.DataFrame:
-    """Return `DRIVES.columns`, a row per control law, metric and wheel.
+    """Return `DRIVES.columns`, a row per control law (`heading`, `P-only`), metric and wheel.
 
     Values are the mean over seeds, the 95 % interval, the minimum and the maximum.
-
-    Traces may have different control laws (`heading`, `P-only`), see the column `control`.
     """
-    parts = [
-        wheel_metrics(trace).assign(control=trace.drive["options"]["drive"]["control"], seed=trace.drive["seed"])
-        for trace in traces
-    ]
+    parts = [wheel_metrics(trace).assign(control=trace.drive["options"]["drive"]["control"]) for trace in traces]
     if not parts:
         return pd.DataFrame(columns=list(DRIVES.columns))
     rows = []
     for key, group in pd.concat(parts).groupby(["control", "metric", "wheel", "unit"], sort=False):
-        values = group["value"].to_numpy(float)
-        values = values[np.isfinite(values)]
-        low, high = student_interval(values)
-        ends = (values.min(), values.max()) if len(values) else (math.nan, math.nan)
-        mean = float(values.mean()) if len(values) else math.nan
-        rows.append((*key, len(values), mean, low, high, *ends))
+        values = group["value"][np.isfinite(group["value"])]
+        interval = student_interval(values.to_numpy())
+        rows.append((*key, len(values), values.mean(), *interval, values.min(), values.max()))
     return pd.DataFrame(rows, columns=list(DRIVES.columns))
-
-
-def _mean(values: pd.Series) -> float:
-    return float(values.mean()) if len(values) else math.nan
-
-
-def _percentile(values: pd.Series) -> float:
-    return float(values.quantile(0.95)) if len(values) else math.nan

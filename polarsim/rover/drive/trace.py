@@ -109,13 +109,7 @@ def write_trace(folder: str | Path, trace: Trace) -> None:
 
 
 def read_trace(folder: str | Path) -> Trace:
-    """Read the folder of a drive.
-
-    Raises
-    ------
-    FormatError
-        A file is missing or invalid.
-    """
+    """Read the folder of a drive; a missing or invalid file is a `FormatError`."""
     folder = Path(folder)
     world = read_world(folder / WORLD)
     table = tables.read_parquet(folder / TRACE, COLUMNS)

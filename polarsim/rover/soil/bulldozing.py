@@ -9,7 +9,6 @@ Here, soil is spread over a few centimetres and slides at the angle of repose of
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +17,11 @@ from polarsim.kernels import njit
 from polarsim.rover.soil.nodes import FLOW, FREE, LEVEL, ORIGINAL, ROCK, START, SoilGround
 from polarsim.rover.soil.shapes import HALF_WIDTH, RADIUS, lowest_wheel_point, wheel_window
 
+SHARE = 0.5  # share of the pressed volume that moves aside; the rest compacts
+SPREAD = 0.03  # m, standard deviation of the distance that soil is pushed
+HEADROOM = 0.02  # m; no soil moves to nodes with less clearance below a wheel
+ANGLE_DEG = 36.0  # steeper soil slides
+SWEEPS = 3
 TAPS = 5.0  # truncation of the spread, in standard deviations
 MOVED = 0.2  # share of the excess height between adjacent nodes moved in a sweep; sweeps oscillate from 0.25 on
 SQRT2 = math.sqrt(2.0)
@@ -25,37 +29,23 @@ DISTURBED = 1e-5  # m; ground with a smaller change does not slide
 EVERY_S = 0.01  # time between moves of displaced soil in a drive
 
 
-class Spreading(NamedTuple):
-    """`Bulldozing` on a grid, for the kernels."""
+class Bulldozing(NamedTuple):
+    """Rules for displaced soil on a grid, for the kernels."""
 
     weights: np.ndarray  # (2 r + 1,) weights of the spread along an axis
-    share: float
-    headroom: float
     climb: float  # m between adjacent nodes; soil slides above this difference
-    sweeps: int
-    every: int
+    every: int  # steps of the contact between moves
+    share: float
 
-
-@dataclass(frozen=True)
-class Bulldozing:
-    """Rules for displaced soil."""
-
-    share: float = 0.5  # share of the pressed volume that moves aside; the rest compacts
-    spread: float = 0.03  # m, standard deviation of the distance that soil is pushed
-    headroom: float = 0.02  # m; no soil moves to nodes with less clearance below a wheel
-    angle_deg: float = 36.0  # degrees; steeper soil slides
-    sweeps: int = 3
-    every: int = 10  # steps of the contact
-
-    def on(self, cell: float) -> Spreading:
+    @classmethod
+    def on(cls, cell: float, every: int = 10, share: float = SHARE) -> Bulldozing:
         """Return the rules for a grid with cells of this side, m."""
-        reach = max(math.ceil(TAPS * self.spread / cell), 1)
-        weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) * cell / self.spread) ** 2)
-        climb = cell * math.tan(math.radians(self.angle_deg))
-        return Spreading(weights, self.share, self.headroom, climb, self.sweeps, self.every)
+        reach = max(math.ceil(TAPS * SPREAD / cell), 1)
+        weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) * cell / SPREAD) ** 2)
+        return cls(weights, cell * math.tan(math.radians(ANGLE_DEG)), every, share)
 
 
-def settle(ground: SoilGround, angle_deg: float = 36.0, sweeps: int = 200, still_m: float = DISTURBED) -> None:
+def settle(ground: SoilGround, angle_deg: float = ANGLE_DEG, sweeps: int = 200, still_m: float = DISTURBED) -> None:
     """Let all disturbed ground slide until it rests, for rendering; the sweeps during a drive end before that.
 
     The ground is at rest when no sweep moves a level by more than `still_m`, since a long slope creeps on at a rate far
@@ -80,7 +70,7 @@ def bulldoze_nodes(ground, bodies, rule):  # type: ignore[no-untyped-def]
         slopes = ground.normals[top:bottom, left:right]
         dx, dy = ground.x0 + cell * left - centre[0], ground.y0 + cell * top - centre[1]
         _push(part, slopes, owners, shape, centre[2], rotation, dx, dy, cell, rule)
-        _slide(part, owners, rule.climb, rule.sweeps, 0.0, False)
+        _slide(part, owners, rule.climb, SWEEPS, 0.0, False)
 
 
 @njit()
@@ -98,7 +88,7 @@ def _sources(state, owner, nodes):  # type: ignore[no-untyped-def]
 @njit()
 def _push(part, slopes, owners, shape, height, rotation, dx, dy, cell, rule):  # type: ignore[no-untyped-def]  # noqa: C901  loops over nodes
     """Move pressed soil aside in a part of the grid; (dx, dy) is the first node relative to the wheel's centre."""
-    ax, ay, az, headroom = rotation[0, 1], rotation[1, 1], rotation[2, 1], rule.headroom
+    ax, ay, az = rotation[0, 1], rotation[1, 1], rotation[2, 1]
     rows, columns = owners.shape
     room, pressed = np.zeros((rows, columns)), np.zeros((rows, columns))
     for row in range(rows):
@@ -112,7 +102,7 @@ def _push(part, slopes, owners, shape, height, rotation, dx, dy, cell, rule):  #
                 hit = lowest_wheel_point(
                     ax, ay, az, shape[RADIUS], shape[HALF_WIDTH], dx + cell * column, dy + cell * row, cell
                 )
-                if hit[0] > 0 and height + hit[1] - part[row, column, LEVEL] < headroom:
+                if hit[0] > 0 and height + hit[1] - part[row, column, LEVEL] < HEADROOM:
                     room[row, column] = 0.0
     reached = _blur(room, rule.weights)
     for row in range(rows):

@@ -208,38 +208,20 @@ class Vehicle(VehicleSection):
         return np.array([wheel.position_m for wheel in self.wheels])
 
     def camera(self, name: str) -> CameraPart:
-        """Return a camera by name.
-
-        Raises
-        ------
-        ConfigError
-            The camera does not exist.
-        """
+        """Return a camera by name; an unknown name is a `ConfigError`."""
         return self._part("camera", self.cameras, name)
 
     def light(self, name: str) -> LightPart:
-        """Return a light by name.
-
-        Raises
-        ------
-        ConfigError
-            The light does not exist.
-        """
+        """Return a light by name; an unknown name is a `ConfigError`."""
         return self._part("light", self.lights, name)
 
     def _part(self, kind: str, parts: Sequence[_Named], name: str) -> _Named:
-        for part in parts:
-            if part.name == name:
-                return part
-        raise ConfigError(f"unknown {kind} {name!r}, {self.name} has {', '.join(part.name for part in parts)}")
+        by_name = {part.name: part for part in parts}
+        if name not in by_name:
+            raise ConfigError(f"unknown {kind} {name!r}, {self.name} has {', '.join(by_name)}")
+        return by_name[name]
 
 
 def read_vehicle(path: str | Path) -> Vehicle:
-    """Read a vehicle's table.
-
-    Raises
-    ------
-    ConfigError
-        The file is no YAML, keys are unknown or missing, or values are invalid; one line with the file and each key.
-    """
+    """Read a vehicle's table; an error is one line with the file and each invalid key."""
     return read_model(path, Vehicle, "the table")

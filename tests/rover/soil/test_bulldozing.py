@@ -35,7 +35,7 @@ def roll(bed: SoilBin, metres: float, start: float = 0.4, load: float = LOAD_A, 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 def test_a_share_of_the_pressed_volume_moves_aside(lunar, share):
-    bed = SoilBin(flat_ground(1.5, 0.8, 0.02), lunar.law(), bulldozing=Bulldozing(share=share))
+    bed = SoilBin(flat_ground(1.5, 0.8, 0.02), lunar.law(), bulldozing=Bulldozing.on(0.02, share=share))
     roll(bed, 0.5)
     pressed = pressed_volume(bed.ground)
     assert pressed > 1e-3
@@ -46,7 +46,7 @@ def test_a_share_of_the_pressed_volume_moves_aside(lunar, share):
 @pytest.mark.parametrize("cell", [0.01, 0.02])
 def test_berms_are_at_both_sides_of_a_rut_without_sawtooth(lunar, cell):
     """Alternation between adjacent nodes along a rut, relative to the height of the berm."""
-    bed = SoilBin(flat_ground(1.8, 0.7, cell), lunar.law(), bulldozing=Bulldozing())
+    bed = SoilBin(flat_ground(1.8, 0.7, cell), lunar.law(), bulldozing=Bulldozing.on(cell))
     roll(bed, 0.9)
     level, y = bed.ground.level[:, round(0.7 / cell) : round(1.1 / cell)], bed.ground.y
     for side in (-1, 1):

@@ -98,8 +98,8 @@ def test_both_engines_agree(yaw, lean, slip, seed):
         for a, b in zip(*found, strict=True):
             np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12 * max(np.abs(a).max(), 1))
         if step % 4 == 3:
-            reference.bulldoze(one, bodies, Bulldozing())
-            bulldoze(two, bodies, Bulldozing())
+            reference.bulldoze(one, bodies, Bulldozing.on(0.01))
+            bulldoze(two, bodies, Bulldozing.on(0.01))
         borne = max(borne, found[0].forces[0, 2])
     assert slips[0] == pytest.approx(slips[1], rel=1e-12)
     assert borne > 0
