@@ -11,6 +11,7 @@ and actions give equal episodes.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
@@ -28,8 +29,7 @@ from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.drive.state import OffGridError, RoverState, is_upside_down
 from polarsim.rover.drive.trace import CONTACTS, trace_table
 from polarsim.rover.learn.courses import Course, PracticeCourse
-from polarsim.rover.learn.observation import STATE, crop, observation_values
-from polarsim.rover.learn.options import TaskOptions
+from polarsim.rover.learn.observation import CELLS, STATE, crop, observation_values
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.observation import Perception
 from polarsim.rover.perception.options import Mode, OnboardDetector
@@ -42,12 +42,24 @@ from polarsim.run_files.picture_sets import AUTO
 from polarsim.schemas.rover import HIGH_M
 
 ACTION_HZ = 10
+TOP_SPEED_M_S, TOP_STEER_DEG = 0.4, 30.0  # speed and steering angle to the left of actions of 1
+SETTLE_S = 1.0  # time at rest before an episode, in which the rover settles
 ARRIVED_M = 0.3  # distance before the goal's line, as in autonomous drives
 LIGHT = ("sun", "exposure_ms", "lights")  # keys of the options of a reset
 _PICTURE_SCALE = 1 / 16
 _BESIDE_M = 1.5  # distance from the line; ground farther away is rendered without changes
 # A quarter of the camera's size; observations cost half as much as at 0.5.
 CAMERAS = CameraSuiteOptions(scale=0.25, models=("hapke",), exposures_ms=(256.0,))
+
+
+@dataclass(frozen=True)
+class TaskOptions:
+    """Weights of the terms of a step's reward."""
+
+    progress_1_m: float = 1.0  # per metre of progress along the line to the goal
+    collision: float = -5.0  # for a new contact with a rock above 10 cm
+    energy_1_j: float = -0.001  # per joule of motor work
+    failure: float = -10.0  # for leaving the grid, turning upside down or a failure of the physics
 
 
 class Collisions:
@@ -85,9 +97,9 @@ class Collisions:
 class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     """Drive along a straight line from the start to the goal, around the rocks.
 
-    Action, (2,) within -1 and 1: speed divided by `task.top_speed_m_s`, steering to the left divided by
-    `task.top_steer_deg`. Observation: `hazards` and `state`, see `observation`; optionally `image`, (h, w, 1) grey.
-    Reward: `task.reward`. An episode terminates at the goal's line, off the grid, upside down or if the physics fails,
+    Action, (2,) within -1 and 1: speed divided by `TOP_SPEED_M_S`, steering to the left divided by
+    `TOP_STEER_DEG`. Observation: `hazards` and `state`, see `observation`; optionally `image`, (h, w, 1) grey.
+    Reward: `TaskOptions`. An episode terminates at the goal's line, off the grid, upside down or if the physics fails,
     with the last valid state, and is truncated after `options.longest_s`. `info`: `ended` (reason), `along_m`,
     `energy_j`, `collisions` so far, `light`, and by wheel `slip`, `sinkage_m`, `contacts` (kind of contact).
 
@@ -125,9 +137,9 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self.cameras, self.render_options = cameras or CAMERAS, render or RenderOptions()
         self.task, self._image = task or TaskOptions(), image
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
-        bounds, cells = np.array(list(STATE.values()), np.float32), self.task.crop.cells
+        bounds = np.array(list(STATE.values()), np.float32)
         observed: dict[str, spaces.Space[Any]] = {
-            "hazards": spaces.Box(0, 255, (3, cells, cells), np.uint8),
+            "hazards": spaces.Box(0, 255, (3, CELLS, CELLS), np.uint8),
             "state": spaces.Box(-bounds, bounds, dtype=np.float32),
         }
         if image:
@@ -169,8 +181,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             self._camera = RoverCamera(
                 job.world, job.vehicle, near, self.cameras, self.render_options, models=(self.light.model,)
             )
-        if self.task.settle_s:
-            self._simulation.advance(self.task.settle_s)
+        self._simulation.advance(SETTLE_S)
         self._simulation.zero()
         self._next_observation = self._observed_at = 0.0
         state = self._state = self._simulation.state()
@@ -183,10 +194,10 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         """Drive for a tenth of a second; an action that is not finite is an error."""
         if not np.isfinite(action).all():
             raise RoverError(f"action {np.asarray(action).tolist()}: expected finite numbers")
-        simulation, task = self.simulation, self.task
+        simulation, weights = self.simulation, self.task
         before, spent = self._state, self._energy
         speed, steer = np.clip(np.asarray(action, float), -1.0, 1.0).tolist()
-        simulation.apply(Command(speed * task.top_speed_m_s, steer * math.radians(task.top_steer_deg)))
+        simulation.apply(Command(speed * TOP_SPEED_M_S, steer * math.radians(TOP_STEER_DEG)))
         ended = ""
         try:
             simulation.advance(1 / ACTION_HZ)
@@ -206,7 +217,6 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             ended = "finished"
         if not ended:
             self._observe(state)
-        weights = task.reward
         reward = weights.failure * failed
         if not unknown:
             reward += (
@@ -261,7 +271,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
 
     def _observation(self, state: RoverState) -> dict[str, np.ndarray]:
         observation = {
-            "hazards": crop(self.map, state, self.task.crop),
+            "hazards": crop(self.map, state),
             "state": observation_values(state, self.line, self.simulation.time - self._observed_at),
         }
         if self._image:

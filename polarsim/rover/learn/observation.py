@@ -12,11 +12,11 @@ import numpy as np
 
 from polarsim.rover.drive.control import ReferencePath, wrapped
 from polarsim.rover.drive.state import RoverState, tilt_of
-from polarsim.rover.learn.options import CropOptions
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.vehicle.table import WHEELS
 
 HIGHEST_M = 0.5  # height of a rock at full scale
+CELLS, AHEAD_M = 48, 5.4  # cells along each side of the crop, and its extent ahead of base_link, m
 # Values of `state` and their symmetric bounds: metres, radians, seconds.
 STATE: dict[str, float] = {
     "goal_distance": 1000.0, "sin_goal_bearing": 1.0, "cos_goal_bearing": 1.0,  # bearing from the heading to the left
@@ -29,11 +29,11 @@ STATE: dict[str, float] = {
 }  # fmt: skip
 
 
-def crop(grid: HazardGrid, state: RoverState, options: CropOptions) -> np.ndarray:
+def crop(grid: HazardGrid, state: RoverState) -> np.ndarray:
     """Return (3, n, n) uint8 of the map's nearest cells; points outside the map are full-scale rock."""
     cell = grid.cell_m
-    ahead = options.ahead_m - cell * (np.arange(options.cells) + 0.5)
-    left = cell * (options.cells / 2 - 0.5 - np.arange(options.cells))
+    ahead = AHEAD_M - cell * (np.arange(CELLS) + 0.5)
+    left = cell * (CELLS / 2 - 0.5 - np.arange(CELLS))
     u, v = ahead[:, None], left[None, :]
     cos, sin = math.cos(state.heading), math.sin(state.heading)
     column = np.floor((state.position[0] + cos * u - sin * v - grid.x[0]) / cell + 0.5).astype(int)

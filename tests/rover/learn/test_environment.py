@@ -16,9 +16,8 @@ from gymnasium.utils.env_checker import check_env
 from polarsim.errors import ConfigError, RoverError
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.learn.courses import PracticeCourse, WorldCourse
-from polarsim.rover.learn.environment import TraverseEnvironment
-from polarsim.rover.learn.observation import STATE
-from polarsim.rover.learn.options import RewardOptions, TaskOptions
+from polarsim.rover.learn.environment import TaskOptions, TraverseEnvironment
+from polarsim.rover.learn.observation import AHEAD_M, CELLS, STATE
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.practice import PracticeGround, practice_world
@@ -95,8 +94,8 @@ def test_an_invalid_light_is_refused_in_one_line(lit, error, key):
 
 
 def test_progress_is_rewarded_and_energy_costs():
-    weights = RewardOptions(progress_1_m=2.0, energy_1_j=-0.01, collision=0.0)
-    environment = made(course=PracticeCourse(replace(GROUND, rocks=0), soil=FIRM), task=TaskOptions(reward=weights))
+    weights = TaskOptions(progress_1_m=2.0, energy_1_j=-0.01, collision=0.0)
+    environment = made(course=PracticeCourse(replace(GROUND, rocks=0), soil=FIRM), task=weights)
     observed, before = environment.reset(seed=1)
     to_go = [float(observed["state"][list(STATE).index("to_go")])]
     total = 0.0
@@ -142,7 +141,7 @@ def wall_ahead() -> WorldCourse:
 
 
 def test_a_rock_costs_once_on_contact_and_is_observed_before():
-    environment = made(course=wall_ahead(), task=TaskOptions(reward=RewardOptions(progress_1_m=0, energy_1_j=0)))
+    environment = made(course=wall_ahead(), task=TaskOptions(progress_1_m=0, energy_1_j=0))
     observed, _ = environment.reset(seed=0)
     assert observed["hazards"][0, :36].max() > 128  # in front of the rover
     rewards = []
@@ -183,11 +182,11 @@ def test_the_crop_rotates_with_the_rover():
     grid.log_odds[np.abs(grid.y - y).argmin(), np.abs(grid.x - x).argmin()] = 4.0
     shown = environment.step(STAY)[0]["hazards"][0]
     inside = np.argwhere((shown > 240) & (shown < 255))
-    crop, cell = environment.task.crop, environment.map.cell_m
+    cell = environment.map.cell_m
     assert len(inside) in (1, 2)  # nearest cells: a rotated crop may contain a cell twice
     row, column = inside.mean(axis=0)
-    assert crop.ahead_m - cell * (row + 0.5) == pytest.approx(ahead, abs=cell)
-    assert cell * (crop.cells / 2 - 0.5 - column) == pytest.approx(left, abs=cell)
+    assert AHEAD_M - cell * (row + 0.5) == pytest.approx(ahead, abs=cell)
+    assert cell * (CELLS / 2 - 0.5 - column) == pytest.approx(left, abs=cell)
 
 
 @pytest.mark.slow
