@@ -16,15 +16,10 @@ def test_spacing_of_prints_follows_rolling_and_slip(slip):
     centres = np.stack([spin * 0.25 * (1 - slip), 0 * time, 0.25 + 0 * time], axis=1)
     quaternions = np.stack([np.cos(spin / 2), 0 * spin, np.sin(spin / 2), 0 * spin], axis=1)  # turning about y
     marks = marks_of(time, spin, centres, quaternions, np.ones(1001, bool), 24)
+    assert marks_of(time, spin, centres, quaternions, np.zeros(1001, bool), 24) == []  # on rock
     gaps = np.diff([event.position[0] for event in marks])
     np.testing.assert_allclose(gaps, TREAD.spacing * (1 - slip), rtol=1e-6)
     np.testing.assert_allclose([event.ahead for event in marks], np.tile([1.0, 0], (len(marks), 1)), atol=1e-9)
-
-
-def test_a_wheel_on_a_rock_leaves_no_prints():
-    time = np.linspace(0, 1, 11)
-    still = np.tile([1.0, 0, 0, 0], (11, 1))
-    assert marks_of(time, 5 * time, np.zeros((11, 3)), still, np.zeros(11, bool), 24) == []
 
 
 def test_a_print_is_a_groove_across_the_rut_and_the_next_wheel_removes_it():

@@ -32,10 +32,7 @@ from tests.rover import driven
 def test_videos_are_named_as_in_the_paper():
     assert video_name(FRONT, "3", "hapke", 256) == "front_end_cam_3_hapke_0256.webm"
     assert video_name("CamBirdViewLeft", "1", "principled", 1024) == "CamBirdViewLeft_1_default_1024.webm"
-
-
-def test_half_speed_has_half_the_frame_rate():
-    assert frame_rate(np.arange(30) / 15, 0.5) == Fraction(15, 2)
+    assert frame_rate(np.arange(30) / 15, 0.5) == Fraction(15, 2)  # half speed
 
 
 def test_boxes_of_rocks_are_orange_and_of_shadows_blue():
@@ -81,12 +78,6 @@ def test_a_video_reads_back(av, tmp_path):
     assert len(pictures) == 12
     for decoded, expected in zip(pictures, moving(), strict=True):
         assert np.abs(decoded.astype(int) - expected[:, :160]).mean() < 8
-
-
-def test_equal_pictures_give_equal_bytes(av, tmp_path):
-    for name in ("a.webm", "b.webm"):
-        write_video(tmp_path / name, moving(), Fraction(10))
-    assert (tmp_path / "a.webm").read_bytes() == (tmp_path / "b.webm").read_bytes()
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_getscheduler"), reason="only Linux has this function")

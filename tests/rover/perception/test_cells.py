@@ -3,13 +3,10 @@
 import numpy as np
 import pytest
 
-from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.perception import hazard_map
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.map_updates import update_from_boxes
-from polarsim.rover.perception.measure import front_camera_drive
 from polarsim.rover.planning.metrics import true_cells
-from polarsim.rover.vehicle.mounts import FRONT
 from polarsim.rover.world.surface import bare_world
 from tests.rover import driven
 from tests.rover.perception.boxes import CONFIDENCE, box_of, ride, table
@@ -80,11 +77,3 @@ def test_a_box_that_is_cut_off_hides_the_ground_below_it(mapped):
     seen, rock = mapped(np.array([[0.3 * width, 0.5 * height, 0.6 * width, height]]), world)
     assert not rock.any()
     assert 0.05 < (everything & ~seen).sum() / everything.sum() < 0.8
-
-
-def test_ground_is_visible_only_near_the_path_of_the_camera():
-    suite = CameraSuite(driven.trace(seconds=8.0), driven.vehicle(), driven.options(views=(FRONT,), every=4))
-    seen = hazard_map.map_from_boxes(table([]), front_camera_drive(suite), WORLD, CONFIDENCE)
-    assert 0.1 < seen.visible.mean() < 0.9
-    assert not seen.visible[:, -3:].any()  # behind the start
-    assert not seen.rock.any()

@@ -52,14 +52,9 @@ def test_pixels_update_rock_cells_and_heights_and_no_unobserved_cells():
     assert np.isfinite(look.surface).sum() == 4
     assert fine.max() == pytest.approx(LEVEL + 0.25)
     assert np.sort(fine[fine > 0])[2] == pytest.approx(LEVEL + 0.2)  # the highest pixel of the rock there, not the mean
-
-
-def test_a_barely_observed_cell_has_a_low_weight():
-    own = grid()
-    row, column = cell(own, 1.5, 0.0)
-    look = update_from_pixels(np.array([[own.x[column], own.y[row], LEVEL]]), np.zeros(1, int), CAMERA, flat, own)
-    assert look.weight[row, column] == pytest.approx(1 / PARTS**2)
-    assert look.rock[row, column] == 0
+    single = update_from_pixels(np.array([[own.x[column], own.y[row], LEVEL]]), np.zeros(1, int), CAMERA, flat, own)
+    assert single.weight[row, column] == pytest.approx(1 / PARTS**2)  # of a cell of which one part is observed
+    assert single.rock[row, column] == 0
 
 
 def box_at(x: float, y: float) -> np.ndarray:
@@ -96,13 +91,18 @@ def test_dark_pixels_update_detected_rocks_only_and_no_free_ground():
     assert (dark.rock > 0).sum() == (bright.rock > 0).sum() > 0
 
 
-def test_noise_is_not_light(rng):
+def test_noise_is_not_light_and_a_picture_without_texture_has_nothing_to_match(rng):
     read = rng.normal(0, 1, (40, 60))
     black = np.clip(BLACK_LEVEL + read, 0, None).round().astype(np.uint16)
     dim = (BLACK_LEVEL + 20 + 2 * read).round().astype(np.uint16)
     assert not bright_pixels(black, 12).any()
     assert bright_pixels(dim, 12).all()
     assert bright_pixels(np.hstack([black, dim]), 12)[:, 65:].all()
+    grey = np.full((40, 60), 120, np.uint8)
+    grey[:, :20] = rng.integers(80, 160, (40, 20))
+    textured = has_texture(grey)
+    assert textured[:, 3:17].all()
+    assert not textured[:, 24:].any()
 
 
 def test_depth_updates_the_surface_by_parts():
@@ -114,14 +114,6 @@ def test_depth_updates_the_surface_by_parts():
     heights = own.surface_of_cells()
     assert heights[cell(own, 1.8, 0.0)] == pytest.approx(LEVEL + 0.15, abs=0.02)
     assert heights[cell(own, 1.3, 0.3)] == pytest.approx(LEVEL, abs=1e-6)
-
-
-def test_a_picture_without_texture_has_nothing_to_match():
-    grey = np.full((40, 60), 120, np.uint8)
-    grey[:, :20] = np.random.default_rng(0).integers(80, 160, (40, 20))
-    textured = has_texture(grey)
-    assert textured[:, 3:17].all()
-    assert not textured[:, 24:].any()
 
 
 def test_pixels_at_the_centre_of_a_part_outweigh_the_steep_side_of_a_rock():

@@ -13,12 +13,8 @@ def test_a_rock_is_detected_above_the_thresholds_of_overlap_and_confidence():
     truth = truth_table([(0, 7, box, 2, 0.2), (1, 7, box, 1.8, 0.2), (2, 7, box, 1.6, 0.2)])
     detections = table([(0, box, 0.9), (1, box + np.array([60, 0, 60, 0]), 0.9), (2, box, 0.1)])
     assert list(sightings.sightings(truth, detections, CONFIDENCE)["detected"]) == [True, False, False]
-
-
-def test_a_detection_matches_one_rock_only():
-    box = np.array([100, 100, 200, 200.0])
-    truth = truth_table([(0, 1, box, 2, 0.2), (0, 2, box + 5, 2, 0.2)])
-    assert sightings.sightings(truth, table([(0, box, 0.9)]), CONFIDENCE)["detected"].sum() == 1
+    two = truth_table([(0, 1, box, 2, 0.2), (0, 2, box + 5, 2, 0.2)])
+    assert sightings.sightings(two, table([(0, box, 0.9)]), CONFIDENCE)["detected"].sum() == 1  # of one rock only
 
 
 def test_recall_is_counted_by_height_and_distance():
@@ -58,6 +54,7 @@ def test_the_miss_distance_is_the_gap_to_the_nearest_undetected_rock():
     gap = sightings.miss_distance(stable, rocks, ride(), 0.1)
     np.testing.assert_allclose(gap, 0.6 - 0.2 - 0.1, atol=1e-3)
     assert sightings.miss_distance(stable, rocks, ride(), 0.5) == np.inf
+    np.testing.assert_allclose(ride().stopping_m, 0.17 + 0.2 * 1 + 0.2**2 / 0.6)  # reaction and braking
 
 
 def test_a_stop_is_false_if_three_frames_contain_a_false_rock():
@@ -70,7 +67,3 @@ def test_a_stop_is_false_if_three_frames_contain_a_false_rock():
     aside = [(n, box_of(4.0, 1.3, 0.2, 0.25, 0.2 * n), 0.9) for n in range(4)]
     flat = [(n, box_of(3.0, 0.2, 0.05, 0.02, 0.2 * n), 0.9) for n in range(4)]
     assert sightings.false_stops(none, table(aside + flat), ride(), CONFIDENCE) == 0
-
-
-def test_the_stopping_distance_is_the_sum_of_reaction_and_braking():
-    np.testing.assert_allclose(ride().stopping_m, 0.17 + 0.2 * 1 + 0.2**2 / 0.6)

@@ -66,7 +66,7 @@ def test_ratios_are_relative_to_the_blind_drive_of_the_seed_and_maps_are_summed(
     assert both["value"].tolist() == [200.0, 202.0]
 
 
-def test_means_over_seeds_for_each_light_and_all_lights_have_intervals():
+def test_means_over_seeds_for_each_and_all_lights_and_detectors_have_intervals():
     table = drive_summary(EVERY).set_index(["mode", "sun"])
     assert table["value"].to_dict() == {
         ("blind", "any"): 150.0, ("stereo", "1"): 195.0, ("stereo", "3"): 305.0, ("stereo", "all"): 250.0,
@@ -78,13 +78,8 @@ def test_means_over_seeds_for_each_light_and_all_lights_have_intervals():
     assert (low, high) == (130.0, 500.0)  # seed 0 twice or seed 7 twice, since drives of a seed stay together
     single = drive_summary(EVERY[EVERY["seed"] == 7]).set_index("sun").loc["3"]
     assert np.isnan([single["low"], single["high"]]).all()  # a single drive has no interval
-
-
-def test_detectors_of_a_mode_have_separate_and_pooled_means():
-    every = rows(
-        *(drive("both", "1", seed, value, detector=name) for seed in (0, 1) for name, value in (("a", 1), ("b", 3)))
-    )
-    table = drive_summary(every).set_index(["sun", "detector"])["value"]
+    detectors = rows(*(drive("both", "1", n, v, detector=d) for n in (0, 1) for d, v in (("a", 1), ("b", 3))))
+    table = drive_summary(detectors).set_index(["sun", "detector"])["value"]
     assert table.loc["1"].to_dict() == table.loc["all"].to_dict() == {"a": 1.0, "b": 3.0, "all": 2.0}
 
 
