@@ -19,4 +19,4 @@ def rutted(lattice, columns=slice(30, 90)):
 
 
 def tracks(lattice, finer=3):
-    return WheelTracks(lattice, rutted(lattice) != lattice.level, finer, 36)
+    return WheelTracks(lattice, rutted(lattice) != lattice.level, finer)

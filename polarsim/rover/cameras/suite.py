@@ -13,12 +13,11 @@ from polarsim.geometry.poses import Pose
 from polarsim.render.lamps import Lamp
 from polarsim.render.olat import Rendering
 from polarsim.render.options import Model, RenderOptions
-from polarsim.rover.cameras import grouser_marks
 from polarsim.rover.cameras.bodywork import links_at
-from polarsim.rover.cameras.grouser_marks import GrouserMark, Tread
 from polarsim.rover.cameras.lights import named_sun
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.rover_camera import RoverCamera
+from polarsim.rover.cameras.tracks import GrouserMark, Tread, marks_of, stamp_marks
 from polarsim.rover.drive.trace import Trace
 from polarsim.rover.vehicle.mounts import mount_of
 from polarsim.rover.vehicle.table import Vehicle
@@ -64,7 +63,7 @@ class CameraSuite:
             self.trace.tracks.apply(number, self._level)
         now = float(self.trace.tracks.time[frame])
         new = [event for event in self._events if before < event.time_s <= now]
-        grouser_marks.stamp(self.rover_camera.scene.tracks, new, self._tread)
+        stamp_marks(self.rover_camera.scene.tracks, new, self._tread)
         self.rover_camera.show(self._level, self.links_at(now))
         self._frame = frame
 
@@ -112,7 +111,7 @@ def _events(trace: Trace, vehicle: Vehicle) -> list[GrouserMark]:
     for wheel in vehicle.wheels:
         if wheel.grousers:
             code = wheel.code
-            marks += grouser_marks.marks_of(
+            marks += marks_of(
                 table["time_s"].to_numpy(),
                 table[f"{code}_spin_rad"].to_numpy(),
                 table[[f"{code}_{name}" for name in ("x_m", "y_m", "z_m")]].to_numpy(),
@@ -125,4 +124,4 @@ def _events(trace: Trace, vehicle: Vehicle) -> list[GrouserMark]:
 
 def _tread(vehicle: Vehicle) -> Tread:
     wheel = vehicle.wheels[0]
-    return Tread(max(wheel.grousers, 1), wheel.radius_m, wheel.width_m, grouser_marks.DEPTH_M, grouser_marks.SD_M)
+    return Tread(max(wheel.grousers, 1), wheel.radius_m, wheel.width_m)

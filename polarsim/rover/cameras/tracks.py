@@ -4,16 +4,22 @@ Untouched ground is a cubic spline through the nodes, since a low Sun would show
 some lit and some black. On the path of the wheels, levels settle first, because the physics of a wheel produces a
 sawtooth of single nodes along the ruts. A cubic B-spline then interpolates the changes of the levels on the fine mesh;
 positive weights prevent overshoot.
+
+Grousers press grooves into a rut, each at the place where a grouser points straight down. The soil of the drive has
+smooth wheels; marks are added to the rendered ground only. Their spacing follows the rotation and slip of the wheel.
+Marks of a later wheel replace earlier marks.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy import ndimage
 from scipy.interpolate import RectBivariateSpline
+from scipy.spatial.transform import Rotation
 
 from polarsim.rover.soil.bulldozing import settle
 from polarsim.rover.soil.nodes import LEVEL, ROCK, make_soil_ground
@@ -23,6 +29,8 @@ TILE = 16  # cells along a side of a tile, the unit that is rebuilt
 _MARGIN = 8  # cells that soil may slide beyond the nodes changed by wheels
 # Metres to which changes are rounded: smaller changes rebuild no mesh, and images do not depend on earlier frames.
 _STEP = 1e-5
+DEPTH_M, SD_M = 0.006, 0.006  # depth of a mark, and standard deviation of its Gaussian profile along the rut
+_MARK_EDGE_M = 0.01  # width of the transition at the side of the wheel
 
 
 @dataclass(frozen=True)
@@ -52,18 +60,9 @@ class NodeGrid:
 class WheelTracks:
     """Tiles that a drive changes, and their mesh at the time of the last `show`."""
 
-    def __init__(self, lattice: NodeGrid, changed: np.ndarray, finer: int, angle_deg: float = SETTLE_DEG) -> None:
-        """
-        Parameters
-        ----------
-        changed : (rows, columns) bool
-            Nodes with a change of level at any time of the drive.
-        finer : int
-            Fine cells per coarse cell along a side.
-        angle_deg : float
-            Steeper soil slides; degrees.
-        """
-        self.lattice, self.finer, self._angle_deg = lattice, finer, angle_deg
+    def __init__(self, lattice: NodeGrid, changed: np.ndarray, finer: int) -> None:
+        """Create tiles around changed nodes (rows, columns) bool, with `finer` cells per coarse cell along a side."""
+        self.lattice, self.finer = lattice, finer
         self.fine = lattice.refined(finer)
         rows, columns = lattice.level.shape
         near = ndimage.binary_dilation(changed, np.ones((3, 3), bool), iterations=_MARGIN) if changed.any() else changed
@@ -75,8 +74,7 @@ class WheelTracks:
         # With a margin of one node.
         self.marks = np.zeros(((rows - 1) * finer + 3, (columns - 1) * finer + 3), np.float32)
         self._printed = np.zeros(self._whole, bool)
-        side = TILE * finer + 1
-        self.side = side
+        self.side = TILE * finer + 1
         self._weights, self._derivative = spline_weights(TILE, finer)
 
     @property
@@ -145,7 +143,7 @@ class WheelTracks:
         ground = make_soil_ground(self.lattice.level[part], self.lattice.cell)
         ground.owner[self._bound[part]] = ROCK
         ground.state[..., LEVEL] = level[part]
-        settle(ground, self._angle_deg)
+        settle(ground, SETTLE_DEG)
         settled = level.copy()
         settled[part] = ground.level
         settled[self._bound] = self.lattice.level[self._bound]
@@ -195,3 +193,72 @@ def _inside(tiles: list[tuple[int, int]], shape: tuple[int, ...]) -> np.ndarray:
     for row, column in tiles:
         covered[row : row + TILE + 1, column : column + TILE + 1] = True
     return np.asarray(ndimage.binary_erosion(covered, np.ones((3, 3), bool), iterations=2, border_value=False))
+
+
+@dataclass(frozen=True)
+class GrouserMark:
+    """Time, position (2,) and heading (2,) of the wheel at a groove."""
+
+    time_s: float
+    position: np.ndarray
+    ahead: np.ndarray
+
+
+@dataclass(frozen=True)
+class Tread:
+    """Grousers of a wheel; metres."""
+
+    grousers: int
+    radius: float
+    width: float
+
+    @property
+    def spacing(self) -> float:
+        """Distance between marks of a wheel without slip."""
+        return 2 * np.pi * self.radius / self.grousers
+
+
+def marks_of(
+    time_s: np.ndarray, spin: np.ndarray, centres: np.ndarray, quaternions: np.ndarray, soil: np.ndarray, grousers: int
+) -> list[GrouserMark]:
+    """Return the marks of a wheel with rotation angles `spin` (n,), radians, at times (n,) when it touches soil (n,).
+
+    The pose of the wheel is centres (n, 3) and quaternions (n, 4) w, x, y, z; the axle is the y axis.
+    """
+    strikes = spin * grousers / (2 * np.pi)
+    axle = Rotation.from_quat(quaternions[:, [1, 2, 3, 0]]).apply([0.0, 1, 0])
+    ahead = np.stack([axle[:, 1], -axle[:, 0]], axis=1)  # horizontal cross product of axle and up
+    marks = []
+    for row in np.flatnonzero(np.floor(strikes[1:]) != np.floor(strikes[:-1])):
+        if not soil[row]:
+            continue
+        whole = max(np.floor(strikes[row]), np.floor(strikes[row + 1]))
+        share = (whole - strikes[row]) / (strikes[row + 1] - strikes[row])
+        position = centres[row, :2] + share * (centres[row + 1, :2] - centres[row, :2])
+        direction = ahead[row] / max(np.linalg.norm(ahead[row]), 1e-9)
+        marks.append(GrouserMark(float(time_s[row] + share * (time_s[row + 1] - time_s[row])), position, direction))
+    return marks
+
+
+def stamp_marks(tracks: WheelTracks, events: Sequence[GrouserMark], tread: Tread) -> None:
+    """Write marks into the tracks, in the given order."""
+    lattice, fine, shape = tracks.lattice, tracks.fine.cell, np.array(tracks.fine.level.shape)
+    reach = np.hypot(tread.spacing, tread.width) / 2 + fine
+    for event in events:
+        centre = (event.position[::-1] - [lattice.y0, lattice.x0]) / fine  # row, column
+        low = np.clip(np.floor(centre - reach / fine).astype(int), 0, shape)
+        high = np.clip(np.ceil(centre + reach / fine).astype(int) + 1, 0, shape)
+        if (high <= low).any():
+            continue
+        rows, columns = slice(low[0], high[0]), slice(low[1], high[1])
+        y, x = np.meshgrid(
+            (np.arange(low[0], high[0]) - centre[0]) * fine,
+            (np.arange(low[1], high[1]) - centre[1]) * fine,
+            indexing="ij",
+        )
+        along = x * event.ahead[0] + y * event.ahead[1]
+        across = np.abs(y * event.ahead[0] - x * event.ahead[1])
+        fade = np.clip((tread.width / 2 - across) / _MARK_EDGE_M, 0, 1)
+        depth = -DEPTH_M * np.exp(-0.5 * (along / SD_M) ** 2) * fade * fade * (3 - 2 * fade)
+        where = (np.abs(along) <= tread.spacing / 2) & (across <= tread.width / 2)
+        tracks.stamp(rows, columns, depth.astype(np.float32), where)

@@ -1,12 +1,13 @@
 """Write a drive as an MCAP file of ROS 2 messages, without ROS: states, pictures, detections, ground truth, ground.
 
 Topics are in docs/rover.md. Messages are generated one by one in the order of their stamps, so memory does not grow
-with the drive. Stamps are times of the drive's clock, so equal drives give equal bytes.
+with the drive. Stamps are times of the drive's clock, so equal drives give equal bytes. Messages are dictionaries in
+units of ROS: metres, radians, seconds, newtons.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +18,12 @@ from scipy.spatial.transform import Rotation
 from polarsim.errors import FormatError, with_path
 from polarsim.formats import bags, png, ros, tables
 from polarsim.formats.files import writing
-from polarsim.formats.ros import Message, Stamped, stamp_ns
+from polarsim.formats.ros import Message, Stamped, header, pose, ros_quaternion, stamp_ns, vector
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.randomness import generator
 from polarsim.rover.cameras.layout import DETECTION_COLUMNS, POSE_COLUMNS, TRUTH_COLUMNS, picture_folder
-from polarsim.rover.drive.trace import Trace, read_trace
-from polarsim.rover.export import messages
+from polarsim.rover.drive.trace import CONTACTS, Trace, read_trace
 from polarsim.rover.export.options import BagOptions
 from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of_quaternion
 from polarsim.rover.vehicle.table import WHEELS, CameraPart, Vehicle
@@ -32,6 +32,9 @@ STATE_HZ, IMU_HZ = 50.0, 100.0  # messages per second
 ACCELEROMETER_SD, GYROSCOPE_SD = 0.01, 0.001  # noise of a reading on /imu, m/s2 and rad/s
 HEIGHT_CELL_M = 0.06  # minimum cell of /terrain/height, since the cells of the drive would need too much space
 UP = np.array([0.0, 0.0, 1.0])
+CONTACT_CODES = {name: code for code, name in enumerate(CONTACTS)}  # as in polarsim_msgs/WheelState
+JOINTS = tuple(f"{code}_{joint}" for code in WHEELS for joint in ("lift", "steer", "spin"))
+_UNMEASURED = (-1.0, *[0.0] * 8)  # covariance of an orientation that an IMU does not measure (REP 145)
 
 
 def write_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, seed: int = 0) -> dict[str, int]:
@@ -77,11 +80,11 @@ def _states(trace: Trace, vehicle: Vehicle) -> Iterator[Stamped]:
         yield time_ns, "/tf", "tf2_msgs/msg/TFMessage", {"transforms": _moving(time_ns, base, row, vehicle)}
         velocity = np.array([row[name] for name in ("vx_m_s", "vy_m_s", "vz_m_s")])
         angular_velocity = np.array([row[name] for name in ("wx_rad_s", "wy_rad_s", "wz_rad_s")])
-        odometry = messages.odometry_message(time_ns, base, velocity, angular_velocity)
+        odometry = odometry_message(time_ns, base, velocity, angular_velocity)
         yield time_ns, "/odom", "nav_msgs/msg/Odometry", odometry
-        joints = messages.joint_state(time_ns, [row[n] for n in order], [rates[n][index] for n in order])
+        joints = joint_state(time_ns, [row[n] for n in order], [rates[n][index] for n in order])
         yield time_ns, "/joint_states", "sensor_msgs/msg/JointState", joints
-        yield time_ns, "/wheels/state", "polarsim_msgs/msg/WheelStates", messages.wheel_states(time_ns, row)
+        yield time_ns, "/wheels/state", "polarsim_msgs/msg/WheelStates", wheel_states(time_ns, row)
 
 
 def _moving(time_ns: int, base: Pose, row: dict[str, Any], vehicle: Vehicle) -> list[Message]:
@@ -90,12 +93,12 @@ def _moving(time_ns: int, base: Pose, row: dict[str, Any], vehicle: Vehicle) -> 
     for wheel in vehicle.wheels:
         code = wheel.code
         lift, steer, spin = (row[f"{code}_{name}"] for name in ("lift_m", "steer_rad", "spin_rad"))
-        for parent, child, pose in (
+        for parent, child, moved in (
             ("base_link", f"{code}_arm", Pose(np.eye(3), np.array(wheel.position_m) + lift * UP)),
             (f"{code}_arm", f"{code}_upright", Pose.from_rotvec(np.array([0, 0, steer]), np.zeros(3))),
             (f"{code}_upright", f"{code}_wheel", Pose.from_rotvec(np.array([0, spin, 0]), np.zeros(3))),
         ):
-            frames.append(ros.transform(time_ns, parent, child, pose))
+            frames.append(ros.transform(time_ns, parent, child, moved))
     return frames
 
 
@@ -109,10 +112,10 @@ def _imu(trace: Trace, seed: int) -> Iterator[Stamped]:
     times = table["time_s"].to_numpy()
     for index in first_per_period(times, IMU_HZ):
         time_ns, true = stamp_ns(float(times[index])), readings[index]
-        read = true + noise.normal(size=6) * np.repeat(sd, 3)
-        yield time_ns, "/imu", "sensor_msgs/msg/Imu", messages.imu(time_ns, read[:3], read[3:], sd, None)
+        noisy = true + noise.normal(size=6) * np.repeat(sd, 3)
+        yield time_ns, "/imu", "sensor_msgs/msg/Imu", imu(time_ns, noisy[:3], noisy[3:], sd, None)
         rotation = Rotation.from_quat(quaternions[index]).as_matrix()
-        exact = messages.imu(time_ns, true[:3], true[3:], (0.0, 0.0), rotation)
+        exact = imu(time_ns, true[:3], true[3:], (0.0, 0.0), rotation)
         yield time_ns, "/imu/truth", "sensor_msgs/msg/Imu", exact
 
 
@@ -128,7 +131,7 @@ def _heights(trace: Trace, options: BagOptions) -> Iterator[Stamped]:
         tracks.apply(frame, level)
         if frame in selected:
             time_ns = stamp_ns(float(time_s))
-            thinned = messages.grid_map(time_ns, level[::step, ::step], step * world.cell, world.x0, world.y0)
+            thinned = grid_map(time_ns, level[::step, ::step], step * world.cell, world.x0, world.y0)
             yield time_ns, "/terrain/height", "grid_map_msgs/msg/GridMap", thinned
 
 
@@ -139,14 +142,14 @@ def _pictures(camera: CameraPart, pictures: Path, options: BagOptions) -> Iterat
         "truth": _by_frame(view / f"{options.sun}_truth.parquet", TRUTH_COLUMNS),
         "detections": _by_frame(pictures / "detections.parquet", DETECTION_COLUMNS),
     }
-    for pose in _records(tables.read_parquet(view / "poses.parquet", POSE_COLUMNS)):
-        number, picture = int(pose["frame"]), pictures / f"{int(pose['frame']):05d}.png"
+    for row in _records(tables.read_parquet(view / "poses.parquet", POSE_COLUMNS)):
+        number, picture = int(row["frame"]), pictures / f"{int(row['frame']):05d}.png"
         if not picture.is_file():
             continue
-        time_ns, content = stamp_ns(float(pose["time_s"])), picture.read_bytes()
+        time_ns, content = stamp_ns(float(row["time_s"])), picture.read_bytes()
         lens = lens or _picture_lens(camera, content, picture)
         if camera.name in FOLLOWING:  # follows the rover and has no link
-            moved = ros.transform(time_ns, "map", frame, _pose(pose))
+            moved = ros.transform(time_ns, "map", frame, _pose(row))
             yield time_ns, "/tf", "tf2_msgs/msg/TFMessage", {"transforms": [moved]}
         info = ros.camera_info(time_ns, frame, lens)
         yield time_ns, f"/{camera.name}/camera_info", "sensor_msgs/msg/CameraInfo", info
@@ -162,12 +165,11 @@ def _pictures(camera: CameraPart, pictures: Path, options: BagOptions) -> Iterat
 def _picture_lens(camera: CameraPart, content: bytes, path: Path) -> Lens:
     """Return the lens of pictures, which may be smaller than the camera's size."""
     with with_path(path):
-        header = png.parse_header(content)
-        lens = mount_of(camera, header.width / camera.width_px).lens
-        if (lens.width, lens.height) != (header.width, header.height):
+        size = png.parse_header(content)
+        lens = mount_of(camera, size.width / camera.width_px).lens
+        if (lens.width, lens.height) != (size.width, size.height):
             raise FormatError(
-                f"{header.width} x {header.height} px, camera {camera.name} has "
-                f"{camera.width_px} x {camera.height_px} px"
+                f"{size.width} x {size.height} px, camera {camera.name} has {camera.width_px} x {camera.height_px} px"
             )
     return lens
 
@@ -186,3 +188,98 @@ def _by_frame(path: Path, columns: tuple[str, ...]) -> dict[int, list[dict[str, 
 
 def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
     return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
+
+
+def odometry_message(
+    time_ns: int, world_from_base: Pose, velocity: np.ndarray, angular_velocity: np.ndarray
+) -> Message:
+    """Return nav_msgs/Odometry: the true pose in `odom`.
+
+    `velocity` (3,) is in the world frame, `angular_velocity` (3,) in the base frame.
+    """
+    return {
+        "header": header(time_ns, "odom"),
+        "child_frame_id": "base_link",
+        "pose": {"pose": pose(world_from_base), "covariance": [0.0] * 36},
+        "twist": {
+            "twist": {"linear": vector(world_from_base.rotation.T @ velocity), "angular": vector(angular_velocity)},
+            "covariance": [0.0] * 36,
+        },
+    }
+
+
+def joint_state(time_ns: int, position: Sequence[float], velocity: Sequence[float]) -> Message:
+    """Return sensor_msgs/JointState of `JOINTS`; torques are in `wheel_states`."""
+    return {
+        "header": header(time_ns, ""),
+        "name": list(JOINTS),
+        "position": [float(value) for value in position],
+        "velocity": [float(value) for value in velocity],
+        "effort": [],
+    }
+
+
+def imu(
+    time_ns: int,
+    acceleration: np.ndarray,
+    angular_velocity: np.ndarray,
+    sd: tuple[float, float],
+    rotation: np.ndarray | None,
+) -> Message:
+    """Return sensor_msgs/Imu.
+
+    `sd`: standard deviation of acceleration, m/s2, and rate, rad/s. `rotation` (3, 3) of base_link; None if unmeasured.
+    """
+    return {
+        "header": header(time_ns, "base_link"),
+        "orientation": ros_quaternion(np.eye(3) if rotation is None else rotation),
+        "orientation_covariance": list(_UNMEASURED) if rotation is None else [0.0] * 9,
+        "angular_velocity": vector(angular_velocity),
+        "angular_velocity_covariance": (np.eye(3) * sd[1] ** 2).ravel().tolist(),
+        "linear_acceleration": vector(acceleration),
+        "linear_acceleration_covariance": (np.eye(3) * sd[0] ** 2).ravel().tolist(),
+    }
+
+
+def wheel_states(time_ns: int, row: Mapping[str, Any]) -> Message:
+    """Return polarsim_msgs/WheelStates for a row of the trace."""
+    names = {"slip": "slip", "sinkage": "sinkage_m", "sinkage_first": "sinkage_first_m", "load": "load_n"}
+    names |= {"torque": "torque_n_m"}
+    wheels = [
+        {
+            "name": code,
+            **{field: float(row[f"{code}_{column}"]) for field, column in names.items()},
+            "contact": CONTACT_CODES[row[f"{code}_contact"]],
+        }
+        for code in WHEELS
+    ]
+    return {"header": header(time_ns, "base_link"), "wheels": wheels}
+
+
+def grid_map(time_ns: int, level: np.ndarray, cell: float, x0: float, y0: float) -> Message:
+    """Return grid_map_msgs/GridMap with a layer `elevation`.
+
+    Parameters
+    ----------
+    level : (rows, columns) float
+        Metres, rows along +y, columns along +x, nodes `cell` apart from (x0, y0) on. In the message the first row has
+        the maximum x, the first column the maximum y, and columns are contiguous.
+    """
+    rows, columns = level.shape
+    centre = Pose(np.eye(3), np.array([x0 + cell * (columns - 1) / 2, y0 + cell * (rows - 1) / 2, 0.0]))
+    layout = {
+        "dim": [
+            {"label": "column_index", "size": rows, "stride": rows * columns},
+            {"label": "row_index", "size": columns, "stride": columns},
+        ],
+        "data_offset": 0,
+    }
+    return {
+        "header": header(time_ns, "map"),
+        "info": {"resolution": cell, "length_x": cell * columns, "length_y": cell * rows, "pose": pose(centre)},
+        "layers": ["elevation"],
+        "basic_layers": ["elevation"],
+        "data": [{"layout": layout, "data": level[::-1, ::-1].astype(np.float32).ravel().tolist()}],
+        "outer_start_index": 0,
+        "inner_start_index": 0,
+    }

@@ -10,7 +10,6 @@ scored. The 150 points for localisation are given in full, since no fiducials ar
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -30,7 +29,7 @@ NO_ROCK = -1
 _CORRIDOR_M = 1.05  # half width of the scored corridor along the straight line: the wheels and a margin
 _BLIND_M = 2.2  # ground ahead of base_link at the start that the camera does not see
 _NEAREST_M, _FARTHEST_M = 1.5, 10.0  # range of depths for odometry
-GEOMETRY, ROCKS, PRODUCTIVITY, LOCALISATION = 300.0, 300.0, 250.0, 150.0
+POINTS = {"geometric map": 300.0, "rock map": 300.0, "productivity": 250.0, "localisation": 150.0}
 HEIGHT_M = 0.05  # maximum error of a right height
 FULL_RATE_1_S = 180 * 180 / (24 * 3600)  # cells per second for full productivity: the square in the mission time
 _RAYS = 4  # rays along a side of a cell
@@ -86,10 +85,7 @@ def _of_pilot(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> l
     rows = [
         ("stops", "", float(len(pilot.stops))),
         ("stops that nothing justified", "", float(unjustified(outcome, vehicle, options))),
-        ("geometric map", "points of 300", score.geometry),
-        ("rock map", "points of 300", score.rocks),
-        ("productivity", "points of 250", score.productivity),
-        ("localisation", "points of 150", score.localisation),
+        *((part, f"points of {most:.0f}", score[part]) for part, most in POINTS.items()),
         *((f"CPU for a second driven, {part}", "s", spent / seconds) for part, spent in perception.seconds.items()),
     ]
     taken = [(item.pair, item.camera.world_from_camera) for _, item in pilot.observations if item.pair is not None]
@@ -109,20 +105,10 @@ def _of_pilot(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> l
     return rows
 
 
-def points_of(grid: HazardGrid, world: World, line: np.ndarray, seconds: float) -> ChallengeScore:
+def points_of(grid: HazardGrid, world: World, line: np.ndarray, seconds: float) -> dict[str, float]:
     """Return the challenge's score of a map in the corridor along a line (2, 2), from the first visible ground on."""
     height, rock = true_cells(world, grid.x, grid.y, grid.cell_m)
     return challenge_score(grid.surface_of_cells(), grid.rock, height, rock, corridor(grid, line), seconds)
-
-
-@dataclass(frozen=True)
-class ChallengeScore:
-    """Points of the challenge; `rocks` is NaN if there is no true rock cell."""
-
-    geometry: float
-    rocks: float
-    productivity: float
-    localisation: float = LOCALISATION
 
 
 def true_cells(world: World, x: np.ndarray, y: np.ndarray, cell_m: float) -> tuple[np.ndarray, np.ndarray]:
@@ -140,7 +126,7 @@ def challenge_score(
     true_rock: np.ndarray,
     counted: np.ndarray,
     seconds: float,
-) -> ChallengeScore:
+) -> dict[str, float]:
     """Return the points of a map (rows, columns): heights, m, NaN where unknown, and rock flags.
 
     `counted`: cells that are scored. An unknown height is wrong, an unknown rock means no rock; a cell is mapped if its
@@ -150,11 +136,12 @@ def challenge_score(
     right = int((rock & true_rock & counted).sum())
     wrong = int(((rock != true_rock) & counted).sum())
     rate = float((np.isfinite(height) & counted).sum()) / seconds if seconds else 0.0
-    return ChallengeScore(
-        GEOMETRY * float(near[counted].mean()) if counted.any() else 0.0,
-        ROCKS * 2 * right / (2 * right + wrong) if (true_rock & counted).any() else float("nan"),
-        PRODUCTIVITY * min(rate / FULL_RATE_1_S, 1.0),
-    )
+    return {
+        "geometric map": POINTS["geometric map"] * float(near[counted].mean()) if counted.any() else 0.0,
+        "rock map": POINTS["rock map"] * 2 * right / (2 * right + wrong) if (true_rock & counted).any() else math.nan,
+        "productivity": POINTS["productivity"] * min(rate / FULL_RATE_1_S, 1.0),
+        "localisation": POINTS["localisation"],
+    }
 
 
 def corridor(grid: HazardGrid, line: np.ndarray) -> np.ndarray:

@@ -6,7 +6,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from polarsim.rover.cameras.tracks import TILE, NodeGrid, WheelTracks, spline_weights, tile_faces
+from polarsim.rover.cameras.tracks import (
+    DEPTH_M,
+    TILE,
+    GrouserMark,
+    NodeGrid,
+    Tread,
+    WheelTracks,
+    marks_of,
+    spline_weights,
+    stamp_marks,
+    tile_faces,
+)
 from tests.rover.ruts import CELL, hills, rutted, tracks
 
 
@@ -43,7 +54,7 @@ def test_flat_cells_do_not_show_under_a_low_sun(rng):
 
     def leap(finer):
         """Return the mean brightness that smooth shading gives faces turned away from the Sun, a visible edge."""
-        own = WheelTracks(lattice, np.ones(lattice.level.shape, bool), finer, 36)
+        own = WheelTracks(lattice, np.ones(lattice.level.shape, bool), finer)
         light = []
         for number in range(len(own.tiles)):
             vertices, normals = own.mesh(number)
@@ -113,9 +124,40 @@ def test_no_wall_of_a_rut_is_steeper_than_the_angle_of_repose():
     lattice = NodeGrid(0, 0, CELL, np.zeros((97, 129)))
     level = lattice.level.copy()
     level[40:50, 30:90] -= 0.05
-    own = WheelTracks(lattice, level != 0, 4, 36)
+    own = WheelTracks(lattice, level != 0, 4)
     own.show(level)
     up = min(own.mesh(number)[1][:, 2].min() for number in range(len(own.tiles)))
     assert (
         np.degrees(np.arccos(up)) < 46
     )  # the angle along one axis; sliding along both leaves corners 1.4 times so steep
+
+
+TREAD = Tread(24, 0.25, 0.2)
+
+
+@pytest.mark.parametrize("slip", [0.0, 0.3])
+def test_spacing_of_prints_follows_rolling_and_slip(slip):
+    time = np.linspace(0, 10, 1001)
+    spin = 0.8 * time
+    centres = np.stack([spin * 0.25 * (1 - slip), 0 * time, 0.25 + 0 * time], axis=1)
+    quaternions = np.stack([np.cos(spin / 2), 0 * spin, np.sin(spin / 2), 0 * spin], axis=1)  # turning about y
+    marks = marks_of(time, spin, centres, quaternions, np.ones(1001, bool), 24)
+    assert marks_of(time, spin, centres, quaternions, np.zeros(1001, bool), 24) == []  # on rock
+    gaps = np.diff([event.position[0] for event in marks])
+    np.testing.assert_allclose(gaps, TREAD.spacing * (1 - slip), rtol=1e-6)
+    np.testing.assert_allclose([event.ahead for event in marks], np.tile([1.0, 0], (len(marks), 1)), atol=1e-9)
+
+
+def test_a_print_is_a_groove_across_the_rut_and_the_next_wheel_removes_it():
+    own = tracks(hills(), finer=4)
+    position = np.array([0.5, 1.2])
+    stamp_marks(own, [GrouserMark(0, position, np.array([-1.0, 0]))], TREAD)
+    fine = CELL / 4
+    row, column = np.rint((position[::-1] - [own.lattice.y0, own.lattice.x0]) / fine).astype(int)
+    groove = own.marks[1:-1, 1:-1]
+    np.testing.assert_allclose(groove[row, column], -DEPTH_M, rtol=0.02)
+    assert groove[row + round(0.08 / fine), column] < -0.9 * DEPTH_M  # across
+    assert abs(groove[row, column + round(0.03 / fine)]) < 1e-6  # along
+    assert own.show(own.lattice.level)
+    stamp_marks(own, [GrouserMark(1, position + np.array([TREAD.spacing / 2, 0]), np.array([-1.0, 0]))], TREAD)
+    assert abs(groove[row, column + 2]) < 0.01 * DEPTH_M  # was a quarter of the depth

@@ -24,14 +24,14 @@ def test_points_of_a_map_with_one_wrong_height_and_one_wrong_rock_and_of_an_empt
     heights, rocks = true.copy(), rock.copy()
     heights[1, 4], rocks[1, 4] = 0.051, True
     score = challenge_score(heights, rocks, true, rock, SCORED, seconds=10 / FULL_RATE_1_S * 2)
-    assert score.geometry == pytest.approx(300 * 0.9)
-    assert score.rocks == pytest.approx(300 * 2 * 2 / 5)  # two right, one false
-    assert score.productivity == pytest.approx(125)
-    assert score.localisation == 150
+    assert score["geometric map"] == pytest.approx(300 * 0.9)
+    assert score["rock map"] == pytest.approx(300 * 2 * 2 / 5)  # two right, one false
+    assert score["productivity"] == pytest.approx(125)
+    assert score["localisation"] == 150
     none = np.zeros((2, 5), bool)
     score = challenge_score(np.full((2, 5), np.nan), none, true, none, SCORED, seconds=60)
-    assert (score.geometry, score.productivity) == (0, 0)
-    assert np.isnan(score.rocks)
+    assert (score["geometric map"], score["productivity"]) == (0, 0)
+    assert np.isnan(score["rock map"])
 
 
 def test_a_cell_has_the_mean_height_of_16_rays_and_is_rock_if_a_ray_hits_a_rock():
