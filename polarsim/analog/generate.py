@@ -10,7 +10,7 @@ import numpy as np
 
 from polarsim.analog import scanner
 from polarsim.analog.options import AnalogOptions
-from polarsim.analog.photographs import empty_labels, take_photos
+from polarsim.analog.photographs import take_photos
 from polarsim.analog.presets import PRESETS
 from polarsim.analog.rocks import carve, icosphere
 from polarsim.analog.terrain import AnalogTerrain, build_terrain
@@ -58,9 +58,8 @@ def generate_terrain(
         calibration = nasa.read_calibration(raw / nasa.CALIBRATION_NAME)  # with the rounding of the file
         _write_scans(made, calibration, raw, ranges, options, threads)
         write_truth(made, truth, options)
-        labels, albedo = empty_labels(), AlbedoMap()
-        if options.photos:
-            labels = take_photos(made, sorted(keys), raw, seeds, albedo, options, threads)
+        albedo = AlbedoMap()
+        labels = take_photos(made, sorted(keys) if options.photos else [], raw, seeds, albedo, options, threads)
         tables.write_parquet(truth / "labels.parquet", labels)
         tables.write_parquet(truth / "albedo.parquet", albedo.table())
     photos = sum(1 for _ in (root / places[0]).rglob("Cam?_*.png"))

@@ -78,6 +78,8 @@ def take_photos(
     threads: int,
 ) -> pd.DataFrame:
     """Write the photos and the seed labels; return the true labels of all photos and add the views to `albedo`."""
+    if not keys:
+        return _label_table([])
     at = sorted({key.position for key in keys})
     lamps = {position: _lamps(made.stations, position) for position in at}
     bounces = gather_bounce(
@@ -152,11 +154,12 @@ def _shoot(
 
     def shoot(key: PhotoKey) -> tuple[list[dict[str, object]], float, np.ndarray | None]:
         rng = generator(options.seed, "sensor", key)
+        may_be_seed = key.camera == "L" and key.light == "off" and key.azimuth != "no"
         photo = expose_raw(olat_images.lit(key), key.exposure_ms, ELECTRONS, rng, pattern)
         png.write_png(nasa.photo_path(raw, key, tokens[_pair(key)]), photo)
         sand = photo[::_SPARSE, ::_SPARSE][olat_images.sand].astype(np.int32) - BLACK_LEVEL
         well_exposed = float(((sand > _MIN_DN) & (sand < _MAX_DN)).mean())
-        return _label_rows(key, olat_images, photo), well_exposed, photo if _may_be_seed(key) else None
+        return _label_rows(key, olat_images, photo), well_exposed, photo if may_be_seed else None
 
     rows: list[dict[str, object]] = []
     best: dict[str, tuple[tuple[bool, float], PhotoKey, np.ndarray]] = {}
@@ -175,11 +178,6 @@ def _shoot(
         annotated = annotate(olat_images.rocks, olat_images.shadows_of(key), photo, rng, with_shadows=with_shadows)
         yolo.write_boxes(seeds / f"{key}.txt", *annotated)
     return rows
-
-
-def _may_be_seed(key: PhotoKey) -> bool:
-    """Return whether the photo may be annotated: left camera, Sun lamp on, rover light off."""
-    return key.camera == "L" and key.light == "off" and key.azimuth != "no"
 
 
 def _label_rows(key: PhotoKey, olat_images: LitView, photo: np.ndarray) -> list[dict[str, object]]:
@@ -204,10 +202,6 @@ def _label_table(rows: list[dict[str, object]]) -> pd.DataFrame:
         table[name] = pd.Series([row[name] for row in order], dtype="int64")
     table["contrast"] = pd.Series([row["contrast"] for row in order], dtype="float64")
     return table
-
-
-def empty_labels() -> pd.DataFrame:
-    return _label_table([])
 
 
 def _pair(key: PhotoKey) -> tuple[object, ...]:

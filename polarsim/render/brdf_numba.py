@@ -33,7 +33,11 @@ _LOG = tuple(
     for c in (7.0376836292e-2, -1.1514610310e-1, 1.1676998740e-1, -1.2420140846e-1, 1.4249322787e-1, -1.6668057665e-1,
               2.0000714765e-1, -2.4999993993e-1, 3.3333331174e-1)
 )  # fmt: skip
-_ARCTAN = tuple(_f(c) for c in brdf.ARCTAN[::-1])
+_ARCTAN = tuple(
+    _f(c)
+    for c in (0.0028662257, -0.0161657367, 0.0429096138, -0.0752896400, 0.1065626393, -0.1420889944, 0.1999355085,
+              -0.3333314528, 1)
+)  # fmt: skip
 _SERIES_BELOW, _SERIES = _f(0.1), tuple(_f(c) for c in (1 / 120, -1 / 24, 1 / 6, -1 / 2, 1))  # of (1 - exp(-x)) / x
 
 
@@ -131,7 +135,7 @@ def _log(x):  # type: ignore[no-untyped-def]
 
 @_helper
 def _angle(across, along):  # type: ignore[no-untyped-def]
-    """`brdf._angle`."""
+    """arctan2 for across >= 0, accurate to 1e-7 (Abramowitz and Stegun, Handbook of Mathematical Functions, 4.4.49)."""
     size = abs(along)
     ratio = min(size, across) / max(size, across)
     square = ratio * ratio

@@ -162,7 +162,8 @@ def occluded_pixels(surfaces: Surfaces, camera: Camera, ids: np.ndarray) -> dict
     ids : (h, w) uint16
         Id map of the view, with or without shadows.
     """
-    windows = {rock: _window(surfaces.rock_corners[rock], camera) for rock in _rocks_in(ids)}
+    shown = np.flatnonzero(np.bincount(ids.ravel(), minlength=SHADOW_IDS)[ROCK_IDS:SHADOW_IDS]).tolist()
+    windows = {rock: _window(surfaces.rock_corners[rock], camera) for rock in shown}
     in_front = (ids == BACKGROUND) | ((ids >= ROCK_IDS) & (ids < SHADOW_IDS))
     candidates = np.zeros(ids.shape, bool)
     for rock, near in windows.items():
@@ -178,11 +179,6 @@ def occluded_pixels(surfaces: Surfaces, camera: Camera, ids: np.ndarray) -> dict
     return {
         rock: np.unique(np.concatenate(parts)) if parts else np.zeros(0, np.int64) for rock, parts in hidden.items()
     }
-
-
-def _rocks_in(ids: np.ndarray) -> list[int]:
-    shown = np.flatnonzero(np.bincount(ids.ravel(), minlength=SHADOW_IDS)[ROCK_IDS:SHADOW_IDS])
-    return [int(rock) for rock in shown]
 
 
 def _window(corners: np.ndarray, camera: Camera) -> tuple[slice, slice]:

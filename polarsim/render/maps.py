@@ -125,9 +125,11 @@ def write_maps(folder: Path, maps: Maps) -> None:
     """
     with writing_folder(folder) as out:
         png.write_png(out / "ids.png", maps.ids)
-        of_first_lamp = [(lamp, name) for lamp in list(maps.by_lamp.values())[:1] for name in _OF_LAMP]
-        for shown, name in [*((maps, name) for name in _OF_VIEW), *of_first_lamp]:
-            png.write_png(out / f"{name}.png", _file_values(shown, name))
+        for name in _OF_VIEW:
+            png.write_png(out / f"{name}.png", _file_values(maps, name))
+        for lamp in list(maps.by_lamp.values())[:1]:
+            for name in _OF_LAMP:
+                png.write_png(out / f"{name}.png", _file_values(lamp, name))
 
 
 def write_view_maps(

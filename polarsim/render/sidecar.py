@@ -59,7 +59,10 @@ class Sidecar:
             "terrain": self.terrain,
             "lens": lens_content(shot.camera.lens),
             "sandbox_from_camera": shot.camera.world_from_camera.matrix.tolist(),
-            "lamps": {name: _lamp_content(lamp) for name, lamp in shot.lamps.items()},
+            "lamps": {
+                name: asdict(lamp) | {"position": np.asarray(lamp.position, float).tolist()}
+                for name, lamp in shot.lamps.items()
+            },
             "exposure_ms": shot.exposure_ms,
             "model": shot.model,
             "parameters": self.options.parameters(shot.model).model_dump(),
@@ -86,7 +89,10 @@ def read_sidecar(path: str | Path) -> Sidecar:
             model, gain = content["model"], float(content["gain_per_ms"])
             shot = Shot(
                 Camera(Pose.from_matrix(np.array(content["sandbox_from_camera"], float)), lens_of(content["lens"])),
-                {name: _lamp(lamp) for name, lamp in content["lamps"].items()},
+                {
+                    name: Lamp(**{**lamp, "position": np.array(lamp["position"], float).reshape(3)})
+                    for name, lamp in content["lamps"].items()
+                },
                 float(content["exposure_ms"]),
                 model,
             )
@@ -108,11 +114,3 @@ def digest_of(paths: Iterable[Path]) -> str:
     """Return a joint SHA-256 of files: the output of `sha256sum NAMES | sha256sum` with sorted names."""
     lines = (f"{digest}  {name}\n" for name, digest in digests_of(paths).items())
     return hashlib.sha256("".join(lines).encode()).hexdigest()
-
-
-def _lamp_content(lamp: Lamp) -> dict[str, Any]:
-    return asdict(lamp) | {"position": np.asarray(lamp.position, float).tolist()}
-
-
-def _lamp(content: Mapping[str, Any]) -> Lamp:
-    return Lamp(**{**content, "position": np.array(content["position"], float).reshape(3)})

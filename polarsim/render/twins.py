@@ -9,14 +9,12 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
-import numpy as np
-
 from polarsim.formats import coco, tables
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey, PositionCamera
 from polarsim.progress import track
 from polarsim.render.gain import calibration_photos, with_fit
 from polarsim.render.ground_truth import label_row, label_view
-from polarsim.render.lamps import Lamp, lamps_of_rig, lamps_on
+from polarsim.render.lamps import lamps_of_rig, lamps_on
 from polarsim.render.maps import write_view_maps
 from polarsim.render.olat import render_view
 from polarsim.render.optics import apply_lens_to_olat_images
@@ -115,7 +113,9 @@ def render_twins(
         if not chosen and view not in first:
             continue
         camera = rig.camera(view[1])
-        active_lamps = _lamps(suns, rig, [*chosen, *(key for key in references if view in first)], options)
+        needed = {name for key in [*chosen, *(references if view in first else ())] for name in lamps_on(key)}
+        lamps_here = lamps_of_rig(suns, rig, options.lamp_radius_m)
+        active_lamps = {name: lamp for name, lamp in lamps_here.items() if name in needed}
         shadow_lamps = sorted({lamps_on(key)[0] for key in chosen if lamps_on(key)})
         rendering = render_view(surfaces, camera, active_lamps, list(twins), shadow_lamps, options, threads)
         olat_images = apply_lens_to_olat_images(rendering.whole, active_lamps, surfaces, camera, options, threads)
@@ -142,11 +142,3 @@ def _write_labels(
     in_order = sorted(all_labels, key=lambda key: (key.position, key.camera, key))
     rows = [label_row(key, label) for key in in_order for label in all_labels[key]]
     tables.write_parquet(labels.table, tables.label_table(rows))
-
-
-def _lamps(
-    suns: Mapping[str, np.ndarray], rig: LocalisedRig, keys: Sequence[PhotoKey], options: RenderOptions
-) -> dict[str, Lamp]:
-    """Return the lamps that are on in at least one of the photos."""
-    needed = {name for key in keys for name in lamps_on(key)}
-    return {name: lamp for name, lamp in lamps_of_rig(suns, rig, options.lamp_radius_m).items() if name in needed}

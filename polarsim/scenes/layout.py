@@ -134,8 +134,9 @@ def scatter_rocks(
         pixel_m = float(np.linalg.norm(camera.centre - [*position, 0])) / camera.lens.fx
         mesh = _choose_shape(shapes, size, ranges.rock_scale, random).mesh(size, _TRIANGLE_PX * pixel_m)
         points = mesh.vertices @ draw_rotation(ranges, random).as_matrix().T + np.array([*position, 0.0])
-        points[:, 2] += _drop(points, grid, top) - sunk * np.ptp(points[:, 2])
-        _raise(top, points, grid)
+        cells = _cells(points, grid)
+        points[:, 2] += (top[cells] - points[:, 2]).max() - sunk * np.ptp(points[:, 2])  # until the first point touches
+        np.maximum.at(top, cells, points[:, 2])
         rocks.append(Mesh(points, mesh.faces))
     return rocks
 
@@ -250,13 +251,3 @@ def _cells(points: np.ndarray, grid: tuple[np.ndarray, np.ndarray]) -> tuple[np.
     column = np.rint((points[:, 0] - x[0, 0]) / cell).astype(int)
     row = np.rint((points[:, 1] - y[0, 0]) / cell).astype(int)
     return np.clip(row, 0, x.shape[0] - 1), np.clip(column, 0, x.shape[1] - 1)
-
-
-def _drop(points: np.ndarray, grid: tuple[np.ndarray, np.ndarray], top: np.ndarray) -> float:
-    """Return the vertical shift of points (n, 3) at which the first point touches the height field `top` (h, w)."""
-    return float((top[_cells(points, grid)] - points[:, 2]).max())
-
-
-def _raise(top: np.ndarray, points: np.ndarray, grid: tuple[np.ndarray, np.ndarray]) -> None:
-    """Raise the height field `top` (h, w) to the heights of points (n, 3)."""
-    np.maximum.at(top, _cells(points, grid), points[:, 2])

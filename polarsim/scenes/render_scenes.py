@@ -106,7 +106,9 @@ def render_random_scene(
             if rock_contrast(ids, _NUMBERS[kind] + rock, box, radiance, light, curve) >= ranges.min_contrast
         ]
         image = curve[expose(radiance, light, scene.options, random if ranges.noise else None)]
-        stored = augment_with_annotations(_stored(image, stored_px), ranges.max_strokes, random, WIDTH)
+        width = min(stored_px, image.shape[1])
+        stored = resize(image, (width, round(width * HEIGHT / WIDTH)))  # the aspect ratio of a photo
+        stored = augment_with_annotations(stored, ranges.max_strokes, random, WIDTH)
         mask = class_masks.of_ids(ids, {_NUMBERS[kind] + rock for kind, rock, _ in labels})
         yield SceneImage(stored, class_masks.resized(mask, (stored.shape[1], stored.shape[0])), labels)
 
@@ -173,9 +175,3 @@ def rock_contrast(
 def tone_curve(gamma: float) -> np.ndarray:
     """Return the tone curve (4096,) uint8 from 12 to 8 bits with exponent 1 / gamma."""
     return encode_tone(np.arange(WHITE_LEVEL + 1) - BLACK_LEVEL, WHITE_LEVEL - BLACK_LEVEL, gamma)
-
-
-def _stored(image: np.ndarray, width: int) -> np.ndarray:
-    """Return an image (h, w) uint8 reduced to at most a width, with the aspect ratio of a photo."""
-    width = min(width, image.shape[1])
-    return resize(image, (width, round(width * HEIGHT / WIDTH)))

@@ -15,14 +15,12 @@ from polarsim.formats import coco, png, tables, yolo
 from polarsim.formats.files import relative_to, write_json, write_text, writing
 from polarsim.geometry.poses import yaw_pitch_roll
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, COLOURS, ROCK, SHADOW
-from polarsim.randomness import generator
 from polarsim.render.views.options import Views
 from polarsim.render.views.plan import NamedScene, PlannedImage
 from polarsim.run_files.instances import ROCK_IDS
 from polarsim.run_files.picture_sets import AUTO
 
 Tone = Callable[[np.ndarray], np.ndarray]  # 12-bit image (h, w) uint16 to 8-bit image (h, w, 3) uint8
-MAX_TILES = 1024  # maximum number of images on a sheet; a larger set is sampled with a fixed seed
 _WIDTH, _MAX_TILE_WIDTH, _GAP = 4000, 480, 2  # px: width of the sheet, maximum tile width, gap between tiles
 _EVERY = 5  # every fifth viewpoint is for validation
 _MIN_NAMED_WIDTH = 300  # px: tiles narrower than this have no caption
@@ -35,19 +33,13 @@ class Sheet:
 
     def __init__(self, names: Sequence[str], size: tuple[int, int], tone: Tone) -> None:
         """`size`: width and height of the images, px."""
-        chosen = np.arange(len(names))
-        if len(names) > MAX_TILES:
-            chosen = np.sort(generator(0, "views", "sheet").choice(len(names), MAX_TILES, replace=False))
-        self._index = {names[number]: index for index, number in enumerate(chosen.tolist())}
-        self._columns = max(1, ceil(sqrt(len(chosen))))
-        self._wide = min(_MAX_TILE_WIDTH, _WIDTH // self._columns - _GAP, size[0])
+        self._index = {name: index for index, name in enumerate(names)}
+        self._columns = ceil(sqrt(len(names)))
+        self._wide = max(1, min(_MAX_TILE_WIDTH, _WIDTH // self._columns - _GAP, size[0]))
         self._high = max(1, round(self._wide * size[1] / size[0]))
-        rows = ceil(len(chosen) / self._columns)
+        rows = ceil(len(names) / self._columns)
         self._tone = tone
         self._pixels = np.full((rows * (self._high + _GAP), self._columns * (self._wide + _GAP), 3), 255, np.uint8)
-
-    def __contains__(self, name: str) -> bool:
-        return name in self._index
 
     def add(self, name: str, picture: np.ndarray, labels: Sequence[coco.Annotation]) -> None:
         """Draw an image (h, w), 12-bit uint16 or uint8, with label boxes into the tile of the image."""
@@ -94,10 +86,6 @@ class ViewsFolder:
     tone: Tone
     sheet: Sheet
 
-    def write_instances(self, picture: PlannedImage, ids: np.ndarray) -> None:
-        """Write the instance map (h, w) uint16, which several images share."""
-        png.write_png(self.out / f"instances/{picture.ground_truth}.png", ids)
-
     def write(
         self, picture: PlannedImage, grey: np.ndarray, exposure_ms: float, labels: Sequence[coco.Annotation]
     ) -> None:
@@ -111,8 +99,7 @@ class ViewsFolder:
             picture.size,
         )
         write_json(self.out / f"sidecars/{picture.name}.json", self._sidecar(picture, exposure_ms))
-        if picture.name in self.sheet:
-            self.sheet.add(picture.name, pixels, labels)
+        self.sheet.add(picture.name, pixels, labels)
 
     def _sidecar(self, picture: PlannedImage, exposure_ms: float) -> dict[str, Any]:
         scene, views = picture.scene, self.views

@@ -77,21 +77,19 @@ def rover_lamp(light: RoverLight, camera: NamedCamera) -> Lamp:
 PlannedLamp = tuple[Lamp, float, float, str, np.ndarray]
 
 
-def _near(section: NearLamps) -> Iterator[PlannedLamp]:
+def _grid(section: NearLamps | Suns) -> Iterator[PlannedLamp]:
     for azimuth, elevation in product(section.azimuth_deg, section.elevation_deg):
-        towards = Lamp.sun(azimuth, elevation).position
-        position = np.array(section.centre_m) + section.distance_m * towards / np.linalg.norm(towards)
-        yield Lamp(position, section.intensity, section.radius_m), azimuth, elevation, "", np.eye(3)
-
-
-def _suns(section: Suns) -> Iterator[PlannedLamp]:
-    for azimuth, elevation in product(section.azimuth_deg, section.elevation_deg):
-        yield Lamp.sun(azimuth, elevation, section.intensity), azimuth, elevation, "", np.eye(3)
+        lamp = Lamp.sun(azimuth, elevation, section.intensity)
+        if isinstance(section, NearLamps):
+            towards = section.distance_m * lamp.position / np.linalg.norm(lamp.position)
+            lamp = Lamp(np.array(section.centre_m) + towards, section.intensity, section.radius_m)
+        yield lamp, azimuth, elevation, "", np.eye(3)
 
 
 def _lunar(section: LunarSuns) -> Iterator[PlannedLamp]:
     site = (section.latitude_deg, section.longitude_deg)
-    sandbox_from_local = _rotation(section.north_deg - 90)  # local: x east, y north, z up
+    rotvec = np.array([0, 0, np.radians(section.north_deg - 90)])
+    sandbox_from_local = Pose.from_rotvec(rotvec, np.zeros(3)).rotation  # local: x east, y north, z up
     for number in range(section.number):
         moment = section.start_utc + timedelta(hours=number * section.every_h)
         moment_text = moment.strftime("%Y-%m-%dT%H:%M:%SZ")
@@ -104,11 +102,7 @@ def _lunar(section: LunarSuns) -> Iterator[PlannedLamp]:
         yield Lamp.sun(azimuth, elevation, section.intensity), azimuth, elevation, moment_text, sky
 
 
-def _rotation(angle_deg: float) -> np.ndarray:
-    return Pose.from_rotvec(np.array([0, 0, np.radians(angle_deg)]), np.zeros(3)).rotation
-
-
-_LAMPS: dict[type, Callable[..., Iterator[PlannedLamp]]] = {NearLamps: _near, Suns: _suns, LunarSuns: _lunar}
+_LAMPS: dict[type, Callable[..., Iterator[PlannedLamp]]] = {NearLamps: _grid, Suns: _grid, LunarSuns: _lunar}
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.formats import coco
+from polarsim.formats import coco, png
 from polarsim.formats.files import check_new_folder, writing_folder
 from polarsim.photo import BLACK_LEVEL
 from polarsim.progress import track
@@ -86,7 +86,7 @@ def _render(
     rendering = render_view(scene.surfaces, camera, lamps, models, list(lights), views.render, threads)
     for name, picture in lights.items():
         labels[picture.ground_truth] = annotate_view(scene.surfaces, camera, rendering.ids[name], views.render)
-        folder.write_instances(picture, rendering.ids[name])
+        png.write_png(folder.out / f"instances/{picture.ground_truth}.png", rendering.ids[name])
     olat_images = apply_lens_to_olat_images(rendering.whole, lamps, scene.surfaces, camera, views.render, threads)
     skies = {name: picture.light.sandbox_from_celestial for name, picture in lights.items()}
     stars = sky_images(sky, skies, scene.surfaces, camera, threads) if sky else {}
