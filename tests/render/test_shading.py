@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.camera import Camera
+from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import camera_pose
 from polarsim.photo import NO_ROCK
@@ -31,11 +32,10 @@ BEHIND = Lamp(np.array([-0.32, 3.6, 0.8]))  # the mound is between this lamp and
 
 def hills():
     """Return vertices and faces of ground with a mound."""
-    x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(-2, 2, 81), np.linspace(-2, 2, 81)))
-    z = 0.25 * np.exp(-((x + 0.6) ** 2 + (y - 0.5) ** 2) / 0.08) + 0.01 * np.sin(4 * x) * np.cos(3 * y)
-    first = (np.arange(80)[:, None] * 81 + np.arange(80)).ravel()
-    quads = np.stack([first, first + 1, first + 82, first + 81], axis=1)
-    return np.stack([x, y, z], axis=1), np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    x, y = np.meshgrid(np.linspace(-2, 2, 81), np.linspace(-2, 2, 81))
+    mound = 0.25 * np.exp(-((x + 0.6) ** 2 + (y - 0.5) ** 2) / 0.08)
+    ground = grid_mesh(x, y, mound + 0.01 * np.sin(4 * x) * np.cos(3 * y))
+    return ground.vertices, ground.faces
 
 
 @pytest.fixture(scope="module")
@@ -52,12 +52,7 @@ def mesh():
     starts = np.cumsum([0, *(len(part[0]) for part in parts)])
     vertices = np.concatenate([part[0] for part in parts])
     faces = np.concatenate([part[1] + start for part, start in zip(parts, starts, strict=False)])
-    normals = np.zeros_like(vertices)
-    for corner in range(3):
-        a, b, c = (vertices[faces[:, k]] for k in range(3))
-        np.add.at(normals, faces[:, corner], np.cross(b - a, c - a))
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    return TerrainMesh(vertices, faces, np.concatenate([part[2] for part in parts]), normals)
+    return TerrainMesh(vertices, faces, np.concatenate([part[2] for part in parts]))
 
 
 @pytest.fixture(scope="module")

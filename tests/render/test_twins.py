@@ -84,13 +84,6 @@ def test_vignetting_and_blur_are_applied_once(folders, lens):
         assert np.abs(signal - expected).max() > 0.1 * signal.max()
 
 
-def test_a_position_without_pose_is_skipped_with_a_warning(folders, caplog):
-    with caplog.at_level(logging.WARNING):
-        twins = render(folders, "twins", [KEYS[0], PhotoKey.parse("01_B_off_30_L_0256")])
-    assert list(twins) == [str(KEYS[0])]
-    assert "PosB.json" in caplog.text
-
-
 def test_level_ground_at_the_centre_has_the_stated_brightness(lens):
     for model in MODELS:
         options = RenderOptions(falloff=False)
@@ -165,12 +158,15 @@ def test_unusable_photos_do_not_change_the_gain(folders, lens):
     assert not len(gain_ratios(dark + 500, np.zeros(dark.shape, np.float32), 256))
 
 
-@pytest.mark.parametrize("method", [UNCERTAIN_LABELS, SURVEYED])
-def test_a_position_of_unproven_pose_has_neither_twins_nor_rendered_labels(folders, caplog, method):
+@pytest.mark.parametrize("method", [None, UNCERTAIN_LABELS, SURVEYED])
+def test_positions_without_pose_or_with_an_unproven_pose_have_neither_twins_nor_labels(folders, caplog, method):
     path = folders / "cameras" / "PosA.json"
-    write_localised(path, replace(read_localised(path), method=method))
+    if method:
+        write_localised(path, replace(read_localised(path), method=method))
+    rendered = [] if method else [str(KEYS[0])]
     with caplog.at_level(logging.WARNING):
-        assert not render(folders, "unproven")
-    assert not list((folders / "labels" / "boxes").iterdir())
-    assert len(pd.read_parquet(folders / "labels" / "table.parquet")) == 0
-    assert str(path) in caplog.text
+        assert list(render(folders, "twins", [KEYS[0], PhotoKey.parse("01_B_off_30_L_0256")])) == rendered
+    assert [file.stem for file in (folders / "labels" / "boxes").iterdir()] == rendered
+    assert set(pd.read_parquet(folders / "labels" / "table.parquet")["key"]) == set(rendered)
+    assert (str(path) in caplog.text) == bool(method)
+    assert "PosB.json" in caplog.text

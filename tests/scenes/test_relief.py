@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.heightfields import crater, grid_mesh, rough_waves, smooth_noise, sum_noise
+from polarsim.scenes.layout import draw_relief
 from polarsim.scenes.options import SceneRanges
-from polarsim.scenes.relief import draw_relief
 
 
 @pytest.mark.parametrize(("angle", "smooth_axis"), [(0.0, 1), (np.pi / 2, 0)])

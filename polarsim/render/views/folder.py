@@ -103,7 +103,7 @@ class ViewsFolder:
 
     def _sidecar(self, picture: PlannedImage, exposure_ms: float) -> dict[str, Any]:
         scene, views = picture.scene, self.views
-        content = scene.sidecar(picture.shot(views, exposure_ms))
+        content = scene.sidecar(picture.shot(exposure_ms))
         return {
             **{key: value for key, value in content.items() if key not in _OF_ONE_TERRAIN},
             **picture.columns(),

@@ -13,7 +13,6 @@ from polarsim.formats.files import resolve_from
 from polarsim.formats.yaml_files import read_model
 from polarsim.photo import HEIGHT, WIDTH
 from polarsim.render.options import RenderOptions
-from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE
 from polarsim.user_path import UserPath
 
 Name = Annotated[  # without _, which separates the parts of file names
@@ -22,7 +21,6 @@ Name = Annotated[  # without _, which separates the parts of file names
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Point = tuple[Finite, Finite, Finite]  # x, y, z, sandbox frame
 Elevation = Annotated[float, Field(gt=0, le=90)]
-FAINTEST_MAG = 7.0  # magnitude limit (Hp) of the table of stars
 
 
 def _in_order(low: Point, high: Point) -> None:
@@ -161,15 +159,10 @@ class LunarSuns(ViewsSection):
 
 
 class RoverLight(ViewsSection):
-    """Point lamp that moves with the camera."""
+    """Light of POLAR's rig, a point lamp that moves with the (left) camera."""
 
     states: tuple[bool, ...] = Field(
         (False,), min_length=1, description="States to render: false (off), true (on), or both."
-    )
-    intensity: PositiveFloat = Field(ROVER_LIGHT_SHARE, description="Radiant intensity relative to POLAR's Sun lamp.")
-    from_camera_m: Point = Field(
-        tuple(ROVER_LIGHT_FROM_LEFT.tolist()),
-        description="Position in the frame of the (left) camera, metres: right, down, forward.",
     )
 
 
@@ -178,8 +171,6 @@ class AutoExposure(ViewsSection):
 
     percentile: float = Field(95, gt=0, le=100, description="Percentile of the lit pixels that is exposed to `grey`.")
     grey: int = Field(3000, gt=16, le=4095, description="Target DN of the percentile, including black level 16.")
-    shortest_ms: PositiveFloat = Field(1, description="Minimum exposure time, ms.")
-    longest_ms: PositiveFloat = Field(8192, description="Maximum exposure time, ms.")
 
 
 class StarField(ViewsSection):
@@ -188,7 +179,6 @@ class StarField(ViewsSection):
     intensity: float = Field(
         1, ge=0, description="Flux relative to real stars, which are hardly visible in sunlit exposures."
     )
-    faintest_mag: float = Field(FAINTEST_MAG, le=FAINTEST_MAG, ge=-1, description="Maximum magnitude Hp of the stars.")
 
 
 class Views(ViewsSection):

@@ -19,8 +19,9 @@ from polarsim.render.scene import Scene, Shot
 from polarsim.render.surfaces import check_position
 from polarsim.render.views.cameras import NamedCamera, cameras_of
 from polarsim.render.views.moon import local_from_celestial, sun_over
-from polarsim.render.views.options import LunarSuns, NearLamps, RoverLight, SceneSection, Suns, Views
+from polarsim.render.views.options import LunarSuns, NearLamps, SceneSection, Suns, Views
 from polarsim.run_files.picture_sets import AUTO, exposure_name
+from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE
 
 log = logging.getLogger("polarsim.render")
 
@@ -68,10 +69,10 @@ def lights_of(views: Views) -> list[NamedLight]:
     return lights
 
 
-def rover_lamp(light: RoverLight, camera: NamedCamera) -> Lamp:
+def rover_lamp(camera: NamedCamera) -> Lamp:
     """Return the rover light next to a camera; both cameras of a pair share the same light."""
     left_from_sandbox = camera.left_from_camera @ camera.world_from_camera.inverse()
-    return Lamp(left_from_sandbox.inverse().apply(np.array(light.from_camera_m)), light.intensity)
+    return Lamp(left_from_sandbox.inverse().apply(ROVER_LIGHT_FROM_LEFT), ROVER_LIGHT_SHARE)
 
 
 PlannedLamp = tuple[Lamp, float, float, str, np.ndarray]
@@ -133,14 +134,13 @@ class PlannedImage:
         """Width and height, px."""
         return self.camera.lens.width, self.camera.lens.height
 
-    def lamps(self, views: Views) -> dict[str, Lamp]:
+    def lamps(self) -> dict[str, Lamp]:
         """Return the lamps that are on; the first casts the labelled shadows."""
-        rover = {ROVER: rover_lamp(views.rover_light, self.camera)} if self.rover else {}
-        return {self.light.name: self.light.lamp, **rover}
+        return {self.light.name: self.light.lamp, **({ROVER: rover_lamp(self.camera)} if self.rover else {})}
 
-    def shot(self, views: Views, exposure_ms: float) -> Shot:
+    def shot(self, exposure_ms: float) -> Shot:
         """Return the shot of the image at an exposure time, ms."""
-        return Shot(self.camera, self.lamps(views), exposure_ms, self.model)
+        return Shot(self.camera, self.lamps(), exposure_ms, self.model)
 
     def columns(self) -> dict[str, Any]:
         """Return the columns of the image in the index and the COCO file, except the exposure."""

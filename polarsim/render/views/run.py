@@ -25,6 +25,7 @@ from polarsim.render.views.plan import PlannedImage, plan
 from polarsim.render.views.stars import Sky, build_sky, sky_images
 
 _IMAGES = 24  # maximum OLAT images in memory
+_EXPOSURES_MS = (1.0, 8192.0)  # limits of automatic exposures
 LabelsByMap = dict[str, list[coco.Annotation]]  # by the name of the instance map
 
 
@@ -49,7 +50,7 @@ def render_views(
     chosen = plan(views, scale)[:limit]
     labels: LabelsByMap = {}
     exposures: list[float] = []
-    sky = build_sky(views.stars) if views.stars else None
+    sky = build_sky(views.stars.intensity) if views.stars else None
     with writing_folder(out) as made, ThreadPoolExecutor(threads) as pool:
         sheet = Sheet([picture.name for picture in chosen], chosen[0].size, tone)
         folder = ViewsFolder(views, made, preview, tone, sheet)
@@ -81,7 +82,7 @@ def _render(
     """
     views, scene, camera = folder.views, unit[0].scene, unit[0].camera
     lights = {picture.light.name: picture for picture in unit}
-    lamps = {name: lamp for picture in unit for name, lamp in picture.lamps(views).items()}
+    lamps = {name: lamp for picture in unit for name, lamp in picture.lamps().items()}
     models = [model for model in views.render.models if any(picture.model == model for picture in unit)]
     rendering = render_view(scene.surfaces, camera, lamps, models, list(lights), views.render, threads)
     for name, picture in lights.items():
@@ -111,10 +112,10 @@ def _render(
 def auto_exposure(radiance: np.ndarray, gain: float, options: AutoExposure) -> float:
     """Return the exposure, ms, at which the percentile of the lit pixels of radiance (h, w) has the grey value `grey`.
 
-    An image without light gets `longest_ms`. `gain`: DN per ms per unit radiance.
+    An image without light gets the longest exposure. `gain`: DN per ms per unit radiance.
     """
     lit = radiance[lit_pixels(radiance)]
     if not len(lit):
-        return options.longest_ms
+        return _EXPOSURES_MS[1]
     exposure = (options.grey - BLACK_LEVEL) / (gain * float(np.percentile(lit, options.percentile)))
-    return float(f"{np.clip(exposure, options.shortest_ms, options.longest_ms):.6g}")
+    return float(f"{np.clip(exposure, *_EXPOSURES_MS):.6g}")

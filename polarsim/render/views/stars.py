@@ -1,7 +1,7 @@
 """Stars in the background, with real positions and brightness from the table `hipparcos.parquet` in this folder.
 
 Source: ESA's Hipparcos catalogue, the new reduction (van Leeuwen, Astronomy & Astrophysics 474 (2007) 653; VizieR
-I/311), which is in the public domain. The table contains the stars down to `FAINTEST_MAG`, with proper motion applied
+I/311), which is in the public domain. The table contains the stars down to magnitude 7, with proper motion applied
 from 1991.25 to 2025, sorted by magnitude.
 """
 
@@ -21,7 +21,6 @@ from polarsim.geometry.lens import HALF_PIXEL, Lens
 from polarsim.render.hits import cast_strip, for_strips
 from polarsim.render.surfaces import Surfaces
 from polarsim.render.views.moon import on_sphere
-from polarsim.render.views.options import StarField
 
 COLUMNS = ("hip", "ra_deg", "dec_deg", "hp_mag")
 TABLE = Path(__file__).with_name("hipparcos.parquet")
@@ -47,13 +46,11 @@ class Sky:
     irradiance: np.ndarray
 
 
-def build_sky(field: StarField) -> Sky:
-    """Return the stars down to the magnitude limit, brightest first."""
+def build_sky(intensity: float = 1.0) -> Sky:
+    """Return all stars of the table, brightest first; `intensity`: flux relative to real stars."""
     table = stars()
-    table = table[table["hp_mag"] <= field.faintest_mag]
     towards = star_directions(table["ra_deg"].to_numpy(), table["dec_deg"].to_numpy())
-    magnitudes = table["hp_mag"].to_numpy(float)
-    return Sky(towards, field.intensity * 10 ** (-0.4 * (magnitudes - SUN_MAGNITUDE)))
+    return Sky(towards, intensity * 10 ** (-0.4 * (table["hp_mag"].to_numpy(float) - SUN_MAGNITUDE)))
 
 
 def sky_mask(surfaces: Surfaces, camera: Camera, threads: int) -> np.ndarray:

@@ -20,7 +20,6 @@ from polarsim.render.olat import NO_LAMP, Rendering, render_view
 from polarsim.render.optics import apply_lens, apply_lens_to_olat_images
 from polarsim.render.options import Material, Model, RenderOptions
 from polarsim.render.sensor import expose, noise_generator
-from polarsim.render.views.options import StarField
 from polarsim.render.views.stars import Sky, build_sky, star_radiance
 from polarsim.rover.cameras.bodywork import Bodywork, body_of, links_at
 from polarsim.rover.cameras.lights import headlights, named_sun
@@ -74,8 +73,8 @@ class RoverCamera:
         self.vehicle, body = vehicle, body_of(vehicle)
         self._sun_elevation_deg = options.sun_elevation_deg
         self.render_options = _resolved(render, models, body)
-        stars = StarField(intensity=BRIGHT_STARS if options.stars == "bright" else 1.0)
-        self.sky: Sky | None = None if options.stars == "none" else build_sky(stars)
+        intensity = BRIGHT_STARS if options.stars == "bright" else 1.0
+        self.sky: Sky | None = None if options.stars == "none" else build_sky(intensity)
         lattice = NodeGrid(world.x0, world.y0, world.cell, world.level)
         tracks = WheelTracks(lattice, followed, finer)
         self.scene = RenderScene(tracks, world, body, skirt_m=render.skirt_m)

@@ -94,7 +94,7 @@ def test_images_equal_those_of_a_scene(out, folders, views_of, tone, faults):
     views = views.model_copy(update={"render": views.render.model_copy(update=faults)})
     render_views(views, out, tone=tone)
     (picture,) = plan(views)
-    one = Scene(folders / "meshes", 1, views.render).picture(picture.shot(views, 64.0))
+    one = Scene(folders / "meshes", 1, views.render).picture(picture.shot(64.0))
     np.testing.assert_array_equal(png.read_png(out / f"images/{picture.name}.png"), one)
 
 
@@ -135,8 +135,8 @@ def test_auto_exposures_give_the_stated_brightness(out, views_of, tone):
 
 
 def test_an_image_without_light_has_the_longest_exposure():
-    assert auto_exposure(np.zeros((4, 4), np.float32), 3.0, AutoExposure(longest_ms=500)) == 500
-    assert auto_exposure(np.full((4, 4), 1e6, np.float32), 3.0, AutoExposure(shortest_ms=2)) == 2
+    assert auto_exposure(np.zeros((4, 4), np.float32), 3.0, AutoExposure()) == 8192
+    assert auto_exposure(np.full((4, 4), 1e6, np.float32), 3.0, AutoExposure()) == 1
 
 
 def test_close_exposures_have_different_names(views_of):
