@@ -117,14 +117,8 @@ def label_view(
 ) -> dict[PhotoKey, list[coco.Annotation]]:
     """Write and return the labels of the twins of a view, equal for all models and exposures of a bracket.
 
-    Parameters
-    ----------
-    ids : lamp -> (h, w) uint16
-        `Rendering.ids` of the view.
-    boxes : Path
-        Folder for `KEY.txt`; the file is empty if no lamp is on, because the image is black.
-    instances : Path
-        Folder for `TT_P_light_az_C.png`, the id map of an exposure bracket.
+    `ids`: `Rendering.ids` of the view. `boxes`: folder for `KEY.txt`; the file is empty if no lamp is on, because the
+    image is black. `instances`: folder for `TT_P_light_az_C.png`, the id map of an exposure bracket.
     """
     rocks = annotate_view(surfaces, camera, ids[NO_LAMP], options)
     by_lamp = {NO_LAMP: rocks}
@@ -157,10 +151,7 @@ def occluded_pixels(surfaces: Surfaces, camera: Camera, ids: np.ndarray) -> dict
     Parts occluded by the ground (buried, or behind a mound) are not included. Rays are cast only near a rock, through
     pixels that show another rock, a wall or background.
 
-    Parameters
-    ----------
-    ids : (h, w) uint16
-        Id map of the view, with or without shadows.
+    `ids` (h, w): id map of the view, with or without shadows.
     """
     shown = np.flatnonzero(np.bincount(ids.ravel(), minlength=SHADOW_IDS)[ROCK_IDS:SHADOW_IDS]).tolist()
     windows = {rock: _window(surfaces.rock_corners[rock], camera) for rock in shown}

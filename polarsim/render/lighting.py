@@ -29,18 +29,11 @@ def visible_share(
 ) -> np.ndarray:
     """Return the visible share (n,) float32, 0 to 1, of a disc that faces each point; 0 or 1 if the radius is 0.
 
-    Parameters
-    ----------
-    points, to_lamp : (n, 3) float32
-        Points, and vectors to the centre of the disc, metres.
-    samples : int
-        Rays per point in penumbra, where the first rays disagree.
-    rotation : (n,) float
-        Rotation of the ray pattern at each point, radians. Different rotations turn banding into noise.
-    every : int
-        If above 1, the points must be in raster order, and only every n-th point is probed at the centre and rim of
-        the disc. Between two fully visible or two fully occluded points, only the centre of the disc is tested,
-        unless a test nearby disagrees.
+    Points and vectors to the centre of the disc are (n, 3) float32, metres. `samples`: rays per point in penumbra,
+    where the first rays disagree. `rotation` (n,): rotation of the ray pattern at each point, radians; different
+    rotations turn banding into noise. `every`: if above 1, the points must be in raster order, and only every n-th
+    point is probed at the centre and rim of the disc. Between two fully visible or two fully occluded points, only the
+    centre of the disc is tested, unless a test nearby disagrees.
     """
 
     def visible(numbers: np.ndarray, pattern: np.ndarray) -> np.ndarray:

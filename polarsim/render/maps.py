@@ -37,42 +37,22 @@ _OF_VIEW, _OF_LAMP = ("depth", "emergence", "normal"), ("incidence", "lit", "pha
 
 @dataclass(frozen=True)
 class LampMaps:
-    """Maps (h, w) of a view under one lamp; NaN at pixels without surface.
+    """Maps (h, w) of a view under one lamp; NaN at pixels without surface."""
 
-    incidence_deg, phase_deg : float32
-        Angles between normal and lamp, and between lamp and viewer.
-    lit : float32
-        Visible share of the lamp, 0 to 1; 0 if the surface faces away.
-    shading : uint16
-        LIT, or the occluder: codes of `render.shadows`; 0 at pixels without surface.
-    """
-
-    incidence_deg: np.ndarray
-    phase_deg: np.ndarray
-    lit: np.ndarray
-    shading: np.ndarray
+    incidence_deg: np.ndarray  # float32, angle between normal and lamp
+    phase_deg: np.ndarray  # float32, angle between lamp and viewer
+    lit: np.ndarray  # float32, visible share of the lamp, 0 to 1; 0 if the surface faces away
+    shading: np.ndarray  # uint16, LIT or the occluder: codes of `render.shadows`; 0 at pixels without surface
 
 
 @dataclass(frozen=True)
 class Maps:
-    """Maps (h, w) of a view; pixels without surface are NaN, in `ids` 0.
+    """Maps (h, w) of a view; pixels without surface are NaN, in `ids` 0."""
 
-    depth_m : float32
-        Distance along the optical axis, metres.
-    normal : (h, w, 3) float32
-        Smooth unit normal towards the viewer, sandbox frame.
-    emergence_deg : float32
-        Angle between normal and viewer.
-    ids : uint16
-        BACKGROUND, GROUND, ROCK_IDS + k for rock k, as in instance maps.
-    by_lamp : name -> LampMaps
-        Maps of each lamp.
-    """
-
-    depth_m: np.ndarray
-    normal: np.ndarray
-    emergence_deg: np.ndarray
-    ids: np.ndarray
+    depth_m: np.ndarray  # float32, distance along the optical axis
+    normal: np.ndarray  # (h, w, 3) float32, smooth unit normal towards the viewer, sandbox frame
+    emergence_deg: np.ndarray  # float32, angle between normal and viewer
+    ids: np.ndarray  # uint16: BACKGROUND, GROUND, ROCK_IDS + k for rock k, as in instance maps
     by_lamp: dict[str, LampMaps]
 
 
