@@ -24,15 +24,9 @@ def labelled(key, boxes, **more):
 
 def test_metrics_are_pooled_over_photos():
     """True, false, true positive for 4 labels: precision 1 to recall 1/4, 2/3 to 1/2: (26 + 25 * 2/3) / 101."""
-    boxes = np.array([[10.0, 10, 50, 50], [100, 100, 150, 150]])
-    labels = pd.concat([labelled("a", boxes), labelled("b", boxes)])
-    predictions = pd.concat(
-        [
-            labelled("a", boxes[:1], confidence=0.9),
-            labelled("b", [[300.0, 300, 340, 340]], confidence=0.8),
-            labelled("b", boxes[1:], confidence=0.3),
-        ]
-    )
+    labels = pd.concat([labelled("a", BOXES), labelled("b", BOXES)])
+    found = (("a", BOXES[:1], 0.9), ("b", [[300.0, 300, 340, 340]], 0.8), ("b", BOXES[1:], 0.3))
+    predictions = pd.concat([labelled(key, boxes, confidence=sure) for key, boxes, sure in found])
     row = cover_metrics(labels, [predictions], ["a", "b"], resamples=200).set_index("kind").loc["rock"]
     assert row["map50"] == pytest.approx((26 + 25 * 2 / 3) / 101)
     assert row["map50_low"] <= row["map50"] <= row["map50_high"]
@@ -48,60 +42,53 @@ def test_one_photo_has_no_interval():
     assert np.isnan(row["map50_low"])
 
 
+BOXES = np.array([[10.0, 10, 50, 50], [100, 100, 150, 150]])
+KEYS = ["01_A_off_30_L_0256", "03_A_off_30_R_0256"]  # a fold each
+
+
+def score(folder, labels, predictions, merged=None):
+    """Score the predictions by seed of two folds of one photo each; return the table of scores."""
+    tables.write_parquet(folder / "labels.parquet", tables.label_table(labels))
+    paths, datasets = {}, {}
+    for seed, parts in enumerate(predictions):
+        paths[seed] = folder / f"predictions{seed}.parquet"
+        table = pd.concat(parts, ignore_index=True)[list(PREDICTIONS.columns)]
+        tables.write_parquet(paths[seed], table.astype(PREDICTIONS.dtypes))
+    for key in KEYS:
+        datasets[key[:2]] = folder / key[:2]
+        pictures = pd.DataFrame([(key, "test"), ("t04_s000_l0", "train"), ("t04_s001_l0", "train")])
+        tables.write_csv(datasets[key[:2]] / "pictures.csv", pictures.set_axis(["key", "part"], axis=1))
+    if merged:
+        merge_seeds(predictions=list(paths.values()), merged=merged, options=PredictionOptions(nms_iou=0.5))
+    score_covers(
+        labels=folder / "labels.parquet", predictions=paths, merged=merged, datasets=datasets,
+        trained_on=list(datasets.values()), scores=folder / "scores.parquet", trained="rendered",
+        training=TrainingOptions(model="compact", epochs=7), start="scratch", options=ComparisonOptions(resamples=100),
+    )  # fmt: skip
+    return folder / "scores.parquet"
+
+
 @pytest.fixture
 def scored(tmp_path):
-    """Two folds of one photo each: both rocks of terrain 1 are detected, none of terrain 3."""
-    boxes = np.array([[10.0, 10, 50, 50], [100, 100, 150, 150]])
-    rows, parts, datasets = [], [], {}
-    for key, found in (("01_A_off_30_L_0256", boxes), ("03_A_off_30_R_0256", boxes + 300)):
-        fold = key[:2]
-        rows += [row | {"kind": "shadow"} if n else row for n, row in enumerate(label_rows_of(key, boxes))]
-        table = labelled(key, found, confidence=0.9)
-        table["kind"] = ["rock", "shadow"]
-        parts.append(table[list(PREDICTIONS.columns)].astype(PREDICTIONS.dtypes))
-        datasets[fold] = tmp_path / fold
-        pictures = pd.DataFrame([(key, "test"), ("t04_s000_l0", "train"), ("t04_s001_l0", "train")])
-        tables.write_csv(datasets[fold] / "pictures.csv", pictures.set_axis(["key", "part"], axis=1))
-    tables.write_parquet(tmp_path / "labels.parquet", tables.label_table(rows))
-    tables.write_parquet(tmp_path / "predictions.parquet", pd.concat(parts, ignore_index=True))
-    score_covers(
-        labels=tmp_path / "labels.parquet", predictions={0: tmp_path / "predictions.parquet"}, datasets=datasets,
-        trained_on=list(datasets.values()),
-        scores=tmp_path / "scores.parquet", trained="rendered",
-        training=TrainingOptions(model="compact", epochs=7), start="scratch",
-        options=ComparisonOptions(resamples=100),
-    )  # fmt: skip
-    return tmp_path / "scores.parquet"
+    """Both boxes of terrain 1 are detected, none of terrain 3. The second box is a shadow."""
+    labels = [row | {"kind": "shadow"} if n else row for key in KEYS for n, row in enumerate(label_rows_of(key, BOXES))]
+    parts = [labelled(key, BOXES + move, confidence=0.9) for key, move in zip(KEYS, (0, 300), strict=True)]
+    return score(tmp_path, labels, [[part.assign(kind=["rock", "shadow"]) for part in parts]])
 
 
 @pytest.fixture
 def two_seeds(tmp_path):
-    """Two folds of one photo with two rocks, two seeds: each detects a different rock of terrain 1 and a phantom."""
-    boxes = np.array([[10.0, 10, 50, 50], [100, 100, 150, 150]])
-    keys = ["01_A_off_30_L_0256", "03_A_off_30_R_0256"]
-    tables.write_parquet(
-        tmp_path / "labels.parquet", tables.label_table([row for key in keys for row in label_rows_of(key, boxes)])
-    )
-    predictions, datasets = {}, {}
-    for seed, phantom in enumerate(boxes + 400):
-        rows = [labelled(keys[0], boxes[seed : seed + 1], confidence=0.8), labelled(keys[1], boxes, confidence=0.6)]
-        rows.append(labelled(keys[0], phantom[None], confidence=0.7))
-        table = pd.concat(rows, ignore_index=True)[list(PREDICTIONS.columns)].astype(PREDICTIONS.dtypes)
-        predictions[seed] = tmp_path / f"predictions{seed}.parquet"
-        tables.write_parquet(predictions[seed], table)
-    for key in keys:
-        datasets[key[:2]] = tmp_path / key[:2]
-        pictures = pd.DataFrame([(key, "test"), ("t04_s000_l0", "train")], columns=["key", "part"])
-        tables.write_csv(datasets[key[:2]] / "pictures.csv", pictures)
-    merged = tmp_path / "merged.parquet"
-    merge_seeds(predictions=list(predictions.values()), merged=merged, options=PredictionOptions(nms_iou=0.5))
-    score_covers(
-        labels=tmp_path / "labels.parquet", predictions=predictions, merged=merged, datasets=datasets,
-        trained_on=list(datasets.values()),
-        scores=tmp_path / "scores.parquet", trained="rendered",
-        training=TrainingOptions(model="compact"), start="scratch",
-        options=ComparisonOptions(resamples=100),
-    )  # fmt: skip
+    """Two rocks a photo, two seeds: each detects a different rock of terrain 1 and a phantom."""
+    labels = [row for key in KEYS for row in label_rows_of(key, BOXES)]
+    predictions = [
+        [
+            labelled(KEYS[0], BOXES[seed : seed + 1], confidence=0.8),
+            labelled(KEYS[1], BOXES, confidence=0.6),
+            labelled(KEYS[0], phantom[None], confidence=0.7),
+        ]
+        for seed, phantom in enumerate(BOXES + 400)
+    ]
+    score(tmp_path, labels, predictions, tmp_path / "merged.parquet")
     return tmp_path
 
 

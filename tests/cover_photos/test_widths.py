@@ -117,20 +117,10 @@ def test_a_published_detector_has_widths_calibration_and_a_card(folds, tmp_path)
     scores = pd.DataFrame(
         [("all", "rock", 0.41, 0.3, 0.5, 6), ("03", "rock", 0.2, np.nan, np.nan, 2), ("01", "rock", 0.6, 0.5, 0.7, 4)],
         columns=["terrain", "kind", "map50", "map50_low", "map50_high", "labels"],
-    ).assign(
-        trained="fine_tuned",
-        detectors="one",
-        seed=0,
-        detector="compact",
-        start="carved",
-        epochs=3,
-        folds=3,
-        pictures=9,
-        images=3,
-        map50_95=0.1,
-        iou_mean=0.2,
-        calibration_error=0.04,
     )
+    texts = {"trained": "fine_tuned", "detectors": "one", "detector": "compact", "start": "carved"}
+    counts = {"seed": 0, "epochs": 3, "folds": 3, "pictures": 9, "images": 3}
+    scores = scores.assign(**texts, **counts, map50_95=0.1, iou_mean=0.2, calibration_error=0.04)
     tables.write_parquet(tmp_path / "scores.parquet", scores[list(COVER_SCORES.columns)].astype(COVER_SCORES.dtypes))
     publish_detector(
         weights=weights, **folds, scores=tmp_path / "scores.parquet", detector=tmp_path / "detector.pt",

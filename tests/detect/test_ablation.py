@@ -3,8 +3,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from polarsim.detect.ablation import ABLATION_COLUMNS, DomainEvaluation, effect_of, write_ablation
@@ -96,15 +94,11 @@ def test_mean_average_precision_changes_with_rocks_that_are_found():
     assert found["map50_change_high"] == pytest.approx(1)  # the missed view drawn twice
 
 
-@settings(max_examples=6, deadline=None)
-@given(st.lists(st.tuples(*[st.floats(0.3, 1)] * 3), min_size=1, max_size=6))
-def test_no_change_is_zero_and_the_reverse_change_has_the_opposite_sign(performances):
+def test_no_change_is_zero_and_the_reverse_change_has_the_opposite_sign():
     options = ComparisonOptions(resamples=100)
-    points = [((ONE, OTHER)[number % 2], number + 1) for number in range(len(performances))]
-    photo, twin, other = (
-        seen(dict(zip(points, column, strict=True)), [ONE], options=options)
-        for column in zip(*performances, strict=True)
-    )
+    points = [((ONE, OTHER)[number % 2], number + 1) for number in range(5)]
+    performances = np.random.default_rng(0).uniform(0.3, 1, (3, 5))
+    photo, twin, other = (seen(dict(zip(points, row, strict=True)), [ONE], options=options) for row in performances)
     same = rocks(photo, twin, twin)
     known = [name for name in CHANGES if not np.isnan(same[name])]
     assert len(known) >= len(CHANGE_METRICS)

@@ -1,7 +1,6 @@
 """The compact detector: components by hand calculations, and small trainings on blobs."""
 
 import math
-import subprocess
 import sys
 from pathlib import Path
 
@@ -10,7 +9,6 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
 from polarsim.detect import detectors
 from polarsim.detect.dataset import make_dataset
@@ -29,8 +27,7 @@ torch = pytest.importorskip("torch")
 
 from polarsim.detect.detectors.compact.loss import assign_labels, losses  # noqa: E402
 from polarsim.detect.detectors.compact.network import STRIDE  # noqa: E402
-from polarsim.detect.detectors.compact.pictures import TrainingImage, augment  # noqa: E402
-from polarsim.detect.detectors.compact.weights import decode_boxes, network  # noqa: E402
+from polarsim.detect.detectors.compact.weights import decode_boxes  # noqa: E402
 from polarsim.detect.detectors.devices import computes_bfloat16  # noqa: E402
 
 pytestmark = pytest.mark.slow
@@ -71,8 +68,12 @@ def train(dataset: Path, folder: Path, name: str, options: TrainingOptions = OPT
 
 @pytest.fixture(scope="module")
 def matched(dataset, tmp_path_factory) -> Path:
+    """Folder of a detector trained without Ultralytics, which has another licence."""
     folder = tmp_path_factory.mktemp("matched")
-    train(dataset, folder, "real")
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("ultralytics", "torchvision"):
+            patch.setitem(sys.modules, name, None)
+        train(dataset, folder, "real")
     return folder
 
 
@@ -81,14 +82,17 @@ def test_it_learns(matched):
     assert curve["epoch"].tolist() == [1, 2, 3, 4]
     assert curve["val_map50"].max() > 0.5
     assert curve["train_box_loss"].is_monotonic_decreasing
-
-
-@pytest.mark.parametrize("precision", ["float32", "bfloat16"])
-def test_it_learns_in_either_precision(dataset, tmp_path, precision):
-    train(dataset, tmp_path, precision, OPTIONS.model_copy(update={"precision": precision}))
-    assert tables.read_csv(tmp_path / f"{precision}.csv")["val_map50"].max() > 0.5
-    state = torch.load(tmp_path / f"{precision}.pt", weights_only=True)["state"]
+    state = detectors.read_detector(matched / "real.pt").state
     assert {value.dtype for value in state.values() if value.is_floating_point()} == {torch.float16}
+    assert not [name for name in (*state, *curve) if "mask" in name]
+
+
+def test_it_learns_in_the_other_precision_and_with_another_seed(dataset, matched, tmp_path):
+    other = "float32" if computes_bfloat16("auto", "cpu") else "bfloat16"
+    train(dataset, tmp_path, "other", OPTIONS.model_copy(update={"precision": other}), seed=1)
+    curves = [tables.read_csv(path) for path in (tmp_path / "other.csv", matched / "real.csv")]
+    assert curves[0]["val_map50"].max() > 0.5
+    assert (curves[0]["train_box_loss"] != curves[1]["train_box_loss"]).all()
 
 
 def test_bfloat16_is_used_if_the_processor_supports_it(monkeypatch):
@@ -97,12 +101,6 @@ def test_bfloat16_is_used_if_the_processor_supports_it(monkeypatch):
         assert computes_bfloat16("auto", "cpu") is there
         assert computes_bfloat16("bfloat16", "cpu")
         assert not computes_bfloat16("float32", "cpu")
-
-
-def test_equal_seeds_give_equal_bytes(dataset, matched, tmp_path):
-    assert train(dataset, tmp_path, "again") == (matched / "real.pt").read_bytes()
-    one = OPTIONS.model_copy(update={"epochs": 1})
-    assert train(dataset, tmp_path, "one", one) != train(dataset, tmp_path, "two", one, seed=1)
 
 
 def test_a_resumed_training_gives_the_same_bytes(dataset, matched, tmp_path, monkeypatch):
@@ -163,6 +161,7 @@ def test_predictions_are_well_formed_and_find_the_blobs(dataset, matched, tmp_pa
     table = tables.read_parquet(tmp_path / "real_on_real.parquet")
     assert table["confidence"].between(PREDICTION.confidence, 1).all()
     assert ((table["x0"] >= 0) & (table["x0"] < table["x1"]) & (table["x1"] <= 1936)).all()
+    assert ((table["y0"] >= 0) & (table["y0"] < table["y1"]) & (table["y1"] <= 1216)).all()
     labels = tables.read_parquet(world / "labels.parquet")
     labels = labels[labels["key"].isin(table["key"]) & (labels["kind"] == "rock")]
     surest = table[table["kind"] == "rock"].groupby("key").head(5)
@@ -194,25 +193,6 @@ def test_boxes_outside_the_sand_are_dropped_with_known_poses(dataset, matched, t
     pd.testing.assert_frame_equal(kept, elsewhere)
 
 
-def test_training_and_prediction_work_without_ultralytics(dataset, tmp_path):
-    script = f"""
-import sys
-sys.modules["ultralytics"] = sys.modules["torchvision"] = None
-from pathlib import Path
-from polarsim.detect.options import PredictionOptions, TrainingOptions
-from polarsim.detect.predict import predict
-from polarsim.detect.train import train_detector
-training, prediction = TrainingOptions(model="compact", epochs=1), PredictionOptions()
-folder, dataset = Path({str(tmp_path)!r}), Path({str(dataset)!r})
-asked = dict(options=training, prediction=prediction, imgsz=96, seed=0, threads=1)
-train_detector(dataset=dataset, weights=folder / "a.pt", curve=folder / "a.csv", work=folder / "work", **asked)
-predict(weights=folder / "a.pt", dataset=dataset, predictions=folder / "a.parquet", options=prediction, threads=1)
-"""
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert not tables.read_parquet(tmp_path / "a.parquet").empty
-
-
 def test_training_can_start_from_a_polarsim_detector(dataset, matched, tmp_path):
     options = OPTIONS.model_copy(update={"pretrained": matched / "real.pt", "epochs": 1, "augment": True})
     train(dataset, tmp_path, "tuned", options)
@@ -227,11 +207,6 @@ def test_weights_of_another_network_are_refused_by_name(dataset, matched, tmp_pa
     options = OPTIONS.model_copy(update={"pretrained": matched / "real.pt", "model": "compact-l"})
     with pytest.raises(DetectError, match=r"real\.pt"):
         train(dataset, tmp_path, "none", options)
-
-
-def test_mosaic_is_refused_because_compact_has_none():
-    with pytest.raises(ValidationError, match="mosaic"):
-        TrainingOptions(model="compact", mosaic=True)
 
 
 def test_a_cell_is_assigned_to_the_smallest_label_of_a_class():
@@ -278,18 +253,6 @@ def test_images_without_labels_have_a_differentiable_loss():
     class_loss.backward()
 
 
-@pytest.mark.parametrize("seed", range(12))
-def test_augmentation_moves_boxes_with_the_image(seed):
-    pixels = np.full((96, 160), 60, np.uint8)
-    pixels[30:60, 50:90] = 200
-    picture = augment(TrainingImage(pixels, np.array([1]), np.array([[50.0, 30, 90, 60]])), np.random.default_rng(seed))
-    rows, columns = np.nonzero(picture.pixels > (int(picture.pixels.max()) + 60) // 2)
-    assert picture.classes.tolist() == [1]
-    np.testing.assert_allclose(
-        picture.boxes[0], [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1], atol=1.01
-    )
-
-
 def test_suppression_is_per_class_and_limits_the_number_of_boxes(monkeypatch):
     logits = torch.full((1, 2, 2, 2), -9.0)
     logits[0, 0, 0, 0], logits[0, 0, 1, 1], logits[0, 1, 0, 0] = 2.0, 1.0, 0.0
@@ -299,10 +262,3 @@ def test_suppression_is_per_class_and_limits_the_number_of_boxes(monkeypatch):
     np.testing.assert_allclose(rows[:, 4], [1 / (1 + math.exp(-2)), 0.5], rtol=1e-6)
     monkeypatch.setattr("polarsim.detect.nms.MAX_BOXES", 1)
     assert len(decode_boxes(logits, boxes, PREDICTION)[0]) == 1
-
-
-def test_a_network_has_a_cell_per_four_pixels():
-    logits, boxes = network("compact").eval()(torch.zeros(1, 1, 64, 96))
-    assert logits.shape == (1, 2, 16, 24)
-    assert boxes.shape == (1, 2, 4, 16, 24)
-    assert (boxes[:, :, 2:] > boxes[:, :, :2]).all()

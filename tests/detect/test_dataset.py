@@ -12,7 +12,6 @@ from polarsim.detect.split import draw_split, split_photos
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables, yolo
 from polarsim.formats.files import read_json
-from polarsim.photo import PhotoKey
 
 OPTIONS, SPLIT = PicturesOptions(imgsz=160), SplitOptions()
 
@@ -37,39 +36,39 @@ def made(world, few, tmp_path):
     return make
 
 
-def test_every_image_is_in_its_part_with_labels(few, made):
+def test_images_and_labels_of_every_part_agree_with_the_table(few, made, world):
     folder = made()
+    table = tables.read_parquet(world / "labels.parquet")
     for key, part in draw_split(few, "photo", SPLIT).items():
-        assert png.read_png(folder / "images" / part / f"{key}.png").shape == (100, 160)  # 1216 / 1936 of 160 is 100.5
-        assert (folder / "labels" / part / f"{key}.txt").is_file()
+        picture = png.read_png(folder / "images" / part / f"{key}.png")
+        assert picture.shape == (100, 160)  # 1216 / 1936 of 160 is 100.5
+        classes, boxes = yolo.read_boxes(folder / "labels" / part / f"{key}.txt")
+        assert sorted(classes) == [0] * 5 + [1] * 5
+        rows = table[(table["key"] == str(key)) & (table["kind"] == "shadow")]
+        expected = np.clip(rows[["x0", "y0", "x1", "y1"]], 0, [1936, 1216, 1936, 1216])
+        np.testing.assert_allclose(boxes[classes == 1], expected, atol=0.01)
+        for kind, box in zip(classes, boxes * 160 / 1936, strict=True):
+            inside = picture[round(box[1]) + 1 : round(box[3]) - 1, round(box[0]) + 1 : round(box[2]) - 1]
+            right = inside > 200 if kind == 0 else inside < 100
+            assert right.mean() > 0.5  # the next rock may hide a part of a shadow
+            assert right.all() or str(key) != dataset_images(folder, "train")[0]
 
 
-def test_labels_are_those_of_the_table(made, world):
-    folder = made()
-    key = dataset_images(folder, "test")[0]
-    classes, boxes = yolo.read_boxes(folder / "labels" / "test" / f"{key}.txt")
-    rows = tables.read_parquet(world / "labels.parquet")
-    rows = rows[rows["key"] == key]
-    assert sorted(classes) == [0] * 5 + [1] * 5
-    expected = np.clip(rows.loc[rows["kind"] == "shadow", ["x0", "y0", "x1", "y1"]], 0, [1936, 1216, 1936, 1216])
-    np.testing.assert_allclose(boxes[classes == 1], expected, atol=0.01)
-
-
-def test_a_bright_blob_is_where_its_label_says(made):
-    folder = made()
-    key = dataset_images(folder, "train")[0]
-    picture = png.read_png(folder / "images" / "train" / f"{key}.png")
-    classes, boxes = yolo.read_boxes(folder / "labels" / "train" / f"{key}.txt")
-    for kind, box in zip(classes, boxes * 160 / 1936, strict=True):
-        inside = picture[round(box[1]) + 1 : round(box[3]) - 1, round(box[0]) + 1 : round(box[2]) - 1]
-        assert (inside > 200).all() if kind == 0 else (inside < 100).all()
-
-
-def test_data_yaml_has_relative_paths_to_existing_folders(made):
-    folder = made()
-    content = yaml.safe_load((folder / "data.yaml").read_text())
+def test_a_packed_data_set_contains_images_and_no_absolute_path(made, tmp_path):
+    packed = shutil.make_archive(str(tmp_path / "packed"), "tar", made())  # keeps links as links, as zip does not
+    shutil.rmtree(tmp_path / "real")
+    there = tmp_path / "elsewhere"
+    shutil.unpack_archive(packed, there)
+    content = yaml.safe_load((there / "data.yaml").read_text())
     assert content["names"] == {0: "rock", 1: "shadow"}
-    assert all((folder / content[part]).is_dir() for part in ("train", "val", "test"))
+    for part in ("train", "val", "test"):
+        assert not content[part].startswith("/")
+        pictures = sorted((there / content[part]).iterdir())
+        assert pictures
+        for picture in pictures:
+            assert not picture.is_symlink()
+            assert png.read_png(picture).size
+            assert (there / "labels" / part / f"{picture.stem}.txt").is_file()
 
 
 def test_twins_in_a_folder_give_the_same_data_set_as_the_photo_table(made, world):
@@ -152,30 +151,6 @@ def test_data_sets_of_two_splits_have_one_picture(share, converted, keys):
                 assert path.samefile(converted / "real" / "images" / path.name)
 
 
-@pytest.mark.parametrize("by", ["view", "position", "terrain"])
-def test_no_view_of_the_test_part_is_trained_on(share, by):
-    folder = share("real", by)
-    views = {
-        part: {PhotoKey.parse(key).view for key in dataset_images(folder, part)} for part in ("train", "val", "test")
-    }
-    assert views["test"]
-    assert not views["test"] & (views["train"] | views["val"])
-
-
-def test_a_split_with_shared_units_is_an_error(converted, keys, tmp_path):
-    split_photos(keys=keys, by="photo", split=tmp_path / "split.csv", options=SPLIT)
-    with pytest.raises(DetectError):
-        share_pictures(
-            domain="real",
-            pictures=converted / "real",
-            split=tmp_path / "split.csv",
-            by="view",
-            dataset=tmp_path / "real",
-            options=SPLIT,
-        )
-    assert not (tmp_path / "real").exists()
-
-
 def test_a_corrupt_picture_is_counted_in_its_part(share, keys):
     folder = share("hapke")
     part = draw_split(keys, "photo", SPLIT)[keys[0]]
@@ -204,7 +179,7 @@ def mix(share, tmp_path):
     return mix
 
 
-@pytest.mark.parametrize(("real", "hapke"), [(0.5, 0.5), (1, 0.25), (2, 1), (1.5, 0.1)])
+@pytest.mark.parametrize(("real", "hapke"), [(0.5, 0.5), (1.5, 0.1)])
 def test_a_mix_has_images_in_proportion_to_the_weights(mix, share, real, hapke):
     weights = {"real": real, "hapke": hapke}
     folder = mix(weights)
@@ -217,6 +192,8 @@ def test_a_mix_has_images_in_proportion_to_the_weights(mix, share, real, hapke):
 
 def test_a_mix_has_only_training_images_of_its_domains(mix, share, converted, keys):
     folder = mix({"real": 2, "hapke": 0.5})
+    twice = {name for key in dataset_images(share("real"), "train") for name in (f"real-{key}", f"real-{key}-2")}
+    assert {name for name in dataset_images(folder, "train") if name.startswith("real-")} == twice
     tested = {str(key) for key, part in draw_split(keys, "photo", SPLIT).items() if part == "test"}
     for part in ("train", "val"):
         for name in dataset_images(folder, part):
@@ -227,12 +204,6 @@ def test_a_mix_has_only_training_images_of_its_domains(mix, share, converted, ke
                 )
             assert key not in tested
     assert dataset_images(folder, "test") == []
-
-
-def test_a_weight_of_two_takes_every_picture_twice(mix, share):
-    names = dataset_images(mix({"real": 2}), "train")
-    keys = dataset_images(share("real"), "train")
-    assert names == sorted([*(f"real-{key}" for key in keys), *(f"real-{key}-2" for key in keys)])
 
 
 def test_a_mix_counts_corrupt_training_images(mix, share, keys):

@@ -13,7 +13,7 @@ from polarsim.detect.nms import suppress_by_class
 from polarsim.detect.options import PACKAGED, PredictionOptions
 from polarsim.geometry import boxes
 
-FEW = settings(max_examples=30)
+FEW = settings(max_examples=15)
 LIMIT = 0.5
 NOTHING = np.zeros((0, 6))
 

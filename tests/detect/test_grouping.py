@@ -8,7 +8,7 @@ from polarsim.detect.grouping import rows_by, values_by
 ROWS = st.lists(st.tuples(st.sampled_from("abcd"), st.sampled_from("xy"), st.integers(0, 9)), max_size=30)
 
 
-@settings(max_examples=30)
+@settings(max_examples=10)
 @given(ROWS)
 def test_groups_agree_with_pandas(rows):
     table = pd.DataFrame(rows, columns=["key", "kind", "value"])

@@ -24,25 +24,9 @@ def half_missing(share: float) -> np.ndarray:
     return np.array([[0.0, 0, 100, 100 * share]])
 
 
-def test_a_perfect_detector_has_precision_one():
-    np.testing.assert_allclose(average_precision([UNIT], [UNIT], [np.array([0.9])]), 1)
-
-
 def test_a_box_counts_up_to_its_iou():
     found = average_precision([UNIT], [half_missing(0.72)], [np.array([0.9])])
     np.testing.assert_allclose(found, [1] * 5 + [0] * 5)  # 0.5, 0.55 ... 0.7 are reached, 0.75 is not
-
-
-def test_one_of_two_labels_found_gives_51_of_101_recalls():
-    far = UNIT + 1000
-    found = average_precision([np.concatenate([UNIT, far])], [UNIT], [np.array([0.9])])
-    np.testing.assert_allclose(found, 51 / 101)  # recalls 0, 0.01 ... 0.5 at precision 1
-
-
-def test_a_more_confident_false_positive_halves_the_precision():
-    far = UNIT + 1000
-    found = average_precision([UNIT], [np.concatenate([UNIT, far])], [np.array([0.5, 0.9])])
-    np.testing.assert_allclose(found, 0.5)
 
 
 def test_a_second_box_on_the_same_label_is_false():
@@ -52,11 +36,8 @@ def test_a_second_box_on_the_same_label_is_false():
     np.testing.assert_allclose(found, (51 * 1 + 50 * 2 / 3) / 101)  # the third box is the second true positive
 
 
-def test_a_detector_without_detections_has_precision_zero():
+def test_precision_is_zero_without_detections_and_missing_without_labels():
     np.testing.assert_array_equal(average_precision([UNIT], [np.zeros((0, 4))], [np.zeros(0)]), 0)
-
-
-def test_there_is_no_precision_without_labels():
     assert np.isnan(average_precision([np.zeros((0, 4))], [UNIT], [np.ones(1)])).all()
 
 
@@ -111,33 +92,19 @@ def coco_precision(labels, predictions, confidences, area=(0, 1e10)):
     return rating.eval["precision"][:, :, 0, 0, 2].mean(axis=1)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 def test_average_precision_is_that_of_pycocotools(seed):
     case = random_case(np.random.default_rng(seed))
     np.testing.assert_allclose(average_precision(*case, IOU_THRESHOLDS), coco_precision(*case), atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("area", [(0, 70**2), (70**2, 120**2), (120**2, 1e10)])
 def test_average_precision_of_a_size_class_is_that_of_pycocotools(seed, area):
     case = random_case(np.random.default_rng(seed))
     sizes = np.concatenate([np.prod(label[:, 2:] - label[:, :2], axis=1) for label in case[0]])
     assert ((sizes >= area[0]) & (sizes <= area[1])).mean() > 0.05  # some are of the class
     np.testing.assert_allclose(average_precision(*case, IOU_THRESHOLDS, area), coco_precision(*case, area), atol=1e-9)
-
-
-def test_a_prediction_on_a_label_outside_the_size_range_is_ignored():
-    small = np.array([[0.0, 0, 10, 10]])
-    labels, predictions = [np.concatenate([UNIT, small + 500])], [np.concatenate([UNIT, small + 500])]
-    found = average_precision(labels, predictions, [np.array([0.5, 0.9])], area=(50**2, np.inf))
-    np.testing.assert_allclose(found, 1)
-
-
-def test_an_unmatched_prediction_outside_the_size_range_is_ignored():
-    small = np.array([[0.0, 0, 10, 10]])
-    case = [UNIT], [np.concatenate([UNIT, small + 500])], [np.array([0.5, 0.9])]
-    np.testing.assert_allclose(average_precision(*case, area=(50**2, np.inf)), 1)
-    np.testing.assert_allclose(average_precision(*case), 0.5)
 
 
 def test_a_weight_is_a_number_of_copies(rng):

@@ -27,5 +27,16 @@ def test_the_packaged_detector_requires_model_compact():
     assert options.start_weights == PACKAGED
     assert options.start == PACKAGED.name
     assert TrainingOptions.model_validate({"model": "compact", "pretrained": "w.pt"}).start == "w.pt"
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"model": "yolov5n", "pretrained": "packaged"},
+        {"model": "compact", "mosaic": True},
+        {"model": "yolov8n", "masks": True},
+    ],
+)
+def test_options_that_a_model_does_not_support_are_an_error(given):
     with pytest.raises(ValidationError):
-        TrainingOptions(model="yolov5n", pretrained="packaged")
+        TrainingOptions(**given)

@@ -1,13 +1,14 @@
 import json
 import shutil
 
+import cv2
 import numpy as np
 import pandas as pd
 import pytest
 
 from polarsim.detect.dataset import dataset_images, share_pictures
 from polarsim.detect.options import PicturesOptions, SplitOptions
-from polarsim.detect.pictures import convert_photos, convert_views, picture_paths, read_states
+from polarsim.detect.pictures import convert_photos, convert_views, read_states
 from polarsim.detect.split import split_photos
 from polarsim.errors import DetectError, FormatError
 from polarsim.formats import png, tables, yolo
@@ -54,31 +55,22 @@ def path_of(twins, key):
     return twins / f"Terrain{key.terrain:02d}" / f"{key}.png"
 
 
-def spoil_cut(path):
-    path.write_bytes(path.read_bytes()[:-2000])
+SPOILS = {
+    "cut": lambda content: content[:-2000],
+    "bit": lambda content: bytes(byte ^ (number == len(content) // 2) for number, byte in enumerate(content)),
+    "size": lambda _: encoded(np.full((20, 30), 100, np.uint16)),
+    "depth": lambda _: encoded(np.full((1216, 1936), 100, np.uint8)),
+    "kind": lambda _: b"GIF89a",
+}
 
 
-def spoil_bit(path):
-    content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 1
-    path.write_bytes(content)
+def encoded(pixels):
+    return cv2.imencode(".png", pixels)[1].tobytes()
 
 
-def spoil_size(path):
-    png.write_png(path, np.full((20, 30), 100, np.uint16))
-
-
-def spoil_depth(path):
-    png.write_png(path, np.full((1216, 1936), 100, np.uint8))
-
-
-def spoil_kind(path):
-    path.write_bytes(b"GIF89a")
-
-
-@pytest.mark.parametrize("spoil", [spoil_cut, spoil_bit, spoil_size, spoil_depth, spoil_kind])
+@pytest.mark.parametrize("spoil", SPOILS.values(), ids=list(SPOILS))
 def test_a_corrupt_image_is_reported_skipped_and_counted(states, twins, few, tmp_path, caplog, spoil):
-    spoil(path_of(twins, few[1]))
+    path_of(twins, few[1]).write_bytes(spoil(path_of(twins, few[1]).read_bytes()))
     found = states(twins)
     assert found == dict.fromkeys(map(str, few), "used") | {str(few[1]): "corrupt"}
     assert [line for line in caplog.messages if str(path_of(twins, few[1])) in line]
@@ -111,10 +103,6 @@ def test_a_label_table_with_an_unknown_kind_is_refused(states, world, tmp_path):
     tables.write_parquet(tmp_path / "labels.parquet", table)
     with pytest.raises(DetectError):
         states(world / "photos.parquet", tmp_path / "labels.parquet")
-
-
-def test_pictures_of_a_folder_are_found_by_terrain_and_key(few, world):
-    assert picture_paths(world / "twins", few[:1]) == {few[0]: world / "twins" / "Terrain01" / "01_A_off_30_L_0064.png"}
 
 
 VIEWED = {"near": [1], "far": [4], "both": [1, 4]}  # scene -> terrains

@@ -1,34 +1,28 @@
 """Training, prediction and evaluation of a small YOLO detector."""
 
 import shutil
-from dataclasses import fields
 from importlib.util import find_spec
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from polarsim.detect import detectors
 from polarsim.detect import train as train_module
 from polarsim.detect.dataset import dataset_images, make_dataset
 from polarsim.detect.detectors.yolo.library import ultralytics
-from polarsim.detect.evaluate import Evaluation, evaluate
 from polarsim.detect.nms import MAX_BOXES
 from polarsim.detect.options import (
-    ComparisonOptions,
     PicturesOptions,
     PredictionOptions,
     SplitOptions,
     TrainingOptions,
 )
-from polarsim.detect.predict import BATCH, PREDICTION_COLUMNS, predict
-from polarsim.detect.split import read_split, split_photos
+from polarsim.detect.predict import predict
+from polarsim.detect.split import split_photos
 from polarsim.detect.train import train_detector
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables
-from polarsim.formats import table_parts as parts_module
 
 pytestmark = [
     pytest.mark.slow,
@@ -86,53 +80,6 @@ def test_checkpoints_and_settings_are_deleted(matched):
     assert [path.name for path in (matched / "work_real").iterdir() if not path.name.startswith(".ultralytics")] == []
     content = (matched / "real.pt").read_bytes()
     assert str(matched).encode() not in content  # weights hold no paths
-
-
-def test_predictions_are_well_formed(matched):
-    table = tables.read_parquet(matched / "real_on_real.parquet")
-    assert list(table.columns) == list(PREDICTION_COLUMNS)
-    assert set(table["key"]) <= set(dataset_images(matched / "real", "test"))
-    assert set(table["kind"]) <= {"rock", "shadow"}
-    assert table["confidence"].between(PREDICTION.confidence, 1).all()
-    assert ((table["x0"] >= 0) & (table["x0"] < table["x1"]) & (table["x1"] <= 1936)).all()
-    assert ((table["y0"] >= 0) & (table["y0"] < table["y1"]) & (table["y1"] <= 1216)).all()
-    assert table.groupby("key").size().max() <= MAX_BOXES
-    assert not table.empty
-
-
-def test_predictions_are_reproducible(matched):
-    run_predict(matched, "again_on_real.parquet")
-    assert (matched / "again_on_real.parquet").read_bytes() == (matched / "real_on_real.parquet").read_bytes()
-
-
-def test_an_interrupted_prediction_resumes_with_equal_results(matched, monkeypatch):
-    monkeypatch.setattr("polarsim.detect.predict.PART", BATCH)
-    written = []
-
-    def stop_at_the_second(path, table):
-        written.append(path.name)
-        if len(written) == 2:
-            raise KeyboardInterrupt
-        tables.write_parquet(path, table)
-
-    with monkeypatch.context() as patch:
-        patch.setattr("polarsim.formats.table_parts.tables", SimpleNamespace(write_parquet=stop_at_the_second))
-        with pytest.raises(KeyboardInterrupt):
-            run_predict(matched, "parts_on_real.parquet")
-    first = matched / ".parts_on_real.parts" / "00000.parquet"
-    made = first.stat().st_mtime_ns
-
-    def watch(parts, path):
-        assert [part.name for part in parts] == ["00000.parquet", "00001.parquet"]
-        assert first.stat().st_mtime_ns == made
-        join(parts, path)
-
-    join = parts_module._join
-    monkeypatch.setattr("polarsim.formats.table_parts._join", watch)
-    run_predict(matched, "parts_on_real.parquet")
-    assert not first.exists()
-    again, once = (tables.read_parquet(matched / f"{name}_on_real.parquet") for name in ("parts", "real"))
-    pd.testing.assert_frame_equal(again, once)
 
 
 def test_training_is_reproducible_and_ignores_foreign_checkpoints(matched):
@@ -207,31 +154,6 @@ def test_training_can_start_from_a_polarsim_detector(matched):
     assert tuned.start == "real.pt"
     first, second = (tables.read_csv(matched / f"{name}.csv")["val_class_loss"].iloc[0] for name in ("real", "tuned"))
     assert second < first  # starts from the weights of the first training
-
-
-def test_evaluation_in_two_equal_domains(matched, world):
-    shutil.copy(matched / "real_on_real.parquet", matched / "real_on_copy.parquet")
-    evaluate(
-        predictions=[matched / "real_on_real.parquet", matched / "real_on_copy.parquet"],
-        labels=dict.fromkeys(("real", "copy"), world / "labels.parquet"),
-        datasets=dict.fromkeys(("real", "copy"), matched / "real"),
-        split=matched / "split.csv",
-        tables_of=Evaluation(**{field.name: matched / f"{field.name}.parquet" for field in fields(Evaluation)}),
-        options=ComparisonOptions(),
-        training=OPTIONS,
-        imgsz=IMGSZ,
-    )
-    detection = tables.read_parquet(matched / "detection.parquet")
-    tested = sum(part == "test" for part in read_split(matched / "split.csv").values())
-    assert detection["kind"].tolist() == ["rock", "shadow", "all"] * 2
-    assert set(detection["images"]) == {tested}
-    assert detection["labels"].tolist() == [5 * tested, 5 * tested, 10 * tested] * 2
-    assert detection["shares_views"].all()
-    assert set(detection["detector"]) == {"yolov5n (YOLOv5u)"}
-    ipd = tables.read_parquet(matched / "ipd.parquet")
-    assert ipd["pairs"].tolist() == [5 * tested] * 2
-    assert ipd["ipd"].tolist() == ipd["ipd_abs"].tolist() == [0, 0]
-    assert len(tables.read_parquet(matched / "instances.parquet")) == 20 * tested
 
 
 def test_a_data_set_without_labels_is_refused(matched, tmp_path):
