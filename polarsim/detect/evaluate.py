@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, fields, replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -45,20 +45,6 @@ IPD_COLUMNS = IPD.without("split", "seed")
 Sides = tuple[str, str]  # training domain and evaluated domain of a detector
 
 
-@dataclass(frozen=True)
-class Evaluation:
-    """The tables that `evaluate` writes."""
-
-    detection: Path  # DETECTION_COLUMNS
-    breakdown: Path  # trained, evaluated, BREAKDOWN_COLUMNS
-    curves: Path  # CURVES
-    false_positives: Path  # trained, evaluated, FALSE_POSITIVE_COLUMNS
-    ipd: Path  # IPD_COLUMNS
-    rocks: Path  # trained, first, second, ROCK_COLUMNS
-    instances: Path  # INSTANCES
-    differences: Path  # DIFFERENCE_COLUMNS
-
-
 def evaluate(
     *,
     predictions: Sequence[Path],
@@ -66,7 +52,7 @@ def evaluate(
     datasets: Mapping[str, Path],
     split: Path,
     by: str = PHOTO,
-    tables_of: Evaluation,
+    tables_of: Mapping[str, Path],
     options: ComparisonOptions,
     training: TrainingOptions,
     imgsz: int,
@@ -81,6 +67,8 @@ def evaluate(
         Label table of each evaluated domain, and data set of each domain. Only images in the test part are evaluated.
     split : Path
         Split of the data sets by photo, view, position or terrain.
+    tables_of : mapping of str to Path
+        Tables to write: detection, breakdown, curves, false_positives, ipd, rocks, instances, differences.
     training, imgsz
         Training options of the detectors and longer side of their input, px, for the tables.
     """
@@ -101,23 +89,23 @@ def evaluate(
         for name, table in _tables_of_domain(evaluation).items():
             parts[name].append(_named(table, SIDE_COLUMNS, sides))
     matched = _joined(parts["breakdown"], (*SIDE_COLUMNS, *BREAKDOWN_COLUMNS))
-    _write(tables_of.breakdown, matched)
+    _write(tables_of["breakdown"], matched)
     left_out = {
         sides: count_left_out(datasets[sides[0]], (TRAIN, VAL)) + count_left_out(datasets[sides[1]], (TEST,))
         for sides in evaluations
     }
     facts = {"split": by, "shares_views": leaked, **detector_facts(training, imgsz), "unit": options.resampled}
-    _write(tables_of.detection, _detection_table(matched, left_out, facts))
-    _write(tables_of.curves, _joined(parts["curves"], CURVES.columns))
-    _write(tables_of.false_positives, _joined(parts["false_positives"], (*SIDE_COLUMNS, *FALSE_POSITIVE_COLUMNS)))
+    _write(tables_of["detection"], _detection_table(matched, left_out, facts))
+    _write(tables_of["curves"], _joined(parts["curves"], CURVES.columns))
+    _write(tables_of["false_positives"], _joined(parts["false_positives"], (*SIDE_COLUMNS, *FALSE_POSITIVE_COLUMNS)))
     performances = {sides: evaluation.performance for sides, evaluation in evaluations.items()}
-    _write(tables_of.ipd, _ipd_table(performances, options))
-    _write(tables_of.rocks, _rock_table(performances))
+    _write(tables_of["ipd"], _ipd_table(performances, options))
+    _write(tables_of["rocks"], _rock_table(performances))
     common = sorted(set.intersection(*(set(evaluation.keys) for evaluation in evaluations.values())))
     of_common = {sides: replace(evaluation, keys=common) for sides, evaluation in evaluations.items()}
     differences = paired_differences(of_common) if common else pd.DataFrame(columns=list(DIFFERENCE_COLUMNS))
-    _write(tables_of.differences, differences)
-    _write(tables_of.instances, _joined(parts["instances"], INSTANCES.columns))
+    _write(tables_of["differences"], differences)
+    _write(tables_of["instances"], _joined(parts["instances"], INSTANCES.columns))
 
 
 def detector_facts(training: TrainingOptions, imgsz: int) -> dict[str, Any]:

@@ -1,11 +1,10 @@
 import shutil
-from dataclasses import fields
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from polarsim.detect.evaluate import Evaluation, evaluate
+from polarsim.detect.evaluate import evaluate
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.formats import tables
 from polarsim.photo import PhotoKey
@@ -13,6 +12,9 @@ from polarsim.schemas.detect import CURVES, INSTANCES
 
 TESTED, TRAINED, DARK = "01_A_off_180_L_0256", "01_B_off_180_L_0256", "01_A_off_180_R_0256"
 SPLIT = f"key,part\n{TRAINED},train\n01_B_off_180_R_0256,val\n{TESTED},test\n{DARK},test\n"
+
+
+TABLES = ("detection", "breakdown", "curves", "false_positives", "ipd", "rocks", "instances", "differences")
 
 
 def label(key: str, kind: str, rock: int, *box: float) -> dict[str, object]:
@@ -43,10 +45,6 @@ GOOD = predictions(
 BAD = predictions((TESTED, "rock", 0.9, 0, 0, 100, 50), (TESTED, "shadow", 0.9, 900, 0, 1000, 100))
 
 
-def tables_below(folder: Path) -> Evaluation:
-    return Evaluation(**{field.name: folder / f"{field.name}.parquet" for field in fields(Evaluation)})
-
-
 def run(root: Path, by: str, out: Path | None = None, **options: object) -> pd.DataFrame:
     """Evaluate the detector of domain `real` on both domains; return the detection table."""
     evaluate(
@@ -55,7 +53,7 @@ def run(root: Path, by: str, out: Path | None = None, **options: object) -> pd.D
         datasets={domain: root / domain for domain in ("real", "hapke")},
         split=root / "split.csv",
         by=by,
-        tables_of=tables_below(out or root),
+        tables_of={name: (out or root) / f"{name}.parquet" for name in TABLES},
         options=ComparisonOptions(**options),
         training=TrainingOptions(),
         imgsz=320,

@@ -20,8 +20,7 @@ RULES = (
     "cover_photos", "read_covers", "carve_rocks", "render_scenes", "make_cover_dataset", "train_cover_detector",
     "cut_windows", "make_fine_tuning_dataset", "fine_tune_cover_detector",
     "predict_cover_photos", "choose_cover_widths", "merge_cover_detectors", "score_covers", "publish_detector",
-    "tabulate_covers", "draw_covers", "draw_scenes", "write_results_page", "segment_covers", "score_masks",
-    "tabulate_masks",
+    "report_covers", "write_results_page", "segment_covers", "score_masks", "tabulate_masks",
 )  # fmt: skip
 
 

@@ -277,20 +277,30 @@ rule publish_detector:
         "../scripts/publish_detector.py"
 
 
-rule tabulate_covers:
-    """Table of the scores on cover photos."""
+rule report_covers:
+    """Table of the scores, cover photos with labels and detections of the detector of the fold, examples of scenes."""
     input:
         scores=of_run("results/{run}/covers/{cover_trained}/scores.parquet", cover_trained=COVERS.trainings),
+        photos="results/{run}/covers/photos",
+        labels="results/{run}/covers/labels.parquet",
+        predictions=COVERS.best_predictions(),
+        scenes=of_run(
+            "results/{run}/covers/scenes/Terrain{terrain}",
+            terrain=[f"{terrain:02d}" for terrain in COVERS.strewn],
+        ),
     output:
         table=shown("results/{run}/tables/covers.csv", "Tables", table="real cover photos"),
         others=multiext("results/{run}/tables/covers", ".md", ".tex", ".parquet"),  # written through table
+        covers_figure=shown("results/{run}/figures/covers.png", "Detection", figure="real cover photos"),
+        scenes_figure=shown("results/{run}/figures/scenes.png", "Detection", figure="strewn scenes"),
     resources:
-        mem_mb=memory_per_attempt(500),
-        runtime=5,
+        mem_mb=memory_per_attempt(1500),
+        runtime=10,
     params:
         origin=ORIGIN,
+        terrains=COVERS.strewn,
     script:
-        "../scripts/tabulate_covers.py"
+        "../scripts/report_covers.py"
 
 
 rule tabulate_masks:
@@ -307,36 +317,3 @@ rule tabulate_masks:
         origin=ORIGIN,
     script:
         "../scripts/tabulate_masks.py"
-
-
-rule draw_covers:
-    """Cover photos with labels and detections of the detector of the fold."""
-    input:
-        photos="results/{run}/covers/photos",
-        labels="results/{run}/covers/labels.parquet",
-        predictions=COVERS.best_predictions(),
-    output:
-        figure=shown("results/{run}/figures/covers.png", "Detection", figure="real cover photos"),
-    resources:
-        mem_mb=memory_per_attempt(1500),
-        runtime=5,
-    script:
-        "../scripts/draw_covers.py"
-
-
-rule draw_scenes:
-    """Examples of randomised scenes with labels."""
-    input:
-        scenes=of_run(
-            "results/{run}/covers/scenes/Terrain{terrain}",
-            terrain=[f"{terrain:02d}" for terrain in COVERS.strewn],
-        ),
-    output:
-        figure=shown("results/{run}/figures/scenes.png", "Detection", figure="strewn scenes"),
-    resources:
-        mem_mb=memory_per_attempt(1000),
-        runtime=5,
-    params:
-        terrains=COVERS.strewn,
-    script:
-        "../scripts/draw_scenes.py"

@@ -144,27 +144,13 @@ use rule gather_tables as gather_ablation with:
         runtime=5,
 
 
-rule tabulate_gap:
-    """Ablation table, sorted by the reduction of the gap."""
+rule report_gap:
+    """Ablation table, sorted by the reduction of the gap, and bar chart of the change by each component."""
     input:
         ablation="results/{run}/gap/ablation.parquet",
     output:
         table=shown("results/{run}/tables/gap.csv", "Tables", table="ablation"),
         others=multiext("results/{run}/tables/gap", ".md", ".tex", ".parquet"),  # written through table
-    resources:
-        mem_mb=memory_per_attempt(500),
-        runtime=5,
-    params:
-        origin=ORIGIN,
-    script:
-        "../scripts/tabulate_gap.py"
-
-
-rule draw_gap:
-    """Bar chart of the change of IPD and false positives by each component."""
-    input:
-        ablation="results/{run}/gap/ablation.parquet",
-    output:
         figure=shown("results/{run}/figures/gap.png", "Detection", picture="ablation"),
     resources:
         mem_mb=memory_per_attempt(500),
@@ -172,4 +158,4 @@ rule draw_gap:
     params:
         origin=ORIGIN,
     script:
-        "../scripts/draw_gap.py"
+        "../scripts/report_gap.py"

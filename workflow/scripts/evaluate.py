@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from polarsim.detect.evaluate import Evaluation, evaluate
+from polarsim.detect.evaluate import evaluate
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
@@ -14,16 +14,7 @@ with reporting(log=snakemake.log[0]):
         datasets=dict(zip(snakemake.params.trained, list_of_paths(snakemake.input.datasets), strict=True)),
         split=Path(snakemake.input.split),
         by=snakemake.wildcards.split,
-        tables_of=Evaluation(
-            detection=Path(snakemake.output.detection),
-            breakdown=Path(snakemake.output.breakdown),
-            curves=Path(snakemake.output.curves),
-            false_positives=Path(snakemake.output.false_positives),
-            ipd=Path(snakemake.output.ipd),
-            rocks=Path(snakemake.output.rocks),
-            instances=Path(snakemake.output.instances),
-            differences=Path(snakemake.output.differences),
-        ),
+        tables_of={name: Path(table) for name, table in snakemake.output.items()},
         options=ComparisonOptions(**snakemake.params.options),
         training=TrainingOptions(**snakemake.params.training),
         imgsz=snakemake.params.imgsz,
