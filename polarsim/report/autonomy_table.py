@@ -9,6 +9,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.report.layout import MISSING, write_blocks, write_table
+from polarsim.report.training_seeds import value_and_interval
 from polarsim.schemas.rover import AUTONOMY, AUTONOMY_DETECTORS, AUTONOMY_EFFECTS, AUTONOMY_RANK
 
 CAPTION = (
@@ -120,8 +121,5 @@ def _with_interval(metrics: pd.DataFrame, metric: str, name: str = "value", pref
 
 
 def _interval_text(value: float, low: float, high: float, sign: str = "") -> str:
-    if value != value:
-        return MISSING
     digits = 0 if max(abs(value), abs(high) if high == high else 0) >= 100 else 2
-    text = f"{value:{sign}z.{digits}f}"  # z: no negative zero
-    return f"{text} [{low:{sign}z.{digits}f}, {high:{sign}z.{digits}f}]" if low == low else text
+    return value_and_interval(value, low, high, f"{sign}z.{digits}f")  # z: no negative zero

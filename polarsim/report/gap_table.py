@@ -11,7 +11,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import paper
 from polarsim.report.layout import MISSING, write_blocks
-from polarsim.report.training_seeds import by_splits, over_seeds, seed_notes
+from polarsim.report.training_seeds import by_splits, over_seeds, seed_notes, value_and_interval
 from polarsim.schemas.detect import ABLATION
 from polarsim.schemas.report import GAP
 
@@ -93,9 +93,8 @@ def change_text(part: pd.DataFrame, name: str, decimals: int = 3, factor: float 
         return MISSING
     if len(part) > 1:
         return over_seeds(values, decimals)
-    value, low, high = (factor * float(part[f"{name}_change{end}"].iloc[0]) for end in ("", "_low", "_high"))
-    interval = f" [{low:+.{decimals}f}, {high:+.{decimals}f}]" if low == low else ""  # NaN for a single view
-    return f"{value:+.{decimals}f}{interval}"
+    ends = (factor * float(part[f"{name}_change{end}"].iloc[0]) for end in ("", "_low", "_high"))
+    return value_and_interval(*ends, f"+.{decimals}f")
 
 
 def ablation_notes(table: pd.DataFrame) -> list[str]:

@@ -58,10 +58,10 @@ def format_ipd(table: pd.DataFrame) -> pd.DataFrame:
         if len(splits) > 1:
             row["split by"] = str(split)
         for first, second in pairs:
-            row[_pair_title(first, second)] = _cell(part[(part["first"] == first) & (part["second"] == second)])
+            row[paper.pair_title(first, second)] = _cell(part[(part["first"] == first) & (part["second"] == second)])
         for first, second in published:
             values = part[(part["first"] == first) & (part["second"] == second)]["paper_ipd"].dropna()
-            row[f"paper, {_pair_title(first, second)}"] = f"{values.iloc[0]:.4f}" if len(values) else MISSING
+            row[f"paper, {paper.pair_title(first, second)}"] = f"{values.iloc[0]:.4f}" if len(values) else MISSING
         rows.append(row)
     return pd.DataFrame(rows, columns=None if rows else ["labels", "T"])
 
@@ -90,10 +90,6 @@ def _rule_notes(table: pd.DataFrame) -> list[str]:
         .drop_duplicates()
         .itertuples(index=False)
     ]
-
-
-def _pair_title(first: str, second: str) -> str:
-    return f"{paper.domain_title(first)} - {paper.domain_title(second)}"
 
 
 def _pair_order(pair: tuple[str, str]) -> tuple[object, ...]:
@@ -141,7 +137,7 @@ def format_ipd_rocks(table: pd.DataFrame) -> pd.DataFrame:
     varied = [name for name in ("split", SEED) if name in table.columns and len(set(table[name])) > 1]
     for group, part in table[table["kind"] == ROCK].groupby([*varied, *_DOMAINS], sort=False):
         *setting, trained, first, second = (str(value) for value in group)
-        pair = _pair_title(first, second)
+        pair = paper.pair_title(first, second)
         for row in largest(part, SHOWN).to_dict("records"):
             cells = (row["terrain"], row["rock"], row["photos"], row["iou_first"], row["iou_second"], row["difference"])
             values = (paper.domain_title(trained), pair, *cells)

@@ -76,6 +76,10 @@ def domain_title(domain: str) -> str:
     return domain.replace("_", " ").capitalize()
 
 
+def pair_title(first: str, second: str) -> str:
+    return f"{domain_title(first)} - {domain_title(second)}"
+
+
 def sorted_domains(domains: set[str]) -> list[str]:
     """Sort domains in the paper's order, followed by all other domains by name."""
     return sorted(domains, key=lambda domain: (domain_rank(domain), domain))

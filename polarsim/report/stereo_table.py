@@ -57,7 +57,7 @@ def format_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
     rows = []
     for entry in ipd.to_dict("records"):
         pair = paper.ordered_pair(*(paper.display_name(str(entry[name]), source) for name in ("first", "second")))
-        row: dict[str, object] = {"domains": " - ".join(map(paper.domain_title, pair)), "rocks": int(entry["pairs"])}
+        row: dict[str, object] = {"domains": paper.pair_title(*pair), "rocks": int(entry["pairs"])}
         for name in ("ipd", "ipd_abs"):
             row[name] = interval_text(pd.Series(entry), name)
         rows.append(row)

@@ -21,13 +21,16 @@ def over_seeds(values: pd.Series, decimals: int = 3) -> str:
     return f"{finite.mean():.{decimals}f} ± {finite.std(ddof=1):.{decimals}f}"
 
 
-def interval_text(row: pd.Series, name: str, decimals: int = 3) -> str:
-    """Return a metric as text, with the 95 % interval if there is one."""
-    value, low, high = (float(row[column]) for column in (name, f"{name}_low", f"{name}_high"))
+def value_and_interval(value: float, low: float, high: float, form: str = ".3f") -> str:
+    """Return a value as text in a format, with the interval if there is one."""
     if value != value:  # NaN
         return MISSING
-    interval = f" [{low:.{decimals}f}, {high:.{decimals}f}]" if low == low and high == high else ""
-    return f"{value:.{decimals}f}{interval}"
+    return f"{value:{form}} [{low:{form}}, {high:{form}}]" if low == low and high == high else f"{value:{form}}"
+
+
+def interval_text(row: pd.Series, name: str, decimals: int = 3) -> str:
+    """Return a metric as text, with the 95 % interval if there is one."""
+    return value_and_interval(*(float(row[name + end]) for end in ("", "_low", "_high")), f".{decimals}f")
 
 
 def metric_cell(part: pd.DataFrame, name: str, decimals: int = 3) -> str:

@@ -140,12 +140,10 @@ def ground_support(ground: Mesh, rims: Sequence[np.ndarray], half: float) -> lis
     far = 1.0
     metrics = []
     if rims:
-        surface, top = make_caster(ground.vertices, ground.faces), float(ground.vertices[:, 2].max()) + 1
         feet = np.concatenate(rims)
-        origins = np.column_stack([feet[:, :2], np.full(len(feet), top)])
-        distance, _ = surface.nearest(origins, np.tile([0.0, 0.0, -1.0], (len(feet), 1)))
-        gaps = np.split(np.abs(feet[:, 2] - (top - distance)), np.cumsum([len(points) for points in rims])[:-1])
-        off = float(np.mean([not np.median(gap) <= MAX_FOOT_GAP for gap in gaps]))  # infinite gap without ground
+        gap = np.abs(Surface(ground.vertices, ground.faces).height_below(feet))  # NaN outside the ground
+        gaps = np.split(gap, np.cumsum([len(points) for points in rims])[:-1])
+        off = float(np.mean([not np.median(gap) <= MAX_FOOT_GAP for gap in gaps]))
         metrics.append(Metric("fitted ground", "feet_off", off, "1", len(rims), "own"))
         far = float(np.mean(np.asarray(KDTree(feet[:, :2]).query(sand)[0]) > FAR_FROM_FEET))
     return [*metrics, Metric("fitted ground", "far_from_feet", far, "1", len(sand), "own")]

@@ -63,16 +63,11 @@ def true_views(true: Mapping[str, LocalisedRig], positions: set[str], raw: Inven
 def _has_return(ranges: np.ndarray, pixels: np.ndarray, expected: np.ndarray) -> np.ndarray:
     """Return (n,) bool: pixels (n, 2) near which a range equals the expected distance (n,)."""
     column, row = np.floor(pixels).astype(int).T
-    found = np.zeros(len(pixels), bool)
-    steps = range(-REACH_PX, REACH_PX + 1)
+    steps = np.arange(-REACH_PX, REACH_PX + 1)
+    rows = np.clip(row[:, None, None] + steps[:, None], 0, ranges.shape[0] - 1)
+    columns = np.clip(column[:, None, None] + steps, 0, ranges.shape[1] - 1)
     with np.errstate(invalid="ignore"):
-        for down in steps:
-            for across in steps:
-                neighbour = ranges[
-                    np.clip(row + down, 0, ranges.shape[0] - 1), np.clip(column + across, 0, ranges.shape[1] - 1)
-                ]
-                found |= np.abs(neighbour - expected) < SAME_RANGE
-    return found
+        return (np.abs(ranges[rows, columns] - expected[:, None, None]) < SAME_RANGE).any(axis=(1, 2))  # type: ignore
 
 
 @dataclass(frozen=True)

@@ -108,7 +108,7 @@ def draw_ipd_histogram(*, rocks: Path, figure: Path, origin: dict[str, str], wid
                 chosen = (part["trained"] == trained) & (part["first"] == first) & (part["second"] == second)
                 _draw_differences(grid[row, column], part[chosen])
                 if not row:
-                    grid[row, column].set_title(f"{paper.domain_title(first)} - {paper.domain_title(second)}")
+                    grid[row, column].set_title(paper.pair_title(first, second))
             of_split = f"\nsplit by {split}" if len(rows) > len(detectors) else ""
             grid[row, 0].set_ylabel(f"number of rocks,\ntrained on {paper.domain_title(trained)}{of_split}")
         for axes in grid[-1]:
