@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ import pandas as pd
 from polarsim.errors import FormatError
 from polarsim.formats import png
 from polarsim.formats.tables import key_columns, write_parquet
-from polarsim.photo import BLACK_LEVEL, PhotoKey
+from polarsim.photo import BLACK_LEVEL, PhotoKey, by_bracket
 from polarsim.run_files.pictures import pictures_at
 from polarsim.schemas.evaluation import TWIN_PAIRS
 from polarsim.scoring.labels import ALL, against, read_folder, read_true_labels, score_tasks
@@ -79,9 +78,8 @@ def score_twins(
 
 def typical_photos(keys: Sequence[PhotoKey], n: int) -> list[PhotoKey]:
     """Return up to n photos under a Sun lamp, exposed near 256 ms, evenly distributed over exposure brackets."""
-    sunlit = sorted((key for key in keys if key.azimuth != "no"), key=lambda key: (key.bracket, key))
-    brackets = groupby(sunlit, key=lambda key: key.bracket)
-    typical = sorted(min(photos, key=lambda key: (key.stops_off_usual, key)) for _, photos in brackets)
+    brackets = by_bracket(key for key in keys if key.azimuth != "no").values()
+    typical = sorted(min(photos, key=lambda key: (key.stops_off_usual, key)) for photos in brackets)
     if len(typical) <= n:
         return typical
     return [typical[number] for number in np.linspace(0, len(typical) - 1, n).round().astype(int)] if n else []

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
-from itertools import groupby
-from math import log2
 from pathlib import Path
 from typing import Any
 
@@ -27,11 +25,11 @@ from polarsim.photo import (
     COLOURS,
     HEIGHT,
     LIGHTS,
-    REFERENCE_EXPOSURE_MS,
     ROCK,
     SHADOW,
     WIDTH,
     PhotoKey,
+    by_bracket,
 )
 from polarsim.report.figures.comparison import draw_comparison
 from polarsim.run_files.pictures import pictures_at
@@ -76,8 +74,7 @@ def draw_contact(
     table = read_parquet(labels, LABEL_COLUMNS)
     sources = [pictures_at(folder) for folder in pictures]
     doubtful_below = doubtful_confidence(table["confidence"])
-    by_set = groupby(sorted(keys, key=lambda key: (key.bracket, key)), key=lambda key: key.bracket)
-    shown = [most_labelled(list(exposures), table) for _, exposures in by_set]
+    shown = [most_labelled(exposures, table) for exposures in by_bracket(keys).values()]
     tiles = [Tile(key, rows_of(table, key), _picture(sources, key)) for key in shown]
     _write(figure, _sheet(tiles, doubtful_below, width))
 
@@ -211,8 +208,4 @@ def draw_photos(
 
 def shown_photo(keys: Sequence[PhotoKey]) -> PhotoKey:
     """Return the photo of a position with Sun azimuth 30, rover light off, camera L and near 256 ms, if available."""
-
-    def rank(key: PhotoKey) -> tuple[bool, str, str, float]:
-        return key.azimuth != "30", key.light, key.camera, abs(log2(key.exposure_ms / REFERENCE_EXPOSURE_MS))
-
-    return min(keys, key=rank)
+    return min(keys, key=lambda key: (key.azimuth != "30", key.light, key.camera, key.stops_off_usual))
