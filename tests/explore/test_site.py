@@ -5,9 +5,8 @@ import re
 
 import pytest
 
-from polarsim.errors import ConfigError
 from polarsim.explore.server import TYPES
-from polarsim.explore.site import page_files, page_of_run, write_site
+from polarsim.explore.site import page_files, page_of_run
 from polarsim.formats import png
 from polarsim.run_files.run import Run
 
@@ -49,22 +48,22 @@ def test_third_party_files_have_a_licence(page):
         assert "Copyright" in licence
 
 
-def test_a_written_page_equals_the_served_page(made, tmp_path):
+def test_the_page_written_by_the_command_equals_the_served_page(polarsim, made, tmp_path):
+    call = ("explore", made.name, "--results", made.parent, "--out", tmp_path / "page", "--width", 320)
+    done = polarsim(*call)
+    assert done.returncode == 0, done.stderr
     files = page_of_run(Run.at(made), 320)
-    count = write_site(Run.at(made), tmp_path / "page", 320)
     written = {str(path.relative_to(tmp_path / "page")) for path in (tmp_path / "page").rglob("*") if path.is_file()}
     assert written == set(files)
-    assert count == len(files)
     assert {name.rpartition(".")[2] for name in files} <= set(TYPES)
     for name in ("index.html", "data/run.json", "data/pictures.arrow", f"data/pictures/photo/{KEYS[0]}.jpg"):
         assert (tmp_path / "page" / name).read_bytes() == files[name]()
-
-
-def test_existing_files_are_not_overwritten(made, tmp_path):
-    (tmp_path / "mine.txt").write_text("mine")
-    with pytest.raises(ConfigError):
-        write_site(Run.at(made), tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
+    (tmp_path / "page/mine.txt").write_text("mine")
+    assert polarsim(*call).returncode == 1  # existing files are not overwritten
+    assert (tmp_path / "page/mine.txt").read_text() == "mine"
+    done = polarsim("explore", "nothing", "--results", made.parent)
+    assert done.returncode == 1
+    assert re.fullmatch(r"error: \S*: no run 'nothing'; existing runs: made.*\n", done.stderr)
 
 
 def test_images_preserve_ratios_of_light(made, tmp_path):
@@ -78,12 +77,3 @@ def test_images_preserve_ratios_of_light(made, tmp_path):
         (tmp_path / "a.jpg").write_bytes(files[f"data/pictures/{domain}/{key}.jpg"]())
         values[domain] = (png.read_png(tmp_path / "a.jpg")[5, 5] / 255) ** 2.2 * 4079
         assert values[domain] == pytest.approx(gain * 64, rel=0.03)
-
-
-def test_explore_writes_the_page(polarsim, made, tmp_path):
-    done = polarsim("explore", made.name, "--results", made.parent, "--out", tmp_path / "page", "--width", 240)
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / "page/index.html").exists()
-    done = polarsim("explore", "nothing", "--results", made.parent)
-    assert done.returncode == 1
-    assert re.fullmatch(r"error: \S*: no run 'nothing'; existing runs: made.*\n", done.stderr)

@@ -67,7 +67,7 @@ def predictions(draw):
     return rows
 
 
-@settings(max_examples=20)
+@settings(max_examples=8)
 @given(rows=predictions())
 def test_the_explorer_counts_the_false_positives_of_the_table(made, rows):
     x0, y0, _, _ = boxes_of(SEED)["rock", 1]

@@ -52,16 +52,17 @@ def terrain_drawn(folder, to):
 
 def test_figures_of_meshes_are_reproducible_and_depend_on_rocks_and_the_source_of_the_ground(tmp_path, world):
     world.write(tmp_path)
-    first, second = (terrain_drawn(tmp_path, tmp_path / name) for name in ("first", "second"))
+    shown = terrain_drawn(tmp_path, tmp_path / "shown")
+    assert all(is_drawn(figure) and coloured(figure) > 0.01 for figure in shown)
+    bare = tmp_path / "bare"
+    world.write(bare, rocks=())
+    first, second = (terrain_drawn(bare, tmp_path / name) for name in ("first", "second"))
     for figure, repeated in zip(first, second, strict=True):
         assert is_drawn(figure)
-        assert coloured(figure) > 0.01
         assert figure.read_bytes() == repeated.read_bytes()
-    write_csv(tmp_path / "meshes/meshes.csv", pd.DataFrame([{"mesh": obj.ground_name(3), "made_from": "fitted"}]))
-    fitted, _ = terrain_drawn(tmp_path, tmp_path / "fitted")
+    write_csv(bare / "meshes/meshes.csv", pd.DataFrame([{"mesh": obj.ground_name(3), "made_from": "fitted"}]))
+    fitted, _ = terrain_drawn(bare, tmp_path / "fitted")
     assert fitted.read_bytes() != first[0].read_bytes()
-    world.write(tmp_path / "bare", rocks=())
-    assert all(is_drawn(figure) for figure in terrain_drawn(tmp_path / "bare", tmp_path / "bare"))
 
 
 def offsets_drawn(folder, rows, name, width=WIDE):

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.errors import FormatError
@@ -392,6 +392,7 @@ def test_an_object_visible_in_a_single_exposure_is_annotated_in_the_bracket():
     assert visible(table, OPTIONS)[["key", "rock"]].to_numpy().tolist() == [[str(key), 1] for key in keys]
 
 
+@settings(max_examples=30)
 @given(
     st.lists(st.tuples(st.floats(0, 0.6), st.floats(0, 0.6)), min_size=1, max_size=6),
     st.lists(st.tuples(st.floats(0, 0.6), st.floats(0, 0.6)), min_size=1, max_size=6),
