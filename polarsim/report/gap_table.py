@@ -93,8 +93,8 @@ def change_text(part: pd.DataFrame, name: str, decimals: int = 3, factor: float 
         return MISSING
     if len(part) > 1:
         return over_seeds(values, decimals)
-    ends = (factor * float(part[f"{name}_change{end}"].iloc[0]) for end in ("", "_low", "_high"))
-    return value_and_interval(*ends, f"+.{decimals}f")
+    value, low, high = (factor * float(part[f"{name}_change{end}"].iloc[0]) for end in ("", "_low", "_high"))
+    return value_and_interval(value, low, high, f"+.{decimals}f")
 
 
 def ablation_notes(table: pd.DataFrame) -> list[str]:

@@ -30,7 +30,8 @@ def value_and_interval(value: float, low: float, high: float, form: str = ".3f")
 
 def interval_text(row: pd.Series, name: str, decimals: int = 3) -> str:
     """Return a metric as text, with the 95 % interval if there is one."""
-    return value_and_interval(*(float(row[name + end]) for end in ("", "_low", "_high")), f".{decimals}f")
+    value, low, high = (float(row[name + end]) for end in ("", "_low", "_high"))
+    return value_and_interval(value, low, high, f".{decimals}f")
 
 
 def metric_cell(part: pd.DataFrame, name: str, decimals: int = 3) -> str:

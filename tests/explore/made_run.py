@@ -15,6 +15,7 @@ from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey, photo_grid
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.schemas.detect import PREDICTIONS
 from tests.made_terrain import ROCKS, make_cube, make_sand
+from tests.support.label_rows import label_row
 
 TERRAIN, FOLDER = 3, "Terrain03"
 SIZE = (152, 242)  # rows and columns of the images, an eighth of a photo
@@ -25,7 +26,6 @@ KEYS = [
     if key.position == "A" and key.exposure_ms in ((512, 2048) if key.azimuth == "no" else (64, 256, 1024))
 ]
 SEED = PhotoKey.parse("03_A_off_30_L_0256")
-EDGES = ("x0", "y0", "x1", "y1")
 MESHES = {number: make_cube((x, y, side / 4), side) for number, ((x, y), side) in ROCKS.items()}
 RIG = LocalisedRig(default_rig(), camera_pose(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(25)), "scans", {})
 
@@ -44,9 +44,9 @@ def boxes_of(key: PhotoKey) -> dict[tuple[str, int], np.ndarray]:
 
 def label_rows(keys: list[PhotoKey]) -> list[dict[str, object]]:
     return [
-        {**key_columns(key), "kind": kind, "rock": rock, "source": "seed" if key == SEED else "fused"}
-        | {"confidence": 0.99 if rock == 1 else 0.4}
-        | dict(zip(EDGES, map(float, box), strict=True))
+        label_row(
+            key, kind, rock, box, source="seed" if key == SEED else "fused", confidence=0.99 if rock == 1 else 0.4
+        )
         for key in keys
         for (kind, rock), box in boxes_of(key).items()
     ]

@@ -3,9 +3,10 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import png
-from polarsim.formats.tables import key_columns, label_table, write_parquet
+from polarsim.formats.tables import label_table, write_parquet
 from polarsim.photo import COLOURS, PhotoKey
 from polarsim.report.figures import contact
+from tests.support.label_rows import label_row
 
 KEYS = [
     PhotoKey.parse(f"03_A_{light}_{azimuth}_{camera}_{exposure}")
@@ -14,11 +15,6 @@ KEYS = [
     for camera in "LR"
     for exposure in ("0064", "0256", "1024")
 ]
-
-
-def label(key, kind="rock", rock=7, confidence=1.0, box=(400, 300, 800, 500)):
-    row = {"kind": kind, "rock": rock, "source": "seed", "confidence": confidence}
-    return key_columns(key) | row | dict(zip(("x0", "y0", "x1", "y1"), map(float, box), strict=True))
 
 
 def drawn(folder, name, rows, keys=KEYS, pictures=(), width=800):
@@ -44,7 +40,7 @@ def drawn(folder, name, rows, keys=KEYS, pictures=(), width=800):
 )
 def test_the_exposure_with_the_most_labels_is_shown(labels, chosen):
     exposures = [key for key in KEYS if key.bracket == KEYS[0].bracket]
-    table = label_table([label(key) for key in exposures for _ in range(labels.get(str(key)[-4:], 0))])
+    table = label_table([label_row(key) for key in exposures for _ in range(labels.get(str(key)[-4:], 0))])
     assert str(contact.most_labelled(exposures, table)).endswith(chosen)
 
 
@@ -59,7 +55,7 @@ def test_labels_in_the_lowest_tenth_or_below_one_half_are_doubtful():
 
 
 def test_a_sheet_has_a_row_per_azimuth_and_a_column_per_camera_and_light(tmp_path):
-    sheet = drawn(tmp_path, "sheet.png", [label(key) for key in KEYS])
+    sheet = drawn(tmp_path, "sheet.png", [label_row(key) for key in KEYS])
     assert sheet.shape[1] == drawn(tmp_path, "none.png", [], []).shape[1] == 800
     no_sun = drawn(tmp_path, "row.png", [], [key for key in KEYS if key.azimuth == "no"])
     left = drawn(tmp_path, "column.png", [], [key for key in KEYS if key.camera == "L" and key.light == "off"])
@@ -68,14 +64,14 @@ def test_a_sheet_has_a_row_per_azimuth_and_a_column_per_camera_and_light(tmp_pat
 
 
 def test_a_tile_s_title_counts_labels_and_doubts():
-    rows = [label(KEYS[0]), label(KEYS[0], "shadow", confidence=0.4), label(KEYS[0], "shadow", rock=8)]
+    rows = [label_row(KEYS[0]), label_row(KEYS[0], "shadow", confidence=0.4), label_row(KEYS[0], "shadow", rock=8)]
     tile = contact.Tile(KEYS[0], label_table(rows), None)
     assert tile.title(0.5) == "no Sun, light off, L, 64 ms: 1 rocks, 2 shadows, 1 dashed"
 
 
 def test_the_same_rows_give_the_same_bytes_and_exact_label_colours(tmp_path):
     keys = [key for key in KEYS if key.camera == "L" and key.light == "off"]
-    rows = [label(key) for key in keys] + [label(key, "shadow", box=(900, 300, 1200, 500)) for key in keys]
+    rows = [label_row(key) for key in keys] + [label_row(key, "shadow", box=(900, 300, 1200, 500)) for key in keys]
     shown = drawn(tmp_path, "first.png", rows, keys).astype(int)
     drawn(tmp_path, "second.png", rows, keys)
     assert (tmp_path / "first.png").read_bytes() == (tmp_path / "second.png").read_bytes()
@@ -87,7 +83,7 @@ def test_the_same_rows_give_the_same_bytes_and_exact_label_colours(tmp_path):
 def test_a_sheet_that_is_too_large_gets_fewer_greys(tmp_path, monkeypatch, rng):
     for key in KEYS[:3]:
         png.write_png(tmp_path / f"noise/{key}.png", rng.integers(16, 4095, (1216, 1936)).astype(np.uint16))
-    arguments = {"keys": KEYS[:3], "rows": [label(KEYS[0])], "pictures": [tmp_path / "noise"]}
+    arguments = {"keys": KEYS[:3], "rows": [label_row(KEYS[0])], "pictures": [tmp_path / "noise"]}
     many = drawn(tmp_path, "many.png", **arguments)
     monkeypatch.setattr(contact, "MAX_BYTES", int(0.9 * (tmp_path / "many.png").stat().st_size))
     few = drawn(tmp_path, "few.png", **arguments)

@@ -3,8 +3,8 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import png
-from polarsim.formats.tables import key_columns, label_table, write_parquet
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.formats.tables import label_table, write_parquet
+from polarsim.photo import HEIGHT, WIDTH
 from polarsim.report.figures.detections import (
     draw_gap_rocks,
     draw_predictions,
@@ -16,6 +16,7 @@ from polarsim.report.figures.detectors import draw_curves, draw_ipd_histogram
 from polarsim.report.training_seeds import seed_means, split_panels, title_suffix
 from polarsim.schemas.detect import CURVES, INSTANCES, IPD_ROCKS
 from tests.report.pixels import coloured, is_drawn
+from tests.support.label_rows import label_row
 
 NARROW = 640  # px
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
@@ -63,13 +64,12 @@ def test_rocks_are_selected_by_mean_and_shown_in_the_photo_with_the_largest_diff
 def results_of(tmp_path):
     """Return a function that returns results with one label, predicted in real photos only."""
     box = {"x0": 900.0, "y0": 500.0, "x1": 1300.0, "y1": 800.0}
-    key = PhotoKey.parse(KEYS[0])
-    label = key_columns(key) | {"kind": "rock", "rock": 1, "source": "truth", "confidence": 1.0} | box
-    write_parquet(tmp_path / "labels.parquet", label_table([label]))
-    found = pd.DataFrame([{"key": str(key), "kind": "rock", "confidence": 0.9} | box | {"x0": 700.0, "y1": 900.0}])
+    key = KEYS[0]
+    write_parquet(tmp_path / "labels.parquet", label_table([label_row(key, box=box.values())]))
+    found = pd.DataFrame([{"key": key, "kind": "rock", "confidence": 0.9} | box | {"x0": 700.0, "y1": 900.0}])
     write_parquet(tmp_path / "hit.parquet", found)
     write_parquet(tmp_path / "miss.parquet", found.assign(confidence=0.1))
-    instances = [("real", "real", str(key), "rock", 1, 0.6, 900.0), ("real", "hapke", str(key), "rock", 1, 0.0, 900.0)]
+    instances = [("real", "real", key, "rock", 1, 0.6, 900.0), ("real", "hapke", key, "rock", 1, 0.0, 900.0)]
     write_parquet(tmp_path / "instances.parquet", pd.DataFrame(instances, columns=list(INSTANCES.columns)))
     png.write_png(tmp_path / "photo.png", np.full((HEIGHT, WIDTH), 1000, np.uint16))
 

@@ -13,6 +13,7 @@ from polarsim.report.figures.canvas import FIGURE_WIDTH, name_positions, note, p
 from polarsim.report.figures.detections import _with_boxes
 from polarsim.report.figures.labels import stretched
 from polarsim.report.figures.offsets import RANGES_MM, range_mm
+from tests.support.label_rows import label_row
 
 LETTER = (0.09, 0.13)
 
@@ -52,9 +53,7 @@ def test_the_last_twentieth_of_the_scale_has_a_third_of_the_axis():
 
 
 def test_predicted_boxes_do_not_cover_rock_ids():
-    row = {"key": "01_A_off_30_L_0256", "terrain": 1, "position": "A", "light": "off", "azimuth": "30", "camera": "L"}
-    row |= {"exposure_ms": 256, "kind": "rock", "rock": 188, "source": "seed", "confidence": 1.0}
-    labels = label_table([row | {"x0": 600.0, "y0": 500.0, "x1": 900.0, "y1": 700.0}])
+    labels = label_table([label_row("01_A_off_30_L_0256", rock=188, box=(600, 500, 900, 700))])
     grey = np.full((1216, 1936, 3), 90, np.uint8)
     through = pd.DataFrame(
         {"x0": 0.0, "x1": 1900.0, "y0": np.arange(460.0, 500, 4), "y1": 1200.0}
@@ -66,9 +65,7 @@ def test_predicted_boxes_do_not_cover_rock_ids():
 
 
 def test_the_letter_size_of_labels_can_be_set():
-    row = {"key": "01_A_off_30_L_0256", "terrain": 1, "position": "A", "light": "off", "azimuth": "30", "camera": "L"}
-    row |= {"exposure_ms": 256, "kind": "rock", "rock": 188, "source": "seed", "confidence": 1.0}
-    table = label_table([row | {"x0": 600.0, "y0": 500.0, "x1": 900.0, "y1": 700.0}])
+    table = label_table([label_row("01_A_off_30_L_0256", rock=188, box=(600, 500, 900, 700))])
     grey = np.full((1216, 1936, 3), 90, np.uint8)
     images = [draw_labels(grey, table, 400, OverlayStyle(letter_px=size)).astype(int) for size in (0, 20)]
     small, large = (int((np.abs(image - COLOURS["rock"]).max(axis=-1) < 60).sum()) for image in images)

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import obj, png, release, yolo
-from polarsim.formats.tables import key_columns, label_table, write_csv, write_parquet
+from polarsim.formats.tables import label_table, write_csv, write_parquet
 from polarsim.geometry.boxes import box_around_points
 from polarsim.geometry.casters import make_caster
 from polarsim.photo import BOX_CLASSES, PhotoKey
@@ -26,16 +26,12 @@ from polarsim.schemas.report import DETECTION, IPD
 from polarsim.scoring.label_pairs import EDGES, TRUE_EDGES
 from polarsim.scoring.reliability import COLUMNS as RELIABILITY_COLUMNS
 from tests.report.pixels import coloured, is_drawn
+from tests.support.label_rows import label_row
 
 NARROW = 600  # px
 WIDE = 1300  # px
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 KEY = PhotoKey.parse("03_A_off_30_L_0256")
-
-
-def label(key, kind, rock, box):
-    row = {"kind": kind, "rock": rock, "source": "seed", "confidence": 1.0}
-    return key_columns(key) | row | dict(zip(("x0", "y0", "x1", "y1"), map(float, box), strict=True))
 
 
 def terrain_drawn(folder, to):
@@ -240,7 +236,7 @@ def test_detection_and_ipd_are_drawn_with_and_without_rocks(tmp_path, kinds):
 def test_a_comparison_shows_the_available_images(tmp_path):
     png.write_png(tmp_path / "photo.png", np.full((1216, 1936), 700, np.uint16))
     png.write_png(tmp_path / f"hapke/{KEY}.png", np.full((1216, 1936), 300, np.uint16))
-    write_parquet(tmp_path / "labels.parquet", label_table([label(KEY, "rock", 1, (100, 100, 500, 400))]))
+    write_parquet(tmp_path / "labels.parquet", label_table([label_row(KEY, "rock", 1, (100, 100, 500, 400))]))
     twins = {"principled": tmp_path / "none", "hapke": tmp_path / "hapke"}
     arguments = {
         "key": KEY,
@@ -286,7 +282,7 @@ def hand_drawn(root, keys):
     rows = []
     for key in keys:
         classes, boxes = yolo.read_boxes(release.label_folder(root, key.terrain) / f"{key}.txt")
-        rows += [label(key, BOX_CLASSES[number], -1, box) for number, box in zip(classes, boxes, strict=True)]
+        rows += [label_row(key, BOX_CLASSES[number], -1, box) for number, box in zip(classes, boxes, strict=True)]
     return label_table(rows)
 
 

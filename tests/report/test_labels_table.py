@@ -4,13 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.formats.tables import key_columns, label_table, read_csv, read_parquet, write_parquet
+from polarsim.formats.tables import label_table, read_csv, read_parquet, write_parquet
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.report.labels_table import SIZES, format_labels, label_scores, size_class, tabulate_labels
 from polarsim.scoring.label_pairs import pair_labels
 from polarsim.scoring.labels import PROPAGATION_TASKS, score_tasks, task_of
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.score import PhotoLabels
+from tests.support.label_rows import label_row
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 SEEDS = [PhotoKey.parse(f"{terrain}_A_off_30_L_0256") for terrain in ("03", "11")]
@@ -36,9 +37,7 @@ def made_up(terrain, seed=1):
 
 def pairs_of(wanted, found, tasks, against="labels"):
     rows = [
-        key_columns(key)
-        | {"kind": BOX_CLASSES[number], "rock": 1, "source": "fused", "confidence": 0.75}
-        | dict(zip(("x0", "y0", "x1", "y1"), box, strict=True))
+        label_row(key, BOX_CLASSES[number], box=box, source="fused", confidence=0.75)
         for key, labels in found.items()
         for number, box in zip(labels.classes, labels.boxes, strict=True)
     ]

@@ -6,9 +6,10 @@ import pytest
 
 from polarsim.formats import png
 from polarsim.formats.files import read_json
-from polarsim.formats.tables import key_columns, label_table, write_parquet
+from polarsim.formats.tables import label_table, write_parquet
 from polarsim.photo import PhotoKey
 from polarsim.report.figures.strip import PANEL_WIDTH, draw_strip, shown_key
+from tests.support.label_rows import label_row
 
 BOX = {"x0": 500.0, "y0": 400.0, "x1": 900.0, "y1": 700.0}
 DARK, SHOWN, TESTED = (PhotoKey.parse(f"03_A_off_30_L_{ms}") for ms in ("2048", "0256", "0128"))
@@ -24,8 +25,7 @@ def strip(tmp_path):
             png.write_png(tmp_path / f"photos/{key}.png", np.full((1216, 1936), 508, np.uint16))
         rows = [{"key": str(key), "path": str(tmp_path / f"photos/{key}.png")} for key in photos]
         write_parquet(tmp_path / "photos.parquet", pd.DataFrame(rows, columns=["key", "path"]).astype("str"))
-        label = {"kind": "rock", "rock": 7, "source": "seed", "confidence": 1.0} | BOX
-        write_parquet(tmp_path / "labels.parquet", label_table([key_columns(SHOWN) | label]))
+        write_parquet(tmp_path / "labels.parquet", label_table([label_row(SHOWN, box=BOX.values())]))
         predicted = [{"key": str(key), "kind": "rock", "confidence": 0.9} | BOX for key in tested or ()]
         predicted += [{**row, "confidence": 0.1, "x1": 1800.0} for row in predicted]
         if tested:

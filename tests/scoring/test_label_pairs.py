@@ -3,12 +3,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from polarsim.formats.tables import key_columns, label_table
+from polarsim.formats.tables import label_table
 from polarsim.photo import PhotoKey
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.label_pairs import pair_labels, pair_photo
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.score import MatchCounts, PhotoLabels, count_photo
+from tests.support.label_rows import label_row
 
 KEY = PhotoKey.parse("03_A_off_30_R_0256")
 OPTIONS = ScoringOptions()
@@ -18,15 +19,10 @@ def labels(*boxes, kind=0):
     return PhotoLabels(np.full(len(boxes), kind), np.array(boxes, float).reshape(-1, 4))
 
 
-def label_rows(key, *boxes, kind="rock", **told):
+def label_rows(key, *boxes, **told):
     """Rows of a label table; rock ids count from 1."""
-    return [
-        key_columns(key)
-        | {"kind": kind, "rock": rock, "source": "fused", "confidence": 0.8}
-        | told
-        | dict(zip(("x0", "y0", "x1", "y1"), box, strict=True))
-        for rock, box in enumerate(boxes, 1)
-    ]
+    told = {"source": "fused", "confidence": 0.8} | told
+    return [label_row(key, rock=rock, box=box, **told) for rock, box in enumerate(boxes, 1)]
 
 
 def paired(wanted, rows, task="Left to Right", against="labels"):

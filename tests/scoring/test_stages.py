@@ -21,6 +21,7 @@ from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.rock_pairs import RockPairs, pair_rocks, recall_and_precision
 from polarsim.scoring.rocks import score_rocks
 from polarsim.scoring.twins import compare_pictures, log_ratio, score_twins, structural_similarity, typical_photos
+from tests.support.label_rows import label_row
 
 OPTIONS = ScoringOptions()
 OTHER_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0.1, -0.05, 0.02]))
@@ -216,11 +217,7 @@ def test_the_task_of_a_photo_is_the_most_difficult_required_step(name, task):
 
 def label_rows(key, *boxes, **told):
     """Rows of a label table: boxes as (kind, x0, y0, x1, y1)."""
-    rest = {"rock": 1, "source": "seed", "confidence": 1.0} | told
-    return [
-        key_columns(PhotoKey.parse(key)) | rest | dict(zip(("kind", "x0", "y0", "x1", "y1"), box, strict=True))
-        for box in boxes
-    ]
+    return [label_row(key, kind, box=box, **told) for kind, *box in boxes]
 
 
 def labels_scored(folder, keys, rows, truth="truth"):
