@@ -33,27 +33,16 @@ def export_photos(
 ) -> int:
     """Write the folder and return the number of images.
 
-    Labels are the propagated labels of the photos, also for images of twins.
-
-    Parameters
-    ----------
-    folder
-        A new or empty folder.
-    terrains
-        Numbers of terrains; empty: all terrains of the run.
-    pattern
-        Pattern of photo keys with * and ?, as for file names.
-    domain
-        "photo", or the model of the twins.
-    tool
-        Name in `TOOLS`.
+    Labels are the propagated labels of the photos, also for images of twins. `terrains` selects terrains (empty: all),
+    `pattern` photo keys with * and ?, `domain` photos ("photo") or the twins of a model.
     """
     if tool not in TOOLS:
         raise ConfigError(f"tool {tool!r}, expected {', '.join(TOOLS)}")
     check_new_folder(folder)
     pictures = _chosen(run, terrains, pattern, domain)
     keys = list(pictures)
-    labels = pd.concat([_table(run, terrain) for terrain in sorted({key.terrain for key in keys})])
+    tables = [run / f"labels/tables/Terrain{terrain:02d}.parquet" for terrain in sorted({key.terrain for key in keys})]
+    labels = pd.concat([read_parquet(table, LABEL_COLUMNS) for table in tables])
     with writing_folder(folder) as temporary:
         folder_of_pictures = temporary if tool == "labelimg" else temporary / "images"
         for key, path in track(list(pictures.items()), "pictures"):
@@ -63,7 +52,9 @@ def export_photos(
         elif tool == "cvat":
             _write_cvat(temporary, labels, keys)
         else:
-            _write_label_studio(temporary, labels, keys, f"{quote(folder.resolve().name)}/images")
+            tasks = label_studio_tasks(labels, keys, f"{quote(folder.resolve().name)}/images")
+            write_json(temporary / "tasks.json", tasks)
+            write_text(temporary / "interface.xml", label_studio_interface())
     return len(pictures)
 
 
@@ -101,10 +92,6 @@ def _chosen(run: Path, terrains: Sequence[int], pattern: str, domain: str) -> di
     return chosen
 
 
-def _table(run: Path, terrain: int) -> pd.DataFrame:
-    return read_parquet(run / "labels" / "tables" / f"Terrain{terrain:02d}.parquet", LABEL_COLUMNS)
-
-
 def _write_labelimg(folder: Path, labels: pd.DataFrame, keys: Sequence[PhotoKey]) -> None:
     write_text(folder / yolo.CLASS_FILE, "".join(f"{name}\n" for name in BOX_CLASSES))
     for key in keys:
@@ -125,35 +112,23 @@ def _boxed(row: dict[Hashable, Any]) -> coco.Annotation:
     return coco.Annotation(row["kind"], int(row["rock"]), box, None, row["source"], round(float(row["confidence"]), 4))
 
 
-def _write_label_studio(folder: Path, labels: pd.DataFrame, keys: Sequence[PhotoKey], pictures: str) -> None:
-    write_json(folder / "tasks.json", label_studio_tasks(labels, keys, pictures))
-    write_text(folder / "interface.xml", label_studio_interface())
-
-
 def cvat_labels() -> list[dict[str, Any]]:
     """Return the labels of a CVAT task for the raw label editor: rectangles with the attributes of `coco`.
 
     Without these labels, CVAT drops rock ids at import.
     """
     attributes = [
-        _attribute("rock", "number", str(NO_ROCK), [str(NO_ROCK), "99999", "1"]),  # lowest, highest, step
-        _attribute("confidence", "text", "1", []),
-        _attribute("label_source", "text", "", []),
+        {"name": name, "input_type": kind, "mutable": False, "default_value": default, "values": values}
+        for name, kind, default, values in (
+            ("rock", "number", str(NO_ROCK), [str(NO_ROCK), "99999", "1"]),  # minimum, maximum, step
+            ("confidence", "text", "1", ["1"]),
+            ("label_source", "text", "", [""]),
+        )
     ]
     return [
         {"name": kind, "color": colour, "type": "rectangle", "attributes": attributes}
         for kind, colour in HEX_COLOURS.items()
     ]
-
-
-def _attribute(name: str, input_type: str, default: str, values: list[str]) -> dict[str, Any]:
-    return {
-        "name": name,
-        "input_type": input_type,
-        "mutable": False,
-        "default_value": default,
-        "values": values or [default],
-    }
 
 
 def label_studio_interface() -> str:
@@ -169,16 +144,9 @@ def label_studio_interface() -> str:
 def label_studio_tasks(labels: pd.DataFrame, keys: Sequence[PhotoKey], pictures: str) -> list[dict[str, Any]]:
     """Return a task per photo: the image, and the labels as a prediction with relations from shadows to rocks.
 
-    Positions and sizes are percentages of the image size. A prediction becomes an annotation when it is edited.
-
-    Parameters
-    ----------
-    labels
-        Label rows; rows of other photos are ignored. Boxes are clipped to the photo.
-    keys
-        The photos in the order of the tasks, also photos without labels.
-    pictures
-        Folder of the images `KEY.png` below Label Studio's document root, URL-encoded.
+    Positions and sizes are percentages of the image size; boxes are clipped to the photo. A prediction becomes an
+    annotation when it is edited. `pictures` is the folder of the images `KEY.png` below Label Studio's document root,
+    URL-encoded.
     """
     by_key = dict(tuple(labels.groupby("key", sort=False)))
     none = labels.iloc[:0]

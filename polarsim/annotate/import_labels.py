@@ -96,10 +96,6 @@ def import_labels(
     ----------
     source
         A file, a folder or a zip archive.
-    folder
-        A new or empty folder.
-    form
-        Name in `IMPORTERS`, or `AUTO`: determined from the files.
     names
         Other names of rocks and shadows in the export, such as boulder -> rock; an empty text excludes the class.
     keep_empty

@@ -22,17 +22,7 @@ _SMALL = 0.75  # font size of shadow ids relative to rock ids
 
 
 class Tags:
-    """Text next to boxes, placed to avoid earlier texts.
-
-    Parameters
-    ----------
-    pen
-        Pillow's `ImageDraw` of the image.
-    size
-        Width and height of the image, pixels.
-    line
-        Line width of boxes, pixels: minimum distance of text from boxes.
-    """
+    """Text next to boxes, placed to avoid earlier texts; `line` is the line width and minimum distance, px."""
 
     def __init__(self, pen: Any, size: tuple[int, int], line: int) -> None:
         self._pen, self._size, self._line = pen, size, line
@@ -124,19 +114,11 @@ def draw_labels(
     Parameters
     ----------
     pixels : (h, w, 3) uint8
-        The photo at any scale.
+        The photo at any scale; the result has the same aspect and `width` pixels per row.
     labels
         Rows with kind, rock, confidence, x0, y0, x1, y1 in pixels of the full-size photo.
-    width
-        Width of the result in pixels; None: width of the image.
-    marks
-        Style; None: boxes, rock ids and confidences of all kinds.
     masks : kind -> (h, w) bool
         Masks of the photo, at any scale, which are filled with the colour of the kind.
-
-    Returns
-    -------
-    (h', width, 3) uint8
     """
     from PIL import Image, ImageDraw
 

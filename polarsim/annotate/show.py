@@ -38,12 +38,7 @@ def show_of_run(
     In a run without photos, a twin with the same key replaces the photo. Cover photos are not used, because they have
     another light and often another camera.
 
-    Parameters
-    ----------
-    scale, kinds
-        As in `write_preview`.
-    masks
-        Also fill the masks: polygons of the labels for a photo, the instance map for a twin.
+    `masks` also fills the masks: polygons of the labels for a photo, the instance map for a twin.
     """
     tables = run.folder / ("labels" if domain == PHOTO else "renders") / "tables"
     picture = run.pictures_of(domain, key.terrain).get(key)
@@ -86,20 +81,9 @@ def write_preview(
 ) -> None:
     """Write a tone-mapped 8-bit image with boxes, lines from shadows to rocks, ids, confidences and a legend.
 
-    Parameters
-    ----------
-    picture
-        A photo or twin (16 bits), or an 8-bit image of the photo at any size.
-    labels
-        A label table, or rows with `LABEL_COLUMNS`; rows of other photos are ignored.
-    scale
-        Scale of the result relative to the image.
-    kinds
-        Kinds to draw: "rock", "shadow".
-    masks : kind -> (h, w) bool
-        Masks of the photo to fill; None: no masks.
-    title
-        Text of the legend; default: the photo key, and the file name of the image if it differs from the key.
+    `picture` is a photo or twin (16 bits), or an 8-bit image of the photo at any size. `labels` is a label table or has
+    rows with `LABEL_COLUMNS`; rows of other photos are ignored. `masks` (h, w) bool of the photo are filled. The
+    default title is the photo key, and the file name of the image if it differs from the key.
     """
     unknown = [kind for kind in kinds if kind not in BOX_CLASSES]
     if unknown:

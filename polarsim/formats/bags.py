@@ -67,10 +67,7 @@ def _encoder(writer: Any, kind: str) -> tuple[int, Any]:
 def bag_metadata(bag: Path, name: str) -> str:
     """Return the content of `metadata.yaml` (version 8) for a bag, computed from the summary section of the bag.
 
-    Parameters
-    ----------
-    name
-        File name of the bag in the folder of `metadata.yaml`.
+    `name` is the file name of the bag in the folder of `metadata.yaml`.
     """
     from mcap.reader import make_reader
 

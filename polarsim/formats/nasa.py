@@ -147,7 +147,15 @@ def read_range_map(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) ->
         bands_last = _bands_last(tiff.series[0].shape if tiff.series else (), size)
         page: Any = tiff.pages[0]
         no_data = page.tags.get(_NO_DATA_TAG)
-        bands = np.asarray(tiff.series[0].asarray())
+        try:
+            bands = np.asarray(tiff.series[0].asarray())
+        except (ImportError, ValueError) as error:  # missing codec for a compression or predictor, or other errors
+            if isinstance(error, ImportError) or "imagecodecs" in str(error):
+                raise FormatError(
+                    f"compression {page.compression.name} with predictor {int(page.predictor)} needs the package "
+                    "imagecodecs: install it, or save the map without compression"
+                ) from error
+            raise
     if bands.dtype.kind not in "fiu":
         raise FormatError(f"values have the type {bands.dtype}, expected numbers")
     points = (bands[..., :3] if bands_last else np.moveaxis(bands[:3], 0, -1)).astype(np.float32)

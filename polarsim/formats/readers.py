@@ -26,14 +26,8 @@ def reader(
 ) -> Callable[[Callable[Arguments, Read]], Callable[Arguments, Read]]:
     """Decorate a function that reads the file or folder given by the first argument.
 
-    Parameters
-    ----------
-    kind
-        Kind of file for messages: `no readable KIND, ...`.
-    largest_mb
-        Maximum size of the file, checked before reading.
-    error
-        Type of the exceptions.
+    `kind` is the kind of file for messages (`no readable KIND, ...`), `largest_mb` the maximum size of the file before
+    it is read, `error` the type of the exceptions.
     """
 
     def mark(function: Callable[Arguments, Read]) -> Callable[Arguments, Read]:

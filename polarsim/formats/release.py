@@ -34,7 +34,6 @@ log = logging.getLogger("polarsim")
 class Layout:
     """Folders of label files below a root; `{:02d}` is replaced by the number of a terrain."""
 
-    name: str
     boxes: str
     polygons: str = ""  # "" in a layout without polygons
 
@@ -62,10 +61,10 @@ class Layout:
         return _terrains_in(parents)
 
 
-PUBLISHED_LAYOUT = Layout("published", f"{BOXES}/Terrain{{:02d}}", f"{POLYGONS}/terrain{{:02d}}/labels")
-RUN_LAYOUT = Layout("of a run", "boxes/Terrain{:02d}", "polygons/Terrain{:02d}")  # results/<run>/labels
-TERRAIN_LAYOUT = Layout("by terrain", "Terrain{:02d}")
-FLAT_LAYOUT = Layout("flat", ".")
+PUBLISHED_LAYOUT = Layout(f"{BOXES}/Terrain{{:02d}}", f"{POLYGONS}/terrain{{:02d}}/labels")
+RUN_LAYOUT = Layout("boxes/Terrain{:02d}", "polygons/Terrain{:02d}")  # results/<run>/labels
+TERRAIN_LAYOUT = Layout("Terrain{:02d}")
+FLAT_LAYOUT = Layout(".")
 
 
 @dataclass
@@ -75,24 +74,14 @@ class KeyFiles:
     files: dict[PhotoKey, Path] = field(default_factory=dict)
     stray: list[Path] = field(default_factory=list)
 
-    def sort(self) -> KeyFiles:
-        """Return a copy that is sorted by photo key and file name."""
-        return KeyFiles(dict(sorted(self.files.items())), sorted(self.stray))
-
 
 def key_files(folder: str | Path) -> KeyFiles:
     """Return every `KEY.txt` in a folder and in the `TerrainNN` subfolders.
 
     A file in the folder of a different terrain is a stray. The result is empty if the folder does not exist.
     """
-    files = KeyFiles()
-    folder = Path(folder)
-    if folder.is_dir():
-        _collect(folder, _terrain_of(folder.name), files)
-        for below in sorted(folder.iterdir()):
-            if below.is_dir() and _terrain_of(below.name) is not None:
-                _collect(below, _terrain_of(below.name), files)
-    return files.sort()
+    below = [path for path in sorted(Path(folder).glob("*")) if path.is_dir() and _terrain_of(path.name) is not None]
+    return _collected((path, _terrain_of(path.name)) for path in (Path(folder), *below))
 
 
 @reader("label folder")
@@ -103,13 +92,7 @@ def read_annotated_boxes(folder: str | Path) -> dict[PhotoKey, tuple[np.ndarray,
     change their meaning. Classes are therefore identified by name. Images and files with other names are skipped;
     skipped text files are reported in the log.
     """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise FormatError("no such folder of label files", path=folder)
-    try:
-        files = key_files(folder)
-    except LabelError as error:
-        raise FormatError(error.reason, path=error.path) from error
+    files = key_files(existing_folder(folder))
     log_strays((path for path in files.stray if path.suffix == ".txt"), str(folder))
     names = {below: yolo.class_names(below) for below in {path.parent for path in files.files.values()}}
     return {key: yolo.read_boxes(path, names=names[path.parent]) for key, path in files.files.items()}
@@ -117,10 +100,7 @@ def read_annotated_boxes(folder: str | Path) -> dict[PhotoKey, tuple[np.ndarray,
 
 def terrain_files(folder: Path, terrain: int) -> KeyFiles:
     """Return every `KEY.txt` of a terrain in a folder. Files of other names or terrains are strays."""
-    files = KeyFiles()
-    if folder.is_dir():
-        _collect(folder, terrain, files)
-    return files.sort()
+    return _collected([(folder, terrain)])
 
 
 def box_folder(folder: Path) -> Path:
@@ -136,9 +116,8 @@ def polygon_sources(folder: Path) -> list[Path]:
     """Return the polygon files of a folder given by the user: flat, by terrain, labels of a run, or published root."""
     existing_folder(folder)
     tops = [below for below in (folder / POLYGONS, folder / "polygons") if below.is_dir()] or [folder]
-    folders = [path for top in tops for path in (top, *sorted(top.glob("*"))) if path == top or
-               _terrain_of(path.name) is not None]  # fmt: skip
-    nested = [path / "labels" if (path / "labels").is_dir() else path for path in folders]
+    inside = [path for top in tops for path in sorted(top.glob("*")) if _terrain_of(path.name) is not None]
+    nested = [path / "labels" if (path / "labels").is_dir() else path for path in (*tops, *inside)]
     files = [path for below in nested for path in sorted(below.glob("*.txt")) if path.name != yolo.CLASS_FILE]
     if not files:
         raise FormatError("no polygon file (*.txt) in the folder or in TerrainNN subfolders", path=folder)
@@ -157,7 +136,7 @@ def label_folder(root: str | Path, terrain: int) -> Path:
 
 def polygon_folder(root: str | Path, terrain: int) -> Path:
     """Return the folder of the published polygons of a terrain."""
-    return Path(root) / POLYGONS / f"terrain{terrain:02d}" / "labels"
+    return Path(root) / PUBLISHED_LAYOUT.polygons.format(terrain)
 
 
 def mesh_folder(root: str | Path, terrain: int) -> Path:
@@ -238,17 +217,21 @@ def key_of(name: str) -> PhotoKey | None:
         return None
 
 
-def _collect(folder: Path, terrain: int | None, into: KeyFiles) -> None:
-    for path in sorted(folder.iterdir()):
+def _collected(folders: Iterable[tuple[Path, int | None]]) -> KeyFiles:
+    """Return the files of folders, each with the terrain of its files (None: any), sorted by key and name."""
+    files: dict[PhotoKey, Path] = {}
+    stray = []
+    for path, terrain in ((path, terrain) for folder, terrain in folders for path in sorted(folder.glob("*"))):
         if yolo.is_class_list(path) or path.name == SNAKEMAKE_FILE or not path.is_file():
             continue
         key = key_of(path.name)
         if key is None or (terrain is not None and key.terrain != terrain):
-            into.stray.append(path)
-        elif key in into.files:
-            raise LabelError(f"{key} also has the label file {into.files[key]}: remove a file", path=path)
+            stray.append(path)
+        elif key in files:
+            raise LabelError(f"{key} also has the label file {files[key]}: remove a file", path=path)
         else:
-            into.files[key] = path
+            files[key] = path
+    return KeyFiles(dict(sorted(files.items())), sorted(stray))
 
 
 def _terrain_of(folder: str) -> int | None:

@@ -18,17 +18,9 @@ def write_in_parts(
 ) -> None:
     """Write the rows of all items to a Parquet file with a row group per part.
 
-    Parameters
-    ----------
-    items : sequence of str
-        Items in the order of the table; at least 1.
-    rows_of : callable
-        Function that returns the table of some items in the given order, always with the same columns.
-    size : int
-        Number of items per part.
-    identity : str
-        Text that identifies everything that determines the rows. Parts of an interrupted call with the same identity
-        are reused.
+    `rows_of` returns the table of some items in the given order, always with the same columns; `size` is the number of
+    items per part. `identity` identifies everything that determines the rows; parts of an interrupted call with the
+    same identity are reused.
     """
     folder = path.with_name(f".{path.stem}.parts")
     reuse_folder(folder, identity)

@@ -148,16 +148,8 @@ def read_boxes(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Read class numbers (n,), indices in `BOX_CLASSES`, and boxes (n, 4) as x0, y0, x1, y1 in pixels.
 
-    Parameters
-    ----------
-    size
-        Width and height of the photo; the default is the size of the rig's photos.
-    names
-        Names of the class numbers in the file.
-    detections
-        Accept a confidence as sixth field.
-    polygons
-        Accept polygons and return the boxes around them.
+    `names` are the names of the class numbers in the file. `detections` accepts a confidence as sixth field; `polygons`
+    accepts polygons and returns the boxes around them.
     """
     shapes = read_shapes(path, size)
     for shape in shapes:
@@ -225,13 +217,9 @@ def find_classes(folder: Path, top: Path | None = None) -> ClassList:
     """Find the names of the class numbers of the label files in a folder.
 
     Class lists are `classes.txt`, `*.names` (Darknet, CVAT), `names` of a YAML file (Ultralytics, Roboflow) and
-    `notes.json` (Label Studio). They are searched in the folder and in the folders above up to `top`, then in all
-    folders below `top`, then in the next `MAX_FOLDERS_UP` folders above. Without a list, `BOX_CLASSES` is assumed.
-
-    Parameters
-    ----------
-    top
-        Folder of the data set, in which all lists must agree. None: only the folder is searched before those above.
+    `notes.json` (Label Studio). They are searched in the folder and in the folders above up to `top`, the folder of the
+    data set, in which all lists must agree; then in all folders below `top`, then in the next `MAX_FOLDERS_UP` folders
+    above. Without a list, `BOX_CLASSES` is assumed.
     """
     inside = [folder, *(above for above in folder.parents if top and (above == top or top in above.parents))]
     lists = [classes for above in inside for classes in _lists_in(above)]

@@ -34,10 +34,7 @@ table { border-collapse: collapse; } td, th { padding: 0.15rem 0.8rem 0.15rem 0;
 def lint_and_draw(*, root: Path, twins: Sequence[Path], page: Path, table: Path, workers: int) -> None:
     """Validate a folder in the published layout; write all findings as a table, errors and warnings as a page.
 
-    Parameters
-    ----------
-    twins : sequence of Path
-        Folders with twins, KEY.png; defects of photos without a twin are drawn on a plain background.
+    `twins` are folders with twins, KEY.png; defects of photos without a twin are drawn on a plain background.
     """
     report = lint_release(root, workers)
     columns = ["code", "severity", "defect", "file", "line", "detail"]

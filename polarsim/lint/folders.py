@@ -41,13 +41,7 @@ IMAGES, LABELS = ("images", "pictures"), ("labels",)  # folders of pictures and 
 
 
 def lint_release(root: Path, workers: int = 1, layout: Layout = release.PUBLISHED_LAYOUT) -> Report:
-    """Validate every terrain of a folder of label files.
-
-    Parameters
-    ----------
-    workers : int
-        Number of processes; each validates a terrain at a time.
-    """
+    """Validate every terrain of a folder of label files; each of the processes validates a terrain at a time."""
     root = Path(root)
     terrains = release.terrains(root) if layout == release.PUBLISHED_LAYOUT else layout.terrains(root)
     if not terrains:
@@ -224,12 +218,7 @@ def _by_stem(root: Path, files: Iterable[Path], folders: tuple[str, ...]) -> dic
 def lint_folder(root: Path, names: Collection[str], *, workers: int = 1, fix: Path | None = None) -> Report:
     """Return the findings of some rules in a folder of label files, see `layout_of`.
 
-    Parameters
-    ----------
-    names
-        Selected rules, see `rules.select_rules`.
-    fix
-        Output folder of repaired label files; only for the published layout.
+    `fix` is the output folder of repaired label files; only for the published layout.
     """
     root = existing_folder(root)
     if release.RUN_LAYOUT.terrains(root / "labels"):  # the folder of a run

@@ -48,18 +48,9 @@ _ROUNDS = 8  # maximum number of repetitions for defects that repairs reveal; tw
 def write_repaired(root: Path, findings: Iterable[Finding], out: Path, names: Collection[str] = RULES) -> int:
     """Copy the label files of a published folder, repair its findings, and list the repairs in `changes.csv`.
 
-    Other files of the folder, such as photos, scans and meshes, are not copied.
-
-    Parameters
-    ----------
-    names
-        Rules that are also repaired if an earlier repair reveals their defects, such as a repeated box in a file with
-        a malformed line.
-
-    Returns
-    -------
-    int
-        Number of repaired findings; findings in other files and of rules without a repair are not repaired.
+    Return the number of repaired findings. Other files of the folder, such as photos, scans and meshes, are not copied.
+    `names` are the rules that are also repaired if an earlier repair reveals their defects, such as a repeated box in a
+    file with a malformed line.
     """
     if out.exists() or out.resolve().is_relative_to(root.resolve()):
         raise FormatError(f"a repaired copy needs a new folder outside {root}", path=out)

@@ -19,7 +19,7 @@ import numpy as np
 
 from polarsim.errors import ConfigError, PolarsimError
 from polarsim.formats import png
-from polarsim.formats.files import read_json, write_json, writing, writing_folder
+from polarsim.formats.files import check_new_folder, read_json, write_json, write_text, writing, writing_folder
 
 RECEIPT = "publish.json"
 SUMS = "SHA256SUMS"
@@ -28,15 +28,7 @@ SPARE = 64 * 10**6  # free space required in addition to the bundle, bytes
 
 
 class Bundle:
-    """Folder of a format during the export.
-
-    Parameters
-    ----------
-    folder
-        Folder to write.
-    on_file
-        Called after every file.
-    """
+    """Folder of a format during the export; `on_file` is called after every file."""
 
     def __init__(self, folder: Path, on_file: Callable[[], None] = lambda: None) -> None:
         self.folder = folder
@@ -46,19 +38,14 @@ class Bundle:
 
     def open(self, recipe: dict[str, Any], replace: bool = False) -> None:
         """Begin or resume an export; `replace` removes the files of an export with other arguments."""
-        if self.folder.exists():
-            if not self.folder.is_dir():
-                raise ConfigError("is not a folder, choose another output folder", path=self.folder)
-            receipts = [self.folder / name for name in (_UNFINISHED, RECEIPT) if (self.folder / name).is_file()]
-            if not receipts and any(self.folder.iterdir()):
-                raise ConfigError("contains other files, choose an empty output folder", path=self.folder)
-            if receipts and read_json(receipts[0]) != json.loads(json.dumps(recipe)):
-                if not replace:
-                    raise ConfigError(
-                        "contains an export with other arguments, choose another folder or use --replace",
-                        path=self.folder,
-                    )
-                shutil.rmtree(self.folder)
+        receipts = [self.folder / name for name in (_UNFINISHED, RECEIPT) if (self.folder / name).is_file()]
+        if not receipts:
+            check_new_folder(self.folder)
+        elif read_json(receipts[0]) != recipe:
+            if not replace:
+                reason = "contains an export with other arguments, choose another folder or use --replace"
+                raise ConfigError(reason, path=self.folder)
+            shutil.rmtree(self.folder)
         write_json(self.folder / _UNFINISHED, recipe)
         (self.folder / RECEIPT).unlink(missing_ok=True)
 
@@ -71,8 +58,7 @@ class Bundle:
             elif path.is_dir() and not any(path.iterdir()):
                 path.rmdir()
         lines = "".join(f"{self.sha256(name)}  {name}\n" for name in sorted(self._names))
-        with writing(self.folder / SUMS) as temporary:
-            temporary.write_text(lines, encoding="utf-8")
+        write_text(self.folder / SUMS, lines)
         (self.folder / _UNFINISHED).replace(self.folder / RECEIPT)
 
     @property

@@ -210,20 +210,15 @@ def _coco(path: Path, size: tuple[int, int]) -> dict[PhotoKey, list[Annotation]]
 
 
 def read_catalogue(run: Path, split: str = "") -> Catalogue:
-    """Read a run.
-
-    Parameters
-    ----------
-    split
-        Name of the split that determines the parts of images; empty for the first split of the run's configuration.
-    """
-    run = Path(run)
-    terrains = {number: _terrain(run, number) for number in TERRAINS if _has(run, number)}
+    """Read a run; `split` determines the parts of images (empty: the first split of the run's configuration)."""
+    found = [number for number in TERRAINS if (run / f"acquire/Terrain{number:02d}/inventory.json").is_file()]
+    terrains = {number: _terrain(run, number) for number in found}
     if not terrains:
         raise ConfigError("is not a run: no terrain below acquire/; check the name or run snakemake", path=run)
     kind = next(iter(terrains.values())).kind
     split = _split(run, split)
-    pictures = tuple(sorted(_pictures(Run(run), terrains, PHOTO_DOMAINS[kind], _parts(run, split))))
+    parts = read_split(run / "detect" / split / "split.csv") if split else {}
+    pictures = tuple(sorted(_pictures(Run(run), terrains, PHOTO_DOMAINS[kind], parts)))
     if not pictures:
         raise ConfigError("no images: expected photos below acquire/ or twins below renders/", path=run)
     return Catalogue(
@@ -237,10 +232,6 @@ def read_catalogue(run: Path, split: str = "") -> Catalogue:
         config=_config(run),
         made_on=_made_on(run, pictures),
     )
-
-
-def _has(run: Path, number: int) -> bool:
-    return (run / "acquire" / f"Terrain{number:02d}" / "inventory.json").is_file()
 
 
 def _terrain(run: Path, number: int) -> CatalogueTerrain:
@@ -305,11 +296,6 @@ def _split(run: Path, wanted: str) -> str:
         reason = f"the configured split {first!r} does not exist" if first else f"{CONFIG} is missing"
         raise ConfigError(f"{reason}; choose one of {', '.join(splits)} with --split", path=run)
     return first
-
-
-def _parts(run: Path, split: str) -> dict[PhotoKey, str]:
-    """Return the part of each photo in a split; empty without a split."""
-    return read_split(run / "detect" / split / "split.csv") if split else {}
 
 
 def _config(run: Path) -> str:

@@ -80,15 +80,7 @@ def limit_size(catalogue: Catalogue, size_of: Callable[[CatalogueImage], int], f
     """Return a random subset of scenes of at most `limit` bytes; a scene is a stereo pair of photos and the twins.
 
     The random order depends only on the photo keys, so that a larger limit selects a superset.
-
-    Parameters
-    ----------
-    size_of
-        Size of an image in the format, bytes.
-    fixed
-        Size of all other files, bytes.
-    limit
-        Maximum size, bytes.
+    `size_of` is the size of an image in the format, `fixed` that of all other files, bytes.
     """
     scenes: dict[str, list[CatalogueImage]] = {}
     for picture in catalogue.pictures:
