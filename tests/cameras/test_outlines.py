@@ -5,7 +5,7 @@ from polarsim.geometry.boxes import box_around_points
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.outlines import outlines_of, rock_outline, spread_directions
+from polarsim.geometry.outlines import outlines_of, rock_outline
 from polarsim.geometry.planes import level_from, robust_plane, tracked_plane
 from polarsim.geometry.poses import camera_pose
 
@@ -59,14 +59,6 @@ def test_rocks_with_negative_depth_have_no_box():
     outlines = outlines_of({1: Mesh(CUBE, FACES)}, 0.004, 0.35)
     away = camera_pose(np.array([3.0, 0, 1]), 0.0, 0.3)
     assert np.isnan(outlines.project(Camera(away, Lens(2000, 2000, 968, 608)))).all()
-
-
-def test_directions_spread_evenly_over_the_sphere():
-    directions = spread_directions(200)
-    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1)
-    nearest = np.sort(directions @ directions.T, axis=1)[:, -2]
-    assert np.degrees(np.arccos(nearest)).min() > 9  # a perfect spread of 200 has 15.4 degrees
-    np.testing.assert_allclose(directions.mean(axis=0), 0, atol=0.01)
 
 
 def test_a_robust_plane_passes_gross_outliers(rng):

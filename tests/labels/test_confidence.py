@@ -13,11 +13,6 @@ def test_a_rock_missing_at_annotated_azimuths_has_lower_confidence():
     assert confidence("rock", "fused", 0.5, 60) < confidence("rock", "fused", 1.0, 60)
 
 
-def test_seeds_have_higher_confidence_than_derived_labels():
-    order = [confidence("shadow", source, 1.0, 60) for source in ("seed", "fused", "cast")]
-    assert order == sorted(order, reverse=True)
-
-
 @pytest.mark.parametrize("kind", ["rock", "shadow"])
 def test_translated_labels_have_low_confidence_unless_large(kind):
     blind, tilted = (confidence(kind, "translated", 1.0, 40, pitch_known=known) for known in (False, True))

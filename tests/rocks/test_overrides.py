@@ -46,11 +46,6 @@ def test_an_empty_file_changes_nothing(tmp_path, text):
     assert read_text(tmp_path, text).cuboids == {}
 
 
-def test_no_cuboids_are_written_as_an_empty_list(tmp_path):
-    write_cuboids(tmp_path / "cuboids.yaml", {})
-    assert read_overrides(tmp_path / "cuboids.yaml").cuboids == {}
-
-
 @pytest.mark.parametrize(
     ("text", "reason"),
     [

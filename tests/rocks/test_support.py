@@ -2,14 +2,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.rocks.folder import FULL_SUPPORT, NO_SUPPORT, Scanned, support, support_table
+from polarsim.rocks.folder import FULL_SUPPORT, Scanned, support, support_table
 
 PATCH = Scanned(np.stack([*np.mgrid[0:20, 0:20], np.zeros((20, 20))], axis=-1).reshape(-1, 3) * 0.003, 0.003)
-
-
-def test_support_of_near_and_distant_vertices():
-    vertices = np.array([[0.03, 0.03, 0.0], [0.03, 0.03, NO_SUPPORT * 0.003], [1.0, 1.0, 0.0]])
-    assert support(vertices, PATCH).tolist() == [1, 0, 0]
 
 
 @given(first=st.floats(0, 0.03), second=st.floats(0, 0.03))
@@ -18,10 +13,6 @@ def test_support_does_not_increase_with_distance(first, second):
     values = support(np.array([[0.03, 0.03, near], [0.03, 0.03, far]]), PATCH)
     assert values[0] >= values[1]
     assert (near > FULL_SUPPORT * 0.003) or values[0] == 1
-
-
-def test_without_scanned_points_there_is_no_support():
-    assert support(np.zeros((2, 3)), Scanned(np.zeros((0, 3)), 0.003)).tolist() == [0, 0]
 
 
 def test_the_table_has_every_vertex_of_every_mesh():
