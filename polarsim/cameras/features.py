@@ -40,9 +40,7 @@ def localise_by_features(
 ) -> dict[str, LocalisedRig]:
     """Localise the positions with enough matches to a localised position; log a warning for each of the rest.
 
-    `name`: name of the terrain, for messages.
-    `localised`, position -> LocalisedRig: localised rigs; all have the same calibration.
-    `pictures`: photos by view and azimuth of the Sun lamp.
+    The localised rigs have the same calibration. `name`: name of the terrain, for messages.
     """
     rig = next(iter(localised.values())).rig
     lens = rig.left.scaled(FEATURE_SCALE)

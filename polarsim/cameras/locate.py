@@ -61,8 +61,7 @@ def locate_cameras(
 ) -> None:
     """Localise the rigs of a terrain and write the folder `cameras`: `PosX.json`, `colmap/` and tables of quality.
 
-    `inventory`, `calibration`: inventory of the source, and calibration of the rig.
-    `seeds`: folder of seed labels; the labels of the left camera are used if there are no scans.
+    The seed labels of the left camera are used if there are no scans.
     """
     source, rig = read_inventory(inventory), read_rig(calibration)
     scanned = [position for position in positions if position in source.scanned]

@@ -55,9 +55,7 @@ def refine_cameras(
 ) -> None:
     """Write the folder `cameras`: the files of `located`, with poses, lenses and lamps refined on photos.
 
-    `located`: output folder of `locate_cameras`.
-    `meshes`: the terrain's meshes, in the frame of these poses.
-    `photos`: `photos.parquet`; without photos that show the meshes, the poses are not changed.
+    Without photos (`photos.parquet`) that show the meshes, the poses are not changed.
     """
     localised = start = read_all_localised(located)
     pictures = best_pictures(terrain, photos) if photos is not None and options.scales else {}

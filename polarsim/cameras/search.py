@@ -60,12 +60,7 @@ def candidate_centres(azimuth: float | None, level: float) -> np.ndarray:
 
 
 def search_pose(outlines: Outlines, boxes: np.ndarray, lens: Lens, centres: np.ndarray) -> list[Hypothesis]:
-    """Return the best distinct hypotheses, best first.
-
-    `outlines`: outlines of all rocks with a mesh.
-    `boxes` (b, 4): rock boxes of the view, pixels.
-    `centres` (n, 3): positions to try, metres.
-    """
+    """Return the best distinct hypotheses at positions (n, 3), metres, for rock boxes (b, 4), px, best first."""
     normalised = _NormalisedBoxes.of(boxes, lens, SEARCH_SD_PX)
     thin = outlines.thinned(26)
     hypotheses = [hypothesis for centre in centres for hypothesis in _hypotheses_at(centre, thin, normalised)]

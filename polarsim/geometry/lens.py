@@ -91,15 +91,8 @@ class Lens:
 
     def scaled(self, factor: float) -> Lens:
         """Return the lens for a photo that is `factor` times as large."""
-        return Lens(
-            self.fx * factor,
-            self.fy * factor,
-            self.cx * factor,
-            self.cy * factor,
-            self.distortion,
-            round(self.width * factor),
-            round(self.height * factor),
-        )
+        fx, fy, cx, cy = (factor * value for value in (self.fx, self.fy, self.cx, self.cy))
+        return Lens(fx, fy, cx, cy, self.distortion, round(self.width * factor), round(self.height * factor))
 
     def _undistorted(self, xd: np.ndarray, yd: np.ndarray) -> np.ndarray:
         """Return (n, 2) the inverse of `_distort` by Newton's method, in three or four steps."""

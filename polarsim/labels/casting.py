@@ -103,7 +103,6 @@ def shadow_box(
 
     `shadow` (rows, columns): rock that casts the shadow at every `step`-th pixel.
     `rock_box` (4,) or None: label of the rock in the same photo. Shadow inside the ellipse of the rock is ignored.
-    `windows`: `windows_of` the shadow image.
     `slivers`: whether to return boxes of shadows that are thinner than `THIN_PX` everywhere.
     """
     if rock not in windows:
@@ -128,7 +127,6 @@ def fit_to_dark_region(
     The result is None if the surrounding ground is equally dark, as in the shadow of a wall or slope, or if the areas
     of the dark region and the cast shadow differ too much.
 
-    `box` (4,): box of the cast shadow, px.
     `shadow`, `rocks` (rows, columns): rock that casts the shadow, and visible rock, at every `step`-th pixel. Shadows
     of walls are neither a rock nor `NO_ROCK`.
     `rock`: rock that casts the shadow.

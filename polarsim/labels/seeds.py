@@ -200,10 +200,7 @@ def seed_labels(annotated: AnnotatedBoxes, labels: Sequence[Label]) -> list[Labe
 
 
 def matched_rocks(boxes: np.ndarray, labels: np.ndarray, rocks: np.ndarray) -> np.ndarray:
-    """Match boxes (n, 4) with labels (m, 4) one to one; return the rock id (n,), `NO_ROCK` for unmatched boxes.
-
-    `rocks` (m,) are the rock ids of the labels.
-    """
+    """Match boxes (n, 4) with labels (m, 4) of rocks (m,) one to one; return rock ids (n,), `NO_ROCK` if unmatched."""
     rows, columns = match_by_iou(iou(boxes, labels), SAME_LABEL_IOU)
     matched = np.full(len(boxes), NO_ROCK)
     matched[rows] = rocks[columns]

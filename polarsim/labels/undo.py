@@ -31,8 +31,7 @@ def derived_labels(
 ) -> pd.DataFrame:
     """Propagate the labels of a terrain with and without an annotation, and write the rows of `label_changes`.
 
-    `drawing`: photo of the seed or correction.
-    `options`: options of the labels stage, which must not exclude the annotation.
+    `options` must not exclude the annotation already.
     """
     if str(drawing) in options.excluded_annotations:
         raise LabelError(f"the annotation of {drawing} is already excluded (labels.excluded_annotations)")

@@ -87,8 +87,7 @@ def find_ground(scans: ScanPoints, extent: Extent, cell: float, max_slope: float
     Cells of gentle slope form areas; the largest is ground. Other areas are ground unless they are higher than their
     surroundings (a rock's top). Therefore craters, mounds and pits of any size are ground.
 
-    `cell`: side of a grid cell, metres.
-    `max_slope`: maximum slope of sand, radians.
+    `cell`: side of a grid cell, metres. `max_slope`: maximum slope of sand, radians.
     """
     grid = FloorGrid(extent.snapped(cell), cell)
     mean, weights = mean_heights(grid, scans.points, scans.weights)

@@ -79,13 +79,7 @@ def _bridge(labels: np.ndarray, seen: np.ndarray) -> np.ndarray:
 def join_slivers(
     above: np.ndarray, parts: np.ndarray, cell: float, annotated: Callable[[np.ndarray], bool]
 ) -> np.ndarray:
-    """Join unannotated upright parts with a larger part nearby: the connection is hidden.
-
-    `above` (rows, columns): heights above the ground, metres.
-    `parts` (rows, columns): numbered parts, 0 outside.
-    `cell`: side of a cell, metres.
-    `annotated`, mask (rows, columns) -> bool: whether a part is annotated as a rock.
-    """
+    """Join unannotated upright parts, numbered (rows, columns), with a larger part nearby: the connection is hidden."""
     parts = parts.copy()
     reach = round(SLIVER_REACH / cell)
     sizes = np.bincount(parts.ravel())

@@ -146,11 +146,7 @@ def _one_core() -> Iterator[None]:
 
 
 def ground_surface(grid: FloorGrid, heights: np.ndarray, cell: float) -> Mesh:
-    """Return the Poisson surface through a ground without holes, cut at the grid's border.
-
-    `heights` (rows, columns): heights in all cells of the grid.
-    `cell`: cell of the reconstruction, metres.
-    """
+    """Return the Poisson surface, cells of `cell` metres, through heights (rows, columns), cut at the border."""
     points = np.concatenate([grid.centres(), heights[..., None]], axis=-1).reshape(-1, 3)
     surface = poisson(Cloud(points, upward_normals(heights, grid.cell).reshape(-1, 3)), cell, GROUND_ROOM)
     inside = grid.extent.contains(surface.vertices)
@@ -177,11 +173,8 @@ def closed_rock(
 ) -> Mesh:
     """Return a watertight rock: scanned surface, hidden back, and underside below the ground, closed smoothly.
 
-    `cloud`: scanned surface of the rock, normals outward, metres.
     `ground` (rows, columns): heights of the ground on `grid`, also under the rock.
     `bare` (rows, columns): cells with visible ground.
-    `scanners` (s, 3): positions of the scanners.
-    `cell`: cell of the reconstruction, metres.
     """
     closing = closing_points(cloud, grid, ground, bare, scanners, cell)
     scanned = densified(cloud)
