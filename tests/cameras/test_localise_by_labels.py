@@ -7,7 +7,6 @@ from polarsim.cameras import search
 from polarsim.cameras.labels import check_localisation, localise_by_labels, survey_prior
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.refine import EdgeNoise, EdgeProblem, unknowns_of
-from polarsim.cameras.search import candidate_centres, search_pose
 from polarsim.cameras.surveyed import (
     SHARED_PITCH_SD_DEG,
     USUAL_PITCH_DEG,
@@ -87,14 +86,6 @@ def test_the_second_best_pose_is_at_another_position(localisation_of_a):
 def test_too_few_boxes_are_refused(outlines):
     with pytest.raises(RegistrationError):
         localise_by_labels(np.zeros((2, 4)), outlines, LENS, surveyed_pose("A"), OPTIONS)
-
-
-def test_the_search_reaches_the_accuracy_of_its_grid(labelled, outlines, true_poses):
-    centres = candidate_centres(0.0, 0.0)
-    best = search_pose(outlines, labelled.seen("B"), LENS, centres)[0]
-    # The grid has steps of 0.6 m, 4 degrees (0.43 m at B) and 0.3 m.
-    assert np.linalg.norm(best.centre - true_poses["B"].translation) < 0.5
-    assert np.degrees(angle_between(best.sandbox_from_left, true_poses["B"])) < 6
 
 
 def test_boxes_are_matched_by_size_and_distance():

@@ -112,16 +112,6 @@ def test_existing_rocks_are_kept_and_not_detected_again():
     np.testing.assert_allclose(right.centre, [0.2, 0], atol=0.006)
 
 
-def test_detections_do_not_overlap_and_are_not_ground():
-    sand, regions = add_bumps(
-        sand_of(lambda x, y: cap(0.06, 0.015, -0.036)(x, y) + cap(0.06, 0.015, 0.036)(x, y)), [], LIMITS, NOBODY, BUMPS
-    )
-    seen = np.concatenate([region.seen for region in regions])
-    assert len(regions) >= 1
-    assert len(np.unique(seen)) == len(seen)
-    assert not sand.is_ground.ravel()[seen].any()
-
-
 def test_curvature_of_a_paraboloid_and_of_a_ridge():
     grid = FloorGrid(Extent(-0.2, -0.2, 0.2, 0.2), CELL)
     x, y = np.moveaxis(grid.centres(), -1, 0)
