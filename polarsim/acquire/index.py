@@ -55,7 +55,7 @@ def index_photos(files: Sequence[tuple[PhotoKey, Path]]) -> pd.DataFrame:
     return photo_table([{**key_columns(key), **describe_photo(path)} for key, path in track(files, "reading photos")])
 
 
-def photo_table(rows: Sequence[Mapping[Any, Any]]) -> pd.DataFrame:
+def photo_table(rows: Sequence[Mapping[Any, Any]] | pd.DataFrame) -> pd.DataFrame:
     """Return rows as a table with the columns and types of `PHOTOS`, sorted by key. It may be empty."""
     table = pd.DataFrame(rows, columns=list(PHOTOS.columns)).astype(PHOTOS.dtypes)
     return table.sort_values("key", ignore_index=True)
@@ -99,9 +99,7 @@ def index_terrain(
 
 def merge_photos(*, tables: list[Path], merged: Path) -> None:
     """Merge the photo tables of terrains."""
-    parts = [read_parquet(path, PHOTO_COLUMNS) for path in tables]
-    rows = pd.concat([part for part in parts if len(part)]) if any(map(len, parts)) else pd.DataFrame()
-    write_parquet(merged, photo_table(rows.to_dict("records")))
+    write_parquet(merged, photo_table(pd.concat([read_parquet(path, PHOTO_COLUMNS) for path in tables])))
 
 
 def _check_scanned(terrain: int, positions: Sequence[str], raw: Inventory, root: Path) -> None:

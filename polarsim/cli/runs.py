@@ -184,7 +184,7 @@ def undo(
     from polarsim.labels.propagate import PropagationInputs
     from polarsim.labels.seeds import read_corrections
     from polarsim.labels.undo import derived_labels
-    from polarsim.photo import PhotoKey, positions
+    from polarsim.photo import PhotoKey
     from polarsim.running.configuration import run_and_config
 
     key = PhotoKey.parse(drawing)
@@ -195,12 +195,11 @@ def undo(
         raise LabelError(f"no seed and no correction of {key}", path=seeds)
     out = folder / "labels" / "undone" / f"{key}.parquet"
     writes_file()(out)
-    here = [position for position in config.positions if position in positions(key.terrain)]
     found = derived_labels(
         drawing=key,
         inputs=PropagationInputs(
             terrain=key.terrain,
-            keys=selected_grid(key.terrain, here, config.grid),
+            keys=selected_grid(key.terrain, config.positions, config.grid),
             photos=folder / "acquire" / terrain / "photos.parquet",
             inventory=folder / "acquire" / terrain / "inventory.json",
             seeds=seeds,

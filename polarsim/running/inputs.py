@@ -18,7 +18,7 @@ from polarsim.errors import ConfigError
 from polarsim.formats import release
 from polarsim.formats.files import resolve_packaged
 from polarsim.grid import selected_grid
-from polarsim.photo import PhotoKey, positions
+from polarsim.photo import PhotoKey
 
 _FOLDERS = (
     "source.root", "labels.seeds.root", "labels.corrections", "scoring.annotated_root", "detect.views",
@@ -131,8 +131,7 @@ def _checked_corrections(config: Config) -> set[PhotoKey]:
     for key in sorted(found):
         if key.terrain not in config.terrains:
             raise ConfigError(f"labels.corrections: {key}, expected terrains of the run {config.terrains}", folder)
-        here = [position for position in config.positions if position in positions(key.terrain)]
-        if key not in selected_grid(key.terrain, here, config.grid):
+        if key not in selected_grid(key.terrain, config.positions, config.grid):
             raise ConfigError(f"labels.corrections: {key} is not in the run's `positions` and `grid`", folder)
     return found
 

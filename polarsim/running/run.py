@@ -18,6 +18,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from polarsim.arguments import STOPPED
 from polarsim.config import Config
 from polarsim.errors import ConfigError, PolarsimError
 from polarsim.formats.files import write_text
@@ -27,7 +28,6 @@ from polarsim.running.inputs import check_paths
 from polarsim.running.jobs import WorkflowJob, jobs_of, latest_log, logs_in
 from polarsim.running.targets import refuse_unknown, targets_of
 
-STOPPED = 130
 UNFINISHED = ".snakemake/polarsim_unfinished.txt"  # outputs of unfinished jobs
 MISSING_PAGE = "missing.md"  # in the folder of an incomplete run
 _STOPS = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
