@@ -1,5 +1,4 @@
 import pickle
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -27,13 +26,6 @@ def test_a_pickled_error_keeps_its_fields(kind):
     assert type(copy) is kind
     assert (copy.reason, copy.path, copy.line) == ("image 2: 5 fields", Path("labels.txt"), 3)
     assert str(copy) == "labels.txt:3: image 2: 5 fields"
-
-
-def test_an_error_of_another_process_keeps_its_fields():
-    with ProcessPoolExecutor(1) as pool, pytest.raises(FormatError) as caught:
-        pool.submit(fail, Path("some/labels.txt")).result()
-    error = caught.value
-    assert (error.reason, error.path, error.line) == ("annotation 3: no box", Path("some/labels.txt"), 7)
 
 
 def test_a_file_that_is_known_is_not_hidden():

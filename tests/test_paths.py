@@ -6,7 +6,7 @@ import pytest
 
 from polarsim.config import parse_config
 from polarsim.detect.options import PACKAGED
-from polarsim.paths import CoverPaths, GapPaths, RoverPaths, RunPaths, memory_per_attempt
+from polarsim.paths import GapPaths, RoverPaths, RunPaths
 
 
 @pytest.fixture(autouse=True)
@@ -36,10 +36,6 @@ def release(tmp_path):
         (tmp_path / "CoverPhotoOfIndices").mkdir(exist_ok=True)
         (tmp_path / f"CoverPhotoOfIndices/cover_photo_indexed_{terrain}_A.png").touch()
     return tmp_path
-
-
-def test_memory_doubles_with_each_attempt():
-    assert [memory_per_attempt(500)(job(), attempt) for attempt in (1, 2, 3)] == [500, 1000, 2000]
 
 
 def test_raw_data_of_the_analog_are_receipts_and_of_a_release_files(release):
@@ -85,24 +81,6 @@ def test_pictures_and_labels_of_each_kind_of_domain(domain, pictures, labels):
     assert run.labels_of_domain(job(domain=domain)) == labels
 
 
-def test_a_mix_links_to_the_pictures_of_its_domains():
-    run = paths(detect={"mixes": {"mixed": {"hapke": 1, "analog": 0.5}}})
-    assert run.pictures_behind(["mixed", "analog"]) == [
-        "results/{run}/detect/pictures/analog",
-        "results/{run}/detect/pictures/hapke",
-    ]
-    assert run.weights_of_mix(job(mix="mixed")) == {"hapke": 1, "analog": 0.5}
-
-
-def test_figures_are_listed_per_terrain_or_position():
-    run = paths(positions=["A", "C"])
-    assert run.figures_of_terrains("meshes_Terrain{terrain}") == [
-        "results/one/figures/meshes_Terrain01.png",
-        "results/one/figures/meshes_Terrain03.png",
-    ]
-    assert len(run.figures_of_terrains("contact_Terrain{terrain}_Pos{position}")) == 4
-
-
 def test_a_run_without_photos_has_no_tables_of_detectors(release):
     published = paths("release", release)
     assert published.tables_of_detectors() == published.figures_of_detectors() == []
@@ -131,17 +109,6 @@ def test_a_component_of_the_ablation_takes_truth_or_the_run():
     assert gap.labels()[-2:] == ["results/{run}/gap/twins/pose/labels.parquet", "results/one/labels/labels.parquet"]
 
 
-def test_a_fold_is_trained_on_the_other_terrains(release):
-    covers = CoverPaths(paths("release", release, covers={"run": True}))
-    assert covers.folds == {"01": (1,), "03": (3,)}
-    assert covers.trained_in(job(fold="01")) == [3]
-    assert covers.trained_in(job(fold="all")) == [1, 3]
-    assert covers.scenes_of_fold(job(fold="01")) == ["results/one/covers/scenes/Terrain03"]
-    assert covers.photos_of_fold(job(fold="all")) == []
-    assert covers.rocks(job(terrain="03")) == "results/one/repaired/Terrain03"
-    assert covers.of_folds("sized.pt")[0] == "results/one/covers/folds/01/seed{seed}/{cover_trained}/sized.pt"
-
-
 def rover(**options: object) -> RoverPaths:
     drives = {"run": True, "seeds": [4, 5], "world": {"terrains": [3, 1]}, "cameras": {"views": ["front_end_cam"]}}
     return RoverPaths(paths(rover=drives | options))
@@ -164,13 +131,6 @@ def test_labels_of_every_view_are_written_with_its_pictures():
     suns = rover().suns
     expected = [f"{folder}/poses.parquet", *(f"{folder}/{sun}_truth.parquet" for sun in suns)]
     assert rover().pictures_of_drive() == expected
-
-
-def test_a_run_without_drives_has_no_cases():
-    drives = RoverPaths(paths())
-    assert drives.seeds == []
-    assert drives.cases == {}
-    assert not drives.detectors_driven
 
 
 def test_only_modes_with_pictures_depend_on_detector_and_renderer():
