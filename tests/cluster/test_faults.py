@@ -31,7 +31,7 @@ def test_jobs_that_a_killed_run_left_waiting_are_cancelled(slurm: Slurm, suite):
         process.kill()
         process.wait()
         process = suite.start()
-        until(lambda: "2 jobs of an earlier run of this folder were still with SLURM" in suite.log.read_text())
+        until(lambda: "2 SLURM jobs of an earlier run cancelled" in suite.log.read_text())
     assert process.wait(timeout=300) == 0, suite.said()
     assert (suite.left(), suite.digests()) == ([], suite.expected)
 
