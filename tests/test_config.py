@@ -104,6 +104,7 @@ def mixes(**weights):
         ({"grid": {"lights": [True]}}, "grid.lights"),
         ({"source": {"kind": "moon"}}, "source.kind"),
         ({"run": "../elsewhere"}, "run"),
+        ({"terrains": [1], "covers": {"run": True, "folds": [[1, 2]]}}, "covers.folds: 2"),
         (POLAR | component(cameras="truth"), "gap.components.one:"),
         (component(render={"nose": True}), "gap.components.one.render.nose:"),
         (component(render={"samples": 5}), "gap.components.one.render.samples"),

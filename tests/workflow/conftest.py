@@ -20,13 +20,14 @@ SMALL = {
     "source": {"kind": "analog", "root": "data/analog"},
     "analog": {"ground_step_mm": 20, "rock_detail": 4, "scan_step_deg": 0.15},  # a quarter of the points of a scan
     "rocks": {"rock_cell_mm": 8, "ground_mesh_cell_mm": 30},
-    "grid": {"azimuths": ["30", "180"], "lights": ["off"], "exposures_ms": [128, 256]},
+    "grid": {"azimuths": ["30", "180"], "lights": ["off"], "exposures_ms": [256]},
     "render": {"models": ["hapke"]},
     "detect": {
         "training": {"model": "compact", "epochs": 1},  # starts ten times faster than a YOLO detector
         "pictures": {"imgsz": 96},
         "splits": ["position"],
         "mixes": {"mixed": {"analog": 0.5, "hapke": 1}},
+        "comparison": {"resamples": 100},
     },
     "gap": {
         "components": {
@@ -43,6 +44,11 @@ def planned(done: subprocess.CompletedProcess) -> dict[str, int]:
     table = re.search(r"Job stats:\n.*?\n-+ .*?\n(.*?)\n\n", done.stdout + done.stderr, re.DOTALL)
     assert table, done.stdout + done.stderr
     return {name: int(count) for name, count in (line.split() for line in table[1].splitlines())}
+
+
+def jobs_with(text: str, path: str) -> list[str]:
+    """Return the jobs of a plan that read or write a path."""
+    return [job for job in re.split(r"\n(?=rule |localrule )", text) if path in job]
 
 
 @pytest.fixture(scope="session")

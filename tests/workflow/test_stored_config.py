@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -11,8 +10,6 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from polarsim.config import Config, parse_config, read_config
 from polarsim.errors import ConfigError
@@ -20,8 +17,7 @@ from polarsim.formats.yaml_files import read_yaml
 from polarsim.running.configuration import STORED, base_configuration, config_of_run, read_configs, store_config
 
 CONFIGURATIONS = Path(__file__).parents[2] / "config"
-CURVES = "results/mine/renders/reflectance.csv"  # fastest output of a run, without data
-FIGURE = "results/mine/figures/reflectance.png"
+FIGURE = "results/mine/figures/reflectance.png"  # fastest output of a run, without data
 SEED = "03_A_off_350_R_0256"
 
 
@@ -43,22 +39,14 @@ def polarsim_run(*words: str) -> subprocess.CompletedProcess:
 @pytest.mark.slow
 def test_a_run_stores_its_configuration_once_and_its_report_reads_it(clone, snakemake, polarsim):
     settings = ["positions=[A]", "labels={excluded_annotations: [03_A_off_180_L_0256]}"]
-    call = (CURVES, "--configfile", "mine.yaml", "--config", *settings)
+    call = (FIGURE, "--configfile", "mine.yaml", "--config", *settings)
     stored = clone / "results/mine" / STORED
-    planned = snakemake(clone, "--dry-run", *call)
-    assert planned.returncode == 0, planned.stderr
-    assert not stored.exists()
     done = snakemake(clone, *call)
     assert done.returncode == 0, done.stderr
     expected = read_configs([clone / "mine.yaml"], settings)
     assert config_of_run(Path("results/mine")) == read_config(stored) == expected
     assert (expected.terrains, expected.labels.min_contrast_dn, expected.positions) == ((3,), 20, ("A",))
     assert expected.rocks.rock_cell_mm == 3  # of config/config.yaml
-
-    before = stored.stat().st_mtime_ns
-    again = snakemake(clone, CURVES, FIGURE, *call[1:])
-    assert set(re.findall(r"^(?:local)?rule (\w+):", again.stdout + again.stderr, re.MULTILINE)) == {"draw_reflectance"}
-    assert stored.stat().st_mtime_ns == before
 
     # A complete run without stored configuration.
     stored.unlink()
@@ -171,24 +159,13 @@ def test_a_stored_configuration_reads_back_the_same(tmp_path, monkeypatch, name)
     assert (tmp_path / config.run / STORED).read_text() == text
 
 
-@given(
-    terrains=st.lists(st.integers(1, 12), min_size=1, unique=True),
-    contrast=st.floats(0, 100),
-    root=st.text("aé ü#:'\"\\~-", min_size=1, max_size=8),
-    taken=st.lists(st.sampled_from(["03_A_off_180_L_0256", "11_C_on_no_R_8192"]), unique=True),
-)
-@settings(max_examples=40)
-def test_any_values_read_back_from_the_stored_configuration(tmp_path_factory, terrains, contrast, root, taken):
-    folder = tmp_path_factory.getbasetemp() / "any"
-    content = {
-        "run": "any",
-        "terrains": terrains,
-        "source": {"kind": "polar", "root": f"/{root}"},
-        "labels": {"min_contrast_dn": contrast, "excluded_annotations": taken},
-    }
-    config = Config.model_validate(content)
-    store_config(config, folder)
-    assert read_config(folder / STORED) == config
+def test_any_text_reads_back_from_the_stored_configuration(tmp_path):
+    config = Config.model_validate({"run": "any", "source": {"kind": "polar", "root": "/ aé ü#:'\"\\~- "}})
+    store_config(config, tmp_path)
+    written = (tmp_path / STORED).stat().st_mtime_ns
+    store_config(config, tmp_path)
+    assert (tmp_path / STORED).stat().st_mtime_ns == written
+    assert read_config(tmp_path / STORED) == config
 
 
 def test_overlays_apply_to_the_demo_unless_a_file_defines_the_source(tmp_path, monkeypatch):
