@@ -170,14 +170,12 @@ class Config(BaseModel, extra="forbid", frozen=True):
                 raise ValueError(f"detect.mixes.{name}: domain {unknown[0]!r}, expected {', '.join(sorted(single))}")
         return self
 
-    def _check_trained_on(self, section: str, domains: Sequence[str]) -> None:
-        if unknown := sorted(set(domains) - set(self.training_domains)):
-            raise ValueError(f"{section}.trained_on: {unknown[0]!r}, expected {', '.join(self.training_domains)}")
-
     @model_validator(mode="after")
     def _domains_of_others(self) -> Config:
         for name, other in self.detect.others.items() if self.domains else ():
-            self._check_trained_on(f"detect.others.{name}", other.trained_on)
+            if unknown := sorted(set(other.trained_on) - set(self.training_domains)):
+                known = ", ".join(self.training_domains)
+                raise ValueError(f"detect.others.{name}.trained_on: {unknown[0]!r}, expected {known}")
         return self
 
     @model_validator(mode="after")

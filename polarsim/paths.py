@@ -523,7 +523,7 @@ class CoverPaths:
 
     def scenes_of_fold(self, wildcards: Wildcards) -> list[str]:
         """Return the scenes that a fold's detector is trained on."""
-        return self._of_terrains("scenes", self.trained_in(wildcards))
+        return [f"results/{wildcards.run}/covers/scenes/Terrain{number:02d}" for number in self.trained_in(wildcards)]
 
     def scenes_behind(self, wildcards: Wildcards) -> list[str]:
         """Return the pictures that a fold's data set links to."""
@@ -563,9 +563,6 @@ class CoverPaths:
 
     def _of_folds(self, pattern: str) -> list[str]:
         return [f"results/{self.run.run}/covers/folds/{pattern.format(fold=fold)}" for fold in self.folds]
-
-    def _of_terrains(self, kind: str, terrains: Iterable[int]) -> list[str]:
-        return [f"results/{self.run.run}/covers/{kind}/Terrain{terrain:02d}" for terrain in terrains]
 
 
 class RoverPaths:
