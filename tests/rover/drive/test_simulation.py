@@ -42,23 +42,16 @@ def run(simulation: Simulation, seconds: float, command: Command | None = None) 
     return states
 
 
-def test_at_rest_the_soil_carries_the_weight_and_an_accelerometer_measures_gravity(lunar):
-    last = run(Simulation(flat(), VIPER, lunar), 2.5)[-1]
-    np.testing.assert_allclose(last.wheel("load_n"), 430 * 1.62 / 4, rtol=2e-3)
-    np.testing.assert_allclose(last.acceleration, [0, 0, 1.62], atol=2e-3)
-    assert np.abs(last.velocity).max() < 1e-4
+@pytest.mark.parametrize(("gravity", "step_s"), [(1.62, 0.001), (9.81, 0.0005)])
+def test_at_rest_the_soil_carries_the_weight_with_the_same_sinkage_at_any_gravity(lunar, gravity, step_s):
+    last = run(Simulation(flat(), VIPER, lunar, SoilOptions(gravity_m_s2=gravity, step_s=step_s)), 2.5)[-1]
+    np.testing.assert_allclose(last.wheel("load_n"), 430 * gravity / 4, rtol=2e-3)
+    np.testing.assert_allclose(last.acceleration, [0, 0, gravity], atol=2e-3)
+    assert np.abs(last.velocity).max() < 1e-4 * gravity / 1.62
     assert set(last.wheel("contact")) == {1}
     # Bekker's wheel at rest, theta_1 = theta_2, has twice the contact of a rolling wheel, so it sinks less than 17 mm.
     assert (last.wheel("sinkage_first_m") > 0.008).all()
     assert (last.wheel("sinkage_first_m") < 0.017).all()
-
-
-def test_on_earth_a_rover_is_heavier_and_has_the_same_sinkage(lunar):
-    last = run(Simulation(flat(), VIPER, lunar, SoilOptions(gravity_m_s2=9.81, step_s=0.0005)), 2.5)[-1]
-    assert last.wheel("load_n").sum() == pytest.approx(430 * 9.81, rel=5e-3)
-    assert last.acceleration[2] == pytest.approx(9.81, abs=0.02)
-    assert (last.wheel("sinkage_first_m") > 0.006).all()
-    assert (last.wheel("sinkage_first_m") < 0.020).all()
 
 
 def test_a_rover_lowered_onto_rough_ground_sinks_as_on_level_ground(lunar):

@@ -26,12 +26,6 @@ def test_every_soil_has_a_source_and_a_gravity():
     assert all(soil.source and soil.gravity in (1.62, 9.81) for soil in soils.values())
 
 
-def test_an_unknown_soil_is_an_error():
-    with pytest.raises(RoverError) as error:
-        read_soil(SOILS, "mud")
-    assert error.value.path == SOILS
-
-
 @pytest.mark.parametrize(
     ("line", "key"),
     [
@@ -41,6 +35,7 @@ def test_an_unknown_soil_is_an_error():
         ("mud,-1e6,0,1,0,0,30,0.01,2e8,0,9.81,somebody", "K_phi"),
         ("mud,1e6,0,1,0,0,95,0.01,2e8,0,9.81,somebody", "phi_deg"),
         ("mud,1e6,0,1,0,0,30,0,2e8,0,9.81,somebody", "K"),
+        ("mud,1e6,0,1,0,0,30,0.01,inf,0,9.81,somebody", "K_e"),
     ],
 )
 def test_the_error_of_an_invalid_soil_has_its_key(tmp_path, line, key):
@@ -48,11 +43,13 @@ def test_the_error_of_an_invalid_soil_has_its_key(tmp_path, line, key):
         read_soils(table_with(tmp_path, line))
 
 
-def test_a_table_without_sources_is_an_error(tmp_path):
-    path = tmp_path / "soils.csv"
-    path.write_text("name,K_phi\nmud,1e6\n")
+def test_an_unknown_soil_and_a_missing_column_are_errors(tmp_path):
+    with pytest.raises(RoverError) as error:
+        read_soil(SOILS, "mud")
+    assert error.value.path == SOILS
+    (tmp_path / "soils.csv").write_text("name,K_phi\nmud,1e6\n")
     with pytest.raises(FormatError, match="K_c"):
-        read_soils(path)
+        read_soils(tmp_path / "soils.csv")
 
 
 @settings(max_examples=20, deadline=None)
