@@ -46,6 +46,18 @@ class RoverState:
         """Heading from x towards y."""
         return heading_of(self.rotation)
 
+    @property
+    def tilt(self) -> tuple[float, float]:
+        """Roll (left side up) and pitch (nose down), rad."""
+        w, x, y, z = self.rotation
+        return math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)), math.asin(np.clip(2 * (w * y - z * x), -1, 1))
+
+    @property
+    def upside_down(self) -> bool:
+        """Whether base_link's z axis points downwards."""
+        _, x, y, _ = self.rotation
+        return bool(1 - 2 * (x * x + y * y) < 0)
+
     def wheel(self, column: str) -> np.ndarray:
         """Return (4,) values of a column of `WHEEL_COLUMNS`."""
         return np.asarray(self.wheels[:, WHEEL_COLUMNS.index(column)])
@@ -66,15 +78,3 @@ def heading_of(rotation: np.ndarray) -> float:
     """Return the heading, from x towards y, of a quaternion w x y z."""
     w, x, y, z = rotation
     return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-
-
-def tilt_of(rotation: np.ndarray) -> tuple[float, float]:
-    """Return roll (left side up) and pitch (nose down), rad, of a quaternion w x y z."""
-    w, x, y, z = rotation
-    return math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)), math.asin(np.clip(2 * (w * y - z * x), -1, 1))
-
-
-def is_upside_down(rotation: np.ndarray) -> bool:
-    """Return whether base_link's z axis points downwards, for a quaternion w x y z."""
-    _, x, y, _ = rotation
-    return bool(1 - 2 * (x * x + y * y) < 0)

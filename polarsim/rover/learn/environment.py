@@ -26,7 +26,7 @@ from polarsim.rover.cameras.rover_camera import RoverCamera, near_path
 from polarsim.rover.drive.control import Command
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.simulation import Simulation
-from polarsim.rover.drive.state import OffGridError, RoverState, is_upside_down
+from polarsim.rover.drive.state import OffGridError, RoverState
 from polarsim.rover.drive.trace import CONTACTS, trace_table
 from polarsim.rover.learn.courses import Course, PracticeCourse
 from polarsim.rover.learn.observation import CELLS, STATE, crop, observation_values
@@ -146,14 +146,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             height, width = mount_of(self.course.vehicle.camera(FRONT), _PICTURE_SCALE).lens.shape
             observed["image"] = spaces.Box(0, 255, (height, width, 1), np.uint8)
         self.observation_space: Any = spaces.Dict(observed)
-        self._simulation: Simulation | None = None
-
-    @property
-    def simulation(self) -> Simulation:
-        """Physics of the episode; an error before `reset`."""
-        if self._simulation is None:
-            raise RoverError("step before reset")
-        return self._simulation
+        self._camera: RoverCamera | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -164,7 +157,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self.light = self._lit(options or {})
         job = self.course.job(episode_seed)
         self.line, self.vehicle = job.route, job.vehicle
-        self._simulation = Simulation(job.world, job.vehicle, job.soil, job.physics, job.start)
+        self.simulation = Simulation(job.world, job.vehicle, job.soil, job.physics, job.start)
         self.map = HazardGrid(job.world)
         self._perception = None
         if self.mode != "blind":
@@ -173,19 +166,18 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
                 job.world, job.vehicle, self.line, self.mode, self.light, self.cameras, episode_seed,
                 render=self.render_options, detector=OnboardDetector(weights=weights) if weights else None,
             )  # fmt: skip
-        self._collisions, self._hits = Collisions(self._simulation), 0
+        self._collisions, self._hits = Collisions(self.simulation), 0
         self._seed = episode_seed
-        self._camera: RoverCamera | None = None
         if self._image or self.render_mode:
             near = near_path(job.world, self.line, _BESIDE_M)
             self._camera = RoverCamera(
                 job.world, job.vehicle, near, self.cameras, self.render_options, models=(self.light.model,)
             )
-        self._simulation.advance(SETTLE_S)
-        self._simulation.zero()
+        self.simulation.advance(SETTLE_S)
+        self.simulation.zero()
         self._next_observation = self._observed_at = 0.0
-        state = self._state = self._simulation.state()
-        self._energy = self._simulation.account.motor
+        state = self._state = self.simulation.state()
+        self._energy = self.simulation.account.motor
         self._collisions.update(state)
         self._observe(state)
         return self._observation(state), self._info(state)
@@ -208,7 +200,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         else:  # after a failure the last state and energy are kept, since those of the failed step may be NaN
             self._state, self._energy = simulation.state(), simulation.account.motor
         state, unknown = self._state, bool(ended)
-        if not ended and is_upside_down(state.rotation):
+        if not ended and state.upside_down:
             ended = "upside down"
         failed = bool(ended)
         new = () if failed else self._collisions.update(state)
@@ -231,7 +223,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """Return the picture of the front camera, (h, w, 3) grey."""
-        if self.render_mode is None or self._simulation is None:
+        if self.render_mode is None or self._camera is None:
             return None
         return np.repeat(self._picture(self._state), 3, axis=2)
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from polarsim.rover.drive.control import ReferencePath, wrapped
-from polarsim.rover.drive.state import RoverState, tilt_of
+from polarsim.rover.drive.state import RoverState
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.vehicle.table import WHEELS
 
@@ -51,7 +51,7 @@ def observation_values(state: RoverState, line: ReferencePath, look_age_s: float
     along, offset = line.beside(x, y, 0)
     dx, dy = (line.points[-1] - (x, y)).tolist()
     bearing, error = math.atan2(dy, dx) - heading, wrapped(heading - line.headings[0])
-    roll, pitch = tilt_of(state.rotation)
+    roll, pitch = state.tilt
     values = [
         math.hypot(dx, dy), math.sin(bearing), math.cos(bearing), line.length - along, offset,
         math.sin(error), math.cos(error),

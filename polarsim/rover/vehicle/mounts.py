@@ -63,14 +63,9 @@ def link_from_part(position: Sequence[float], yaw_deg: float, pitch_deg: float, 
 
 def levelled(world_from_base: Pose) -> Pose:
     """Return the pose with the same position and heading, upright."""
-    yaw = heading(world_from_base)
-    return Pose.from_rotvec(np.array([0.0, 0, yaw]), world_from_base.translation)
-
-
-def heading(world_from_base: Pose) -> float:
-    """Return the heading of the rover's forward axis, radians from east to north."""
     forward = world_from_base.rotation[:, 0]
-    return float(np.arctan2(forward[1], forward[0]))
+    yaw = float(np.arctan2(forward[1], forward[0]))
+    return Pose.from_rotvec(np.array([0.0, 0, yaw]), world_from_base.translation)
 
 
 def pose_of_quaternion(position: np.ndarray, quaternion: np.ndarray) -> Pose:

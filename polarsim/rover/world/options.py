@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, Field, PositiveFloat, field_validator
+from typing import Annotated
 
-from polarsim.photo import TERRAINS
+from pydantic import BaseModel, Field, PositiveFloat
+
 from polarsim.user_path import UserPath
 
 LENGTH_M = 3.5  # length of a terrain in the strip
@@ -37,7 +38,7 @@ class DemOptions(BaseModel, extra="forbid", frozen=True):
 class WorldOptions(BaseModel, extra="forbid", frozen=True):
     """Ground of a drive."""
 
-    terrains: tuple[int, ...] = Field(
+    terrains: tuple[Annotated[int, Field(ge=1, le=13)], ...] = Field(
         (4, 1, 11), min_length=1, description="Numbers of the terrains in the strip, from east to west."
     )
     width_m: PositiveFloat = Field(5.0, description="Width of the strip including filler ground, m.")
@@ -51,11 +52,3 @@ class WorldOptions(BaseModel, extra="forbid", frozen=True):
     def half_length_m(self) -> float:
         """Distance from the centre to the ends of the default path, m."""
         return self.dem.drive_m / 2 if self.dem else LENGTH_M * len(self.terrains) / 2
-
-    @field_validator("terrains")
-    @classmethod
-    def _known(cls, values: tuple[int, ...]) -> tuple[int, ...]:
-        for value in values:
-            if value not in TERRAINS:
-                raise ValueError(f"terrain {value}, expected 1 to 13")
-        return values

@@ -112,11 +112,6 @@ def test_progress_is_rewarded_and_energy_costs():
     assert all(0 < depth < 0.08 for depth in info["sinkage_m"].values())
 
 
-def test_a_step_before_a_reset_is_an_error():
-    with pytest.raises(RoverError):
-        made().step(AHEAD)
-
-
 def test_rocks_of_a_practice_ground_are_partly_buried():
     world = practice_world(GROUND, 5)
     assert len(world.rocks) == GROUND.rocks
