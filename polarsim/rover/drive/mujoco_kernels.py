@@ -14,14 +14,7 @@ import numpy as np
 
 from polarsim.kernels import njit
 from polarsim.rover.soil.bulldozing import bulldoze_nodes
-from polarsim.rover.soil.contact import (
-    AREA,
-    POWER,
-    SLIP_LENGTH,
-    SLOWEST_RIM,
-    press_nodes,
-    update_slips,
-)
+from polarsim.rover.soil.contact import AREA, POWER, SLIP_LENGTH, SLOWEST_RIM, press_nodes, update_slips
 from polarsim.rover.soil.nodes import ORIGINAL, START
 from polarsim.rover.soil.shapes import HALF_WIDTH, RADIUS
 

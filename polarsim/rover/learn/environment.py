@@ -110,7 +110,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
     ----------
     course : course of the episodes; None: a random ground for each seed.
     mode : source of the map; `blind` has an empty map.
-    options : duration of an episode, and speed and planner of the baselines.
+    options : `longest_s`, the maximum duration of an episode.
     cameras : Suns, exposures, lights and scale of the pictures, and the detector, `onboard`, of modes with a detector.
     render : lens, sensor and reflectance of all pictures, as the section `render` of a run.
     image : add the picture of the front camera to each observation.

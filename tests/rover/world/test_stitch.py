@@ -6,13 +6,7 @@ import pytest
 from polarsim.errors import FormatError, RoverError
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
-from polarsim.rover.world.stitch import (
-    TerrainSolids,
-    fill_holes,
-    read_terrain_meshes,
-    stitch,
-    terrain_centres,
-)
+from polarsim.rover.world.stitch import TerrainSolids, fill_holes, read_terrain_meshes, stitch, terrain_centres
 from tests.rover.made_world import SMALL, ball, plane
 
 
