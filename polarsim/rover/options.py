@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
-from polarsim.rover.cameras.layout import picture_set
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.export.options import BagOptions
@@ -13,6 +12,7 @@ from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.mounts import FOLLOWING, FRONT
 from polarsim.rover.world.options import WorldOptions
+from polarsim.run_files.picture_sets import PictureSet
 
 
 class RoverOptions(BaseModel, extra="forbid", frozen=True):
@@ -59,12 +59,12 @@ class RoverOptions(BaseModel, extra="forbid", frozen=True):
     @property
     def picture_sets(self) -> tuple[str, ...]:
         """Names of the picture sets of each view."""
-        return tuple(picture_set(sun, *what) for sun in self.cameras.suns for what in self.cameras.pictures)
+        return tuple(str(PictureSet(sun, *what)) for sun in self.cameras.suns for what in self.cameras.pictures)
 
     @property
     def shown_set(self) -> str:
         """Picture set of the drive's figures: that of the bags if it exists, otherwise the first."""
-        chosen = picture_set(self.bag.sun, self.bag.model, self.bag.exposure_ms)
+        chosen = str(PictureSet(self.bag.sun, self.bag.model, self.bag.exposure_ms))
         return chosen if chosen in self.picture_sets else self.picture_sets[0]
 
     @property

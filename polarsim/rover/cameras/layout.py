@@ -15,14 +15,9 @@ TRUTH_COLUMNS = ("frame", "time_s", "kind", "rock", *BOX, "pixels", "distance_m"
 DETECTION_COLUMNS = ("frame", "kind", "confidence", *BOX)
 
 
-def picture_set(sun: str, model: Model, exposure_ms: float) -> str:
-    """Name of the pictures of a view in a light, `<Sun>_<model>_<exposure>`: see `run_files.picture_sets`."""
-    return str(PictureSet(sun, model, exposure_ms))
-
-
 def picture_folder(folder: Path, view: str, sun: str, model: Model, exposure_ms: float) -> Path:
-    """Return the folder of the pictures of a view under a Sun, in a model, at an exposure."""
-    return folder / view / picture_set(sun, model, exposure_ms)
+    """Return the folder of a set of pictures of a view: see `run_files.picture_sets`."""
+    return folder / view / str(PictureSet(sun, model, exposure_ms))
 
 
 def frame_files(pictures: Path, frames: Iterable[int]) -> list[Path]:

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from polarsim.formats.files import write_text
 from polarsim.geometry.poses import Pose
 from polarsim.rover.vehicle.mounts import FOLLOWING, link_from_part, mount_of
-from polarsim.rover.vehicle.table import ShapePart, Vehicle, WheelPart, cube_inertia
+from polarsim.rover.vehicle.table import Vehicle, WheelPart, cube_inertia
 
 _FREE = 1e4  # N and rad/s where the table has no limit; URDF requires a value
 
@@ -31,15 +31,17 @@ def urdf(vehicle: Vehicle) -> str:
     _visuals(base, vehicle, "base_link")
     for wheel in vehicle.wheels:
         _corner(robot, vehicle, wheel)
-    for camera in vehicle.cameras:
-        if camera.name not in FOLLOWING:  # following cameras have no link
-            ET.SubElement(robot, "link", name=f"{camera.name}_optical")
-            joint = _joint(robot, f"{camera.name}_mount", "fixed", camera.link, f"{camera.name}_optical")
-            _origin(joint, mount_of(camera).base_from_camera)
-    for light in vehicle.lights:  # a light shines along x
-        ET.SubElement(robot, "link", name=light.name)
-        joint = _joint(robot, f"{light.name}_mount", "fixed", light.link, light.name)
-        _origin(joint, link_from_part(light.position_m, light.yaw_deg, light.pitch_deg))
+    mounted = [  # following cameras have no link; a light shines along x
+        (camera.name, camera.link, f"{camera.name}_optical", mount_of(camera).base_from_camera)
+        for camera in vehicle.cameras
+        if camera.name not in FOLLOWING
+    ]
+    for light in vehicle.lights:
+        pose = link_from_part(light.position_m, light.yaw_deg, light.pitch_deg)
+        mounted.append((light.name, light.link, light.name, pose))
+    for name, parent, child, pose in mounted:
+        ET.SubElement(robot, "link", name=child)
+        _origin(_joint(robot, f"{name}_mount", "fixed", parent, child), pose)
     ET.indent(robot)
     return '<?xml version="1.0"?>\n' + ET.tostring(robot, encoding="unicode") + "\n"
 
@@ -61,15 +63,12 @@ def _corner(robot: ET.Element, vehicle: Vehicle, wheel: WheelPart) -> None:
             _cylinder(collision, 2 * wheel.radius_m, wheel.width_m)
     lift = _joint(robot, f"{code}_lift", "prismatic", "base_link", f"{code}_arm", (0, 0, 1))
     _origin(lift, Pose(np.eye(3), np.array(wheel.position_m)))
-    _limit(lift, _FREE, _FREE, spring.travel_m)
-    ET.SubElement(lift, "dynamics", damping=_number(spring.damping_n_s_m))
+    _limit(lift, _FREE, _FREE, spring.travel_m, spring.damping_n_s_m)
     steer = _joint(robot, f"{code}_steer", "revolute", f"{code}_arm", f"{code}_upright", (0, 0, 1))
     limit, rate = math.radians(steering.limit_deg), math.radians(steering.rate_deg_s)
-    _limit(steer, steering.torque_limit_n_m, rate, limit)
-    ET.SubElement(steer, "dynamics", damping=_number(steering.damping_n_m_s_rad))
+    _limit(steer, steering.torque_limit_n_m, rate, limit, steering.damping_n_m_s_rad)
     spin = _joint(robot, f"{code}_spin", "continuous", f"{code}_upright", f"{code}_wheel", (0, 1, 0))
-    _limit(spin, drive.torque_limit_n_m, _FREE, None)
-    ET.SubElement(spin, "dynamics", damping=_number(drive.damping_n_m_s_rad))
+    _limit(spin, drive.torque_limit_n_m, _FREE, None, drive.damping_n_m_s_rad)
 
 
 def _joint(
@@ -83,12 +82,13 @@ def _joint(
     return joint
 
 
-def _limit(joint: ET.Element, effort: float, rate: float, reach: float | None) -> None:
-    """Set symmetric limits; a wheel has no position limit."""
+def _limit(joint: ET.Element, effort: float, rate: float, reach: float | None, damping: float) -> None:
+    """Set symmetric limits and the damping; a wheel has no position limit."""
     limit = ET.SubElement(joint, "limit", effort=_number(effort), velocity=_number(rate))
     if reach is not None:
         limit.set("lower", _number(-reach))
         limit.set("upper", _number(reach))
+    ET.SubElement(joint, "dynamics", damping=_number(damping))
 
 
 def _inertial(link: ET.Element, mass: float, inertia: np.ndarray, centre: Sequence[float]) -> None:
@@ -101,21 +101,18 @@ def _inertial(link: ET.Element, mass: float, inertia: np.ndarray, centre: Sequen
 
 def _visuals(link: ET.Element, vehicle: Vehicle, name: str) -> None:
     for shape in vehicle.shapes:
-        if shape.link == name:
-            _visual(link, shape)
-
-
-def _visual(link: ET.Element, shape: ShapePart) -> None:
-    visual = ET.SubElement(link, "visual", name=shape.name)
-    pose = link_from_part(shape.position_m, shape.yaw_deg, shape.pitch_deg, shape.roll_deg)
-    if shape.kind == "box":
-        _origin(visual, pose)
-        ET.SubElement(ET.SubElement(visual, "geometry"), "box", size=_text(shape.size_m))
-    else:
-        _origin(visual, _lying(pose))
-        _cylinder(visual, shape.size_m[0], shape.size_m[1])
-    material = ET.SubElement(visual, "material", name=f"{shape.name}_grey")
-    ET.SubElement(material, "color", rgba=_text([*[shape.albedo] * 3, 1.0]))
+        if shape.link != name:
+            continue
+        visual = ET.SubElement(link, "visual", name=shape.name)
+        pose = link_from_part(shape.position_m, shape.yaw_deg, shape.pitch_deg, shape.roll_deg)
+        if shape.kind == "box":
+            _origin(visual, pose)
+            ET.SubElement(ET.SubElement(visual, "geometry"), "box", size=_text(shape.size_m))
+        else:
+            _origin(visual, _lying(pose))
+            _cylinder(visual, shape.size_m[0], shape.size_m[1])
+        material = ET.SubElement(visual, "material", name=f"{shape.name}_grey")
+        ET.SubElement(material, "color", rgba=_text([*[shape.albedo] * 3, 1.0]))
 
 
 def _cylinder(parent: ET.Element, diameter: float, length: float) -> None:

@@ -28,7 +28,7 @@ from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.observation import Perception
 from polarsim.rover.perception.options import Mode, OnboardDetector
 from polarsim.rover.planning.options import AutonomyOptions
-from polarsim.rover.planning.pilot import OBSERVATIONS_HZ, Pilot, make_pilot
+from polarsim.rover.planning.pilot import OBSERVATIONS_HZ, Pilot
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
 
@@ -46,9 +46,6 @@ _BOX = COLOURS[ROCK][::-1]  # blue, green, red
 class Outcome:
     """A finished drive; `pilot` is None for a blind drive."""
 
-    mode: Mode
-    light: ImagingCondition
-    seed: int
     trace: Trace
     pilot: Pilot | None
     cpu_s: float  # of the entire drive
@@ -67,14 +64,8 @@ def job_for(
 
 def autonomous_job(job: DriveJob, options: AutonomyOptions) -> DriveJob:
     """Return the drive along the straight line on which modes are compared, with the logging of autonomous drives."""
-    drive = job.drive.model_copy(
-        update={
-            "path_m": _line(job.rocks, job.drive),
-            "speed_m_s": options.speed_m_s,
-            "picture_hz": OBSERVATIONS_HZ,
-            "longest_s": options.longest_s,
-        }
-    )
+    changed = {"path_m": _line(job.rocks, job.drive), "speed_m_s": options.speed_m_s, "longest_s": options.longest_s}
+    drive = job.drive.model_copy(update=changed | {"picture_hz": OBSERVATIONS_HZ})
     return replace(job, drive=drive, log_hz=_LOG_HZ)
 
 
@@ -131,7 +122,7 @@ def run_autonomous_drive(
             job.world, job.vehicle, route, mode, light, cameras, job.seed,
             render=render, detector=detector, threads=threads,
         )  # fmt: skip
-        driver = make_pilot(route, perception, options)
+        driver = Pilot(route, perception, options)
     ride = RunningDrive(job, driver)
     if driver is not None:
         driver.attach(ride.simulation)
@@ -143,4 +134,4 @@ def run_autonomous_drive(
                 ride.ended, ride.reason = "energy", str(error)
             if driver is not None and driver.given_up and ride.ended is None:
                 ride.ended, ride.reason = "gave up", "no path after backing off"
-    return Outcome(mode, light, job.seed, ride.trace(), driver, time.process_time() - cpu, time.perf_counter() - wall)
+    return Outcome(ride.trace(), driver, time.process_time() - cpu, time.perf_counter() - wall)

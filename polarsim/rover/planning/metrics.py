@@ -80,7 +80,6 @@ def _of_pilot(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> l
     pilot, world, seconds = outcome.pilot, outcome.trace.world, float(outcome.trace.drive["seconds"])
     assert pilot is not None
     perception = pilot.perception
-    assert perception is not None
     score = points_of(pilot.grid, world, pilot.path.points, seconds)
     rows = [
         ("stops", "", float(len(pilot.stops))),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -40,16 +40,16 @@ class Stop:
     heading: float
 
 
-@dataclass
 class Pilot(Driver):
     """Driver to the end of a straight line, along planned paths."""
 
-    perception: Perception | None = None
-    options: AutonomyOptions = field(default_factory=AutonomyOptions)
-    stops: list[Stop] = field(default_factory=list)
-    observations: list[tuple[float, Observation]] = field(default_factory=list)
-    given_up: bool = False
-    travelled: float = 0.0  # m in any direction, since a detour may cross the line or lead back along it
+    def __init__(self, path: ReferencePath, perception: Perception, options: AutonomyOptions) -> None:
+        super().__init__(path, SteeringLaw(options.speed_m_s, 0.0, 0.0, math.radians(90)))
+        self.perception, self.options = perception, options
+        self.stops: list[Stop] = []
+        self.observations: list[tuple[float, Observation]] = []
+        self.given_up = False
+        self.travelled = 0.0  # m in any direction, since a detour may cross the line or lead back along it
 
     def attach(self, simulation: Simulation) -> None:
         """Attach the driver to a simulation and observe its world."""
@@ -105,7 +105,6 @@ class Pilot(Driver):
             self.travelled, self._last_position = self.travelled + moved, (x, y)
 
     def _observe(self, now: float) -> None:
-        assert self.perception is not None
         self.grid.fade(now)
         observation = self.perception.observe(self._simulation.state(), self._simulation.ground.level, self.grid)
         for update in observation.updates:
@@ -119,7 +118,6 @@ class Pilot(Driver):
     def _decide(self, now: float, x: float, y: float, heading: float) -> None:
         if self._back_to is not None or self.given_up:
             return
-        assert self.perception is not None
         start = time.process_time()
         ground = self.field()
         self._plan = self._still_free(ground, x, y, heading)
@@ -186,13 +184,6 @@ class Pilot(Driver):
         """Return the steering angle for a curvature, clipped to the maximum."""
         limit = self.options.planner.curvature_1_m
         return math.atan(min(max(curvature, -limit), limit) * self._wheelbase / 2)
-
-
-def make_pilot(path: ReferencePath, perception: Perception, options: AutonomyOptions) -> Pilot:
-    """Return a pilot along a straight line."""
-    return Pilot(
-        path, SteeringLaw(options.speed_m_s, 0.0, 0.0, math.radians(90)), perception=perception, options=options
-    )
 
 
 def _nearest(plan: np.ndarray, x: float, y: float) -> int:

@@ -6,6 +6,7 @@ Coefficients are computed for all bootstrap replicates at once. SciPy's function
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -108,13 +109,11 @@ def rank_table(drives: pd.DataFrame, gaps: pd.DataFrame) -> pd.DataFrame:
     """
     rows = []
     for mode, drives_of_mode in drives.groupby("mode"):
-        for gap, metric in [(gap, metric) for gap in GAPS for metric in DRIVES]:
-            if (gap, metric) == ("rock_f1", "rock_points"):
-                continue  # the same metric twice
+        for gap, metric in product(GAPS, DRIVES):
             part = drives_of_mode
             if gap != "rock_f1":
                 part = part[part["detector"].isin(gaps.index[gaps[gap].notna()])]
-            if len(part):
+            if len(part) and (gap, metric) != ("rock_f1", "rock_points"):  # the same metric twice
                 rows.append((mode, gap, metric, *_rank(part, gaps, gap, metric)))
     return pd.DataFrame(rows, columns=list(AUTONOMY_RANK.columns)).astype(AUTONOMY_RANK.dtypes)
 
