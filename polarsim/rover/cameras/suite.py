@@ -24,7 +24,7 @@ from polarsim.rover.vehicle.table import Vehicle
 
 
 class CameraSuite:
-    """Images of a recorded drive. A frame is a picture time; `show` moves to a frame, in any order."""
+    """Images of a recorded drive. A frame is a picture time; `show` moves on to a frame."""
 
     def __init__(
         self,
@@ -44,7 +44,7 @@ class CameraSuite:
         self.lights = [vehicle.light(name) for name in options.lights]
         self._events = _events(trace, vehicle)
         self._tread = _tread(vehicle)
-        self._frame = -1
+        self._frame, self._level = -1, trace.world.level.copy()
 
     @property
     def frames(self) -> list[int]:
@@ -52,12 +52,7 @@ class CameraSuite:
         return list(range(0, len(self.trace.tracks.time), self.options.every))
 
     def show(self, frame: int) -> None:
-        """Move ground, marks and rover to a frame."""
-        if frame < self._frame:
-            self.__dict__.pop("rover_camera", None)  # marks cannot be removed, so the scene is rebuilt
-            self._frame = -1
-        if self._frame < 0:
-            self._level = self.trace.world.level.copy()
+        """Move ground, marks and rover to a later frame; marks cannot be removed."""
         before = -np.inf if self._frame < 0 else float(self.trace.tracks.time[self._frame])
         for number in range(self._frame + 1, frame + 1):
             self.trace.tracks.apply(number, self._level)
@@ -96,11 +91,10 @@ class CameraSuite:
     def rover_camera(self) -> RoverCamera:
         """Return the scene and camera, built on first use."""
         world, options = self.trace.world, self.options
-        changed = np.zeros(world.level.size, bool)
-        changed[self.trace.tracks.cell] = True
-        followed = changed.reshape(world.level.shape)
+        changed = np.zeros(world.level.shape, bool)
+        changed.ravel()[self.trace.tracks.cell] = True
         return RoverCamera(
-            world, self.vehicle, followed, options, self._render, models=options.models, finer=options.finer
+            world, self.vehicle, changed, options, self._render, models=options.models, finer=options.finer
         )
 
 
