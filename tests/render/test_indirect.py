@@ -128,11 +128,11 @@ def test_ambient_light_in_a_closed_sphere_is_scaled_by_every_bounce(lens):
 
 
 def test_coarse_and_exact_indirect_light_agree(blocks, camera, lens):
-    options = TRACED.model_copy(update={"rim": True, "rim_half_width_m": 1.3, "rim_albedo": 0.6, "bounce_rays": 96})
+    options = TRACED.model_copy(update={"rim": True, "rim_half_width_m": 1.3, "rim_albedo": 0.6, "bounce_rays": 48})
     walled = build_surfaces(blocks(), options)
     exact, coarse = (
         traced(walled, camera, lens, options.model_copy(update=changes)).indirect["lambert", "lamp"]
-        for changes in ({}, {"bounce_rays": 512, "bounce_scale": 4})
+        for changes in ({}, {"bounce_rays": 256, "bounce_scale": 4})
     )
     assert coarse.mean() == pytest.approx(exact.mean(), rel=0.02)
     exact, coarse = (picture.reshape(7, 20, 10, 20).mean(axis=(1, 3)) for picture in (exact, coarse))
