@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -128,7 +128,10 @@ def _samples_of_terrain(
     rigs = read_all_localised(cameras)
     suns = read_suns(cameras, rigs)
     surfaces = build_surfaces(mesh, options)
-    paths = _paths_by_view(terrain, photos)
+    paths: dict[PositionCamera, dict[PhotoKey, Path]] = {}
+    for key, path in (pictures_at(photos) if photos else {}).items():
+        if key.terrain == terrain and path.is_file():
+            paths.setdefault((key.position, key.camera), {})[key] = path
     views = [view for view in sorted(paths) if view[0] in rigs and not rigs[view[0]].unproven]
     parts: list[FitSamples] = []
     for number, view in enumerate(track(views, f"photos of terrain {terrain:02d}")):
@@ -141,34 +144,14 @@ def _samples_of_terrain(
     return samples if samples is not None and len(samples) else None
 
 
-def _paths_by_view(terrain: int, photos: Path | None) -> Mapping[PositionCamera, Mapping[PhotoKey, Path]]:
-    if photos is None:
-        return {}
-    by_view: dict[PositionCamera, dict[PhotoKey, Path]] = {}
-    for key, path in pictures_at(photos).items():
-        if key.terrain == terrain and path.is_file():
-            by_view.setdefault((key.position, key.camera), {})[key] = path
-    return by_view
-
-
 def errors(ratio: np.ndarray) -> dict[str, float]:
     """Return median absolute value and RMS, in stops, of log ratios (n,) of photo and twin around their median."""
     stops = (ratio - np.median(ratio)) / np.log(2)
-    return {
-        "median_stops": _rounded(float(np.median(np.abs(stops)))),
-        "rms_stops": _rounded(float(np.sqrt(np.mean(stops * stops)))),
-    }
+    values = {"median_stops": np.median(np.abs(stops)), "rms_stops": np.sqrt(np.mean(stops * stops))}
+    return {name: float(f"{value:.5g}") for name, value in values.items()}
 
 
 def compare_fits(before: np.ndarray, constant: np.ndarray, fitted: np.ndarray) -> dict[str, Any]:
     """Return the errors of twins without fit, with a fit except albedo, and with the full fit; log ratios (n,)."""
-    return {
-        "count": len(fitted),
-        "unfitted": errors(before),
-        "constant_albedo": errors(constant),
-        "fitted": errors(fitted),
-    }
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.5g}")
+    named = {"unfitted": before, "constant_albedo": constant, "fitted": fitted}
+    return {"count": len(fitted), **{name: errors(ratio) for name, ratio in named.items()}}

@@ -9,7 +9,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 from pydantic import ValidationError
@@ -117,28 +116,17 @@ def fitted_parameters(cells: Cells, setting: Setting) -> Parameters:
     if not names:
         return start
 
-    @cache
-    def cost_of(*values: float) -> float:
-        parameters = _with(start, names, np.array(values))
-        if parameters is None:
-            return np.inf
-        return cells.disagreement(replace(setting, parameters=parameters))
-
     def cost(values: np.ndarray) -> float:
-        return cost_of(*values.tolist())
+        parameters = _with(start, names, values)
+        return np.inf if parameters is None else cells.disagreement(replace(setting, parameters=parameters))
 
     first = np.array([getattr(start, name) for name in names], float)
-    corners = [first, *(_stepped(start, names, first, number) for number in range(len(names)))]
+    corners = np.array([first, *(_stepped(start, names, first, number) for number in range(len(names)))])
     result = minimize(
         cost,
         first,
         method="Nelder-Mead",
-        options={
-            "initial_simplex": np.array(corners),
-            "maxfev": _EVALUATIONS * len(names),
-            "xatol": 1e-3,
-            "fatol": 1e-4,
-        },
+        options={"initial_simplex": corners, "maxfev": _EVALUATIONS * len(names), "xatol": 1e-3, "fatol": 1e-4},
     )
     better = _with(start, names, np.array([float(f"{value:.4g}") for value in result.x]))
     return better if better is not None and result.fun < cost(first) else start
