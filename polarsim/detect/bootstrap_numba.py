@@ -14,15 +14,7 @@ from polarsim.kernels import njit
 
 
 def resampled_precision(ranked: Ranked, area: int, unit: np.ndarray, drawn: np.ndarray) -> np.ndarray:
-    """Return the average precision (resamples, t) at each threshold.
-
-    Parameters
-    ----------
-    unit : (p,) int
-        Bootstrap unit of each image.
-    drawn : (resamples, units)
-        Draw count of each unit.
-    """
+    """Return the average precision (resamples, t) at each threshold, for the unit (p,) of each image."""
     labels = drawn @ np.bincount(unit, ranked.labels[area], drawn.shape[1])
     right, counted = ranked.right[area], ranked.counted[area]
     at_all = np.flatnonzero(counted.any(axis=0))  # predictions in this range of area
@@ -31,17 +23,8 @@ def resampled_precision(ranked: Ranked, area: int, unit: np.ndarray, drawn: np.n
     indices, first_index = _ragged(right)
     passed, first_passed = _ragged(~counted)
     precision = np.full((len(drawn), len(right)), np.nan)
-    _precision(
-        np.ascontiguousarray(drawn, float),
-        labels,
-        owner,
-        indices,
-        first_index,
-        passed,
-        first_passed,
-        RECALLS,
-        precision,
-    )
+    weights = np.ascontiguousarray(drawn, float)
+    _precision(weights, labels, owner, indices, first_index, passed, first_passed, RECALLS, precision)
     return precision
 
 
@@ -63,19 +46,11 @@ def _precision(
     recalls: np.ndarray,
     precision: np.ndarray,
 ) -> None:
-    """Fill precision (r, t); rows of replicates without labels are unchanged.
+    """Fill precision (r, t) of replicates with labels (r,) > 0.
 
-    Parameters
-    ----------
-    drawn : (r, units) float
-    labels : (r,) float
-        Number of labels in each replicate.
-    owner : (n,) int
-        Unit of each prediction, in descending order of confidence.
-    indices, first_index : (sum,), (t + 1,) int
-        True positives at each threshold, and the start index of each threshold.
-    passed, first_passed
-        The same for ignored predictions, which are neither true nor false positives.
+    `owner` (n,) is the unit of each prediction, in descending order of confidence. `indices` (sum,) are the true
+    positives of all thresholds, `first_index` (t + 1,) the start of each threshold; `passed` the same for ignored
+    predictions, which are neither true nor false positives.
     """
     predicted = np.empty(len(owner))
     longest = 0

@@ -6,7 +6,6 @@ import logging
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import TypeVar
@@ -32,21 +31,10 @@ from polarsim.run_files import class_masks
 
 COLUMNS = ("picture", "kind", "confidence", "x0", "y0", "x1", "y1")
 _TINT = 0.4  # opacity of masks in drawn images
-# 8-bit input image, width and height of the original image -> boxes (n, 6): x0, y0, x1, y1 in pixels of the original
-# image, confidence, class.
-ImageDetector = Callable[[np.ndarray, tuple[int, int]], np.ndarray]
 Result = TypeVar("Result")
 _THREADS = 1  # threads of torch: images are processed in parallel because one image does not use two cores
 _MIN_CONFIDENCE = 0.01  # minimum confidence before calibration
 log = logging.getLogger("polarsim")
-
-
-@dataclass(frozen=True)
-class _Detections:
-    """Width and height of an image, px, and the boxes (n, 6) to write, as returned by a `ImageDetector`."""
-
-    size: tuple[int, int]
-    boxes: np.ndarray
 
 
 def detect_in_images(
@@ -90,7 +78,8 @@ def detect_in_images(
         segmenters = [load_segmenter(path, options, _THREADS) for path in weights] if masks else []
         widest = max(width for _, widths in [*looks, *segmenters] for width in widths)
 
-        def look_at(path: Path) -> _Detections | PolarsimError | OSError:
+        def look_at(path: Path) -> tuple[tuple[int, int], np.ndarray] | PolarsimError | OSError:
+            """Return the width and height of an image and the boxes (n, 6) in its pixels, or the error of the image."""
             try:
                 pixels = _grey(read_any(path))
             except (PolarsimError, OSError) as error:
@@ -104,17 +93,17 @@ def detect_in_images(
                 class_masks.write_class_mask(folder / "masks" / f"{path.stem}.png", mask)
             if draw:
                 _draw(folder / "pictures" / f"{path.stem}.jpg", pixels, found, mask)
-            return _Detections(size, found)
+            return size, found
 
         for path, finds in _in_order(paths, look_at, threads):
-            if not isinstance(finds, _Detections):
+            if isinstance(finds, Exception):
                 reason = finds.reason if isinstance(finds, PolarsimError) else finds.strerror
                 log.warning("skipped: %s: %s", path, reason)
                 continue
-            (width, height), found = finds.size, finds.boxes
+            size, found = finds
             rows += detection_rows(path.name, found)
-            yolo.write_boxes(folder / "labels" / f"{path.stem}.txt", found[:, 5], found[:, :4], finds.size, found[:, 4])
-            image = {"id": len(annotated) + 1, "file_name": relative_to(path, out), "width": width, "height": height}
+            yolo.write_boxes(folder / "labels" / f"{path.stem}.txt", found[:, 5], found[:, :4], size, found[:, 4])
+            image = {"id": len(annotated) + 1, "file_name": relative_to(path, out), "width": size[0], "height": size[1]}
             annotations = [
                 coco.Annotation(BOX_CLASSES[int(r[5])], NO_ROCK, r[:4], confidence=round(r[4], 4)) for r in found
             ]
@@ -129,8 +118,8 @@ def detect_in_images(
 
 def _load_look(
     path: Path, detector: detectors.Detector, folder: Path, options: PredictionOptions
-) -> tuple[ImageDetector, tuple[int, ...]]:
-    """Return the inference function of a detector and its widths: those of the options, else of the detector."""
+) -> tuple[Callable[[np.ndarray, tuple[int, int]], np.ndarray], tuple[int, ...]]:
+    """Return the function from an input image and the size of the original image to boxes (n, 6), and its widths."""
     sizes = inference_widths_of(detector, options)
     with with_path(path):
         loaded = detectors.load_detector(detector, folder, options, _THREADS)

@@ -7,7 +7,7 @@ for all detectors and domains. Both sides use the same bootstrap replicates, and
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from itertools import combinations
+from itertools import combinations, product
 
 import pandas as pd
 
@@ -55,10 +55,8 @@ def _compared_precisions(
 ) -> Iterator[tuple[tuple[str, str], tuple[str, str]]]:
     """Yield pairs of domains of each detector, then pairs of detectors on each domain; the first has equal domains."""
     same_domain = sorted(sides for sides in evaluations if sides[0] == sides[1])
-    for same in same_domain:
-        yield from ((same, other) for other in sorted(evaluations) if other[0] == same[0] and other != same)
-    for same in same_domain:
-        yield from ((same, other) for other in sorted(evaluations) if other[1] == same[1] and other != same)
+    for side, same in product((0, 1), same_domain):
+        yield from ((same, other) for other in sorted(evaluations) if other[side] == same[side] and other != same)
 
 
 def _compared_ipds(

@@ -168,18 +168,13 @@ def _pairs_of_domains(
 
 def _ipd_table(performances: Mapping[Sides, pd.DataFrame], options: ComparisonOptions) -> pd.DataFrame:
     rules = IpdRules(unit=options.resampled)
-    settings = {"undetected": rules.undetected, "unpaired": rules.unpaired, "confidence": options.iou_confidence}
     rows = []
     for names, *sides in _pairs_of_domains(performances):
         for kind in BOX_CLASSES:
-            difference = instance_performance_difference(
-                *(side[side["kind"] == kind] for side in sides),
-                rules=rules,
-                resamples=options.resamples,
-            )
-            rows.append(
-                dict(zip(IPD_PAIR_COLUMNS, names, strict=True)) | {"kind": kind} | settings | asdict(difference)
-            )
+            of_kind = (side[side["kind"] == kind] for side in sides)
+            difference = instance_performance_difference(*of_kind, rules=rules, resamples=options.resamples)
+            row = dict(zip(IPD_PAIR_COLUMNS, names, strict=True)) | asdict(rules) | asdict(difference)
+            rows.append(row | {"kind": kind, "confidence": options.iou_confidence})
     return pd.DataFrame(rows, columns=list(IPD_COLUMNS))
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.detect.grouping import BOX_COLUMNS, Unit
+from polarsim.detect.grouping import BOX_COLUMNS, Unit, rows_by
 from polarsim.detect.ipd import IpdRules, MissingTreatment, instance_performance, instance_performance_difference
 from polarsim.errors import DetectError, FormatError, LabelError
 from polarsim.formats import release, tables, yolo
@@ -120,17 +120,14 @@ def _predicted_keys(path: Path, predictions: pd.DataFrame) -> set[str]:
 
 def identify(first: pd.DataFrame, second: pd.DataFrame, pair_iou: float) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return both label tables with ids: matched labels have equal ids, unmatched labels have unique ids."""
-    tables_of = first.reset_index(drop=True), second.reset_index(drop=True)
-    ids = [np.arange(1, len(tables_of[0]) + 1), np.arange(1, len(tables_of[1]) + 1) + len(tables_of[0])]
-    indices = [table.groupby(["key", "kind"]).indices for table in tables_of]
-    for name in set(indices[0]) & set(indices[1]):  # any order, because groups are disjoint
-        group_rows = [rows[name] for rows in indices]
-        corners = [
-            table[list(BOX_COLUMNS)].to_numpy(float)[rows] for table, rows in zip(tables_of, group_rows, strict=True)
-        ]
-        rows, columns = boxes.match_by_iou(boxes.iou(*corners), pair_iou)
-        ids[1][group_rows[1][columns]] = ids[0][group_rows[0][rows]]
-    return tables_of[0].assign(rock=ids[0]), tables_of[1].assign(rock=ids[1])
+    ids = [np.arange(1, len(first) + 1), np.arange(1, len(second) + 1) + len(first)]
+    corners = [table[list(BOX_COLUMNS)].to_numpy(float) for table in (first, second)]
+    groups = [rows_by(table, ["key", "kind"]) for table in (first, second)]
+    for name in groups[0].keys() & groups[1].keys():  # any order, because groups are disjoint
+        one, other = (rows[name] for rows in groups)
+        rows, columns = boxes.match_by_iou(boxes.iou(corners[0][one], corners[1][other]), pair_iou)
+        ids[1][other[columns]] = ids[0][one[rows]]
+    return first.assign(rock=ids[0]), second.assign(rock=ids[1])
 
 
 def _read_folder(folder: Path) -> pd.DataFrame:

@@ -19,6 +19,7 @@ from polarsim.schemas.detect import FALSE_POSITIVES
 
 TERRAIN, TILES = REGIONS = ("rock-free terrain", "rock-free tiles")
 COLUMNS_OF_TILES, ROWS_OF_TILES = 8, 4  # 242 x 304 px each
+_X, _Y = np.linspace(0, WIDTH, COLUMNS_OF_TILES + 1), np.linspace(0, HEIGHT, ROWS_OF_TILES + 1)  # edges, px
 MIN_MATCH_SHARE = 0.1  # minimum intersection of a matching prediction and label, relative to the smaller box
 RATES = ("per_photo", "area_share")
 FALSE_POSITIVE_COLUMNS = FALSE_POSITIVES.without("split", "seed", "trained", "evaluated")
@@ -88,7 +89,9 @@ def mark_false_positives(labels: pd.DataFrame, predictions: pd.DataFrame) -> pd.
         rock_rows = rows[is_rock[rows]]
         label = rocks.get(str(key), np.zeros((0, 4)))
         unlabelled[rock_rows] = boxes.largest_covered_share(corners[rock_rows], label) < MIN_MATCH_SHARE
-        counted[rock_rows] = unlabelled[rock_rows] & _centre_in(corners[rock_rows], _free_tiles(label))
+        counted[rock_rows] = (
+            unlabelled[rock_rows] & _free_tiles(label)[_tiles_of(*boxes.box_centres(corners[rock_rows]).T)]
+        )
     return pd.DataFrame({"unlabelled": unlabelled, "false_positive": counted}, index=predictions.index)
 
 
@@ -117,42 +120,24 @@ def _rates(region: str, rows: pd.DataFrame, unit: Unit, resamples: int) -> dict[
 
 def _free_tiles(rocks: np.ndarray) -> np.ndarray:
     """Return a mask (rows, columns) of the tiles of a photo without rock labels (n, 4)."""
-    x, y = _edges()
-    across = (rocks[:, None, 0] < x[1:]) & (rocks[:, None, 2] > x[:-1])
-    down = (rocks[:, None, 1] < y[1:]) & (rocks[:, None, 3] > y[:-1])
+    across = (rocks[:, None, 0] < _X[1:]) & (rocks[:, None, 2] > _X[:-1])
+    down = (rocks[:, None, 1] < _Y[1:]) & (rocks[:, None, 3] > _Y[:-1])
     return np.asarray(~(down[:, :, None] & across[:, None, :]).any(axis=0))
 
 
-def _centre_in(corners: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Return a mask (n,) of boxes (n, 4) with their centre in a free tile."""
-    x, y = _edges()
-    centre = boxes.box_centres(corners)
-    column = (np.searchsorted(x, centre[:, 0], side="right") - 1).clip(0, COLUMNS_OF_TILES - 1)
-    row = (np.searchsorted(y, centre[:, 1], side="right") - 1).clip(0, ROWS_OF_TILES - 1)
-    return np.asarray(free[row, column])
+def _tiles_of(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rows of tiles of y and the columns of tiles of x, px."""
+    row, column = (np.searchsorted(edges, each, side="right") - 1 for edges, each in ((_Y, y), (_X, x)))
+    return row.clip(0, ROWS_OF_TILES - 1), column.clip(0, COLUMNS_OF_TILES - 1)
 
 
 def _area_on(false_positives: np.ndarray, free: np.ndarray) -> float:
     """Return the area of the union of boxes inside free tiles, px^2, by a grid of all box and tile edges."""
-    if not len(false_positives):
-        return 0.0
-    tiles_x, tiles_y = _edges()
-    x, y = (
-        np.unique(np.concatenate([edges, false_positives[:, n], false_positives[:, n + 2]]))
-        for n, edges in enumerate((tiles_x, tiles_y))
-    )
+    corners = boxes.clip(false_positives)
+    x, y = (np.unique(np.concatenate([edges, corners[:, n], corners[:, n + 2]])) for n, edges in enumerate((_X, _Y)))
     centre_x, centre_y = (x[1:] + x[:-1]) / 2, (y[1:] + y[:-1]) / 2
-    across = (false_positives[:, None, 0] <= centre_x) & (false_positives[:, None, 2] >= centre_x)
-    down = (false_positives[:, None, 1] <= centre_y) & (false_positives[:, None, 3] >= centre_y)
+    across = (corners[:, None, 0] <= centre_x) & (corners[:, None, 2] >= centre_x)
+    down = (corners[:, None, 1] <= centre_y) & (corners[:, None, 3] >= centre_y)
     covered = (down[:, :, None] & across[:, None, :]).any(axis=0)
-    column, row = (
-        np.searchsorted(edges, centre, side="right") - 1 for edges, centre in ((tiles_x, centre_x), (tiles_y, centre_y))
-    )
-    inside = ((column >= 0) & (column < COLUMNS_OF_TILES))[None] & ((row >= 0) & (row < ROWS_OF_TILES))[:, None]
-    in_free = inside & free[row.clip(0, ROWS_OF_TILES - 1)][:, column.clip(0, COLUMNS_OF_TILES - 1)]
-    return float((np.diff(y)[:, None] * np.diff(x)[None])[covered & in_free].sum())
-
-
-def _edges() -> tuple[np.ndarray, np.ndarray]:
-    """Return the tile edges, px: columns + 1 along x, rows + 1 along y."""
-    return np.linspace(0, WIDTH, COLUMNS_OF_TILES + 1), np.linspace(0, HEIGHT, ROWS_OF_TILES + 1)
+    row, column = _tiles_of(centre_x, centre_y)
+    return float((np.diff(y)[:, None] * np.diff(x)[None])[covered & free[row][:, column]].sum())

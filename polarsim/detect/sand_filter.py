@@ -38,20 +38,19 @@ class SandFilter:
 
     @classmethod
     def read(cls, cameras: Sequence[str | Path], meshes: Sequence[str | Path]) -> SandFilter:
-        """Read the folders of poses and meshes of several terrains, paired by folder name.
-
-        Raises
-        ------
-        PolarsimError
-            Poses without meshes of the same name, folder without a ground mesh, or invalid file.
-        """
-        grounds = {Path(folder).name: _ground_in(Path(folder)) for folder in meshes}
+        """Read the folders of poses and meshes of several terrains, paired by folder name."""
+        grounds = {}
+        for folder in map(Path, meshes):
+            terrain = terrain_of_folder(folder)
+            grounds[folder.name] = terrain, mesh_files(folder, terrain)[NO_ROCK]
         terrains, files = {}, []
         for folder in map(Path, cameras):
             if folder.name not in grounds:
                 raise DetectError("no mesh folder with the name of this pose folder", path=folder)
             terrain, ground = grounds[folder.name]
-            terrains[terrain] = TerrainSand(read_all_localised(folder), _level_of(ground))
+            # The median height: craters and heaps cover less than half of the ground.
+            level = float(np.median(obj.read_obj(ground).vertices[:, 2]))
+            terrains[terrain] = TerrainSand(read_all_localised(folder), level)
             files += [*localised_files(folder).values(), ground]
         return cls(terrains, files)
 
@@ -73,16 +72,8 @@ def boxes_on_sand(
 
     The foot is the middle of the lower side for a rock, and the centre of the box for a shadow. For a camera outside
     the sandbox, the near wall hides sand. Because the box of a partly hidden rock ends at the edge of this wall, the
-    centre of the box is tested against the wall.
-
-    Parameters
-    ----------
-    camera : Camera
-        Camera in the sandbox frame.
-    level_m : float
-        Height of the sand in the sandbox frame, m.
-    half, wall : float
-        Half width of the sand, and minimum height of the walls above the sand, m.
+    centre of the box is tested against the wall. In the sandbox frame, `level_m` is the height of the sand, `half` its
+    half width and `wall` the minimum height of the walls above the sand, m.
     """
     centres = boxes.box_centres(detections[:, :4])
     rocks = detections[:, 5] == BOX_CLASSES.index("rock")
@@ -98,14 +89,3 @@ def boxes_on_sand(
     inside = np.abs(points).max(axis=1) <= half
     # Rays above the horizon have negative depths.
     return np.asarray(inside & (depths > 0) & (entry_heights >= level_m + wall))
-
-
-def _ground_in(folder: Path) -> tuple[int, Path]:
-    """Return the terrain of a mesh folder and the file of the ground mesh."""
-    terrain = terrain_of_folder(folder)
-    return terrain, mesh_files(folder, terrain)[NO_ROCK]
-
-
-def _level_of(ground: Path) -> float:
-    """Return the median height of the ground; craters and heaps cover less than half of the ground."""
-    return float(np.median(obj.read_obj(ground).vertices[:, 2]))

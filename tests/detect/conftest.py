@@ -7,6 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from polarsim.detect.dataset import make_dataset
+from polarsim.detect.options import PicturesOptions, PredictionOptions, SplitOptions, TrainingOptions
+from polarsim.detect.split import split_photos
+from polarsim.detect.train import train_detector
 from polarsim.formats import png, tables
 from polarsim.photo import HEIGHT, ROCK, SHADOW, WIDTH, PhotoKey
 
@@ -65,3 +69,33 @@ def world(tmp_path_factory) -> Path:
     tables.write_parquet(root / "photos.parquet", pd.DataFrame(photos))
     tables.write_parquet(root / "labels.parquet", tables.label_table(labels))
     return root
+
+
+def make_real(world: Path, keys, root: Path, imgsz: int) -> Path:
+    """Write the data set of a random split of the photos; return the folder."""
+    split_photos(keys=list(keys), by="photo", split=root / "split.csv", options=SplitOptions())
+    make_dataset(
+        domain="real",
+        pictures=world / "photos.parquet",
+        labels=world / "labels.parquet",
+        split=root / "split.csv",
+        dataset=root / "real",
+        options=PicturesOptions(imgsz=imgsz),
+    )
+    return root / "real"
+
+
+def train(dataset: Path, folder: Path, name: str, options: TrainingOptions, imgsz: int, seed: int = 0) -> Path:
+    """Train with checkpoints in `work_NAME`; return the weights `NAME.pt` next to the curve `NAME.csv`."""
+    train_detector(
+        dataset=dataset,
+        weights=folder / f"{name}.pt",
+        curve=folder / f"{name}.csv",
+        options=options,
+        prediction=PredictionOptions(device="cpu"),
+        imgsz=imgsz,
+        seed=seed,
+        threads=1,
+        work=folder / f"work_{name}",
+    )
+    return folder / f"{name}.pt"

@@ -11,17 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.detect import detectors
-from polarsim.detect.dataset import make_dataset
-from polarsim.detect.options import PicturesOptions, PredictionOptions, SplitOptions, TrainingOptions
+from polarsim.detect.options import PredictionOptions, TrainingOptions
 from polarsim.detect.predict import predict
-from polarsim.detect.split import split_photos
-from polarsim.detect.train import train_detector
 from polarsim.errors import DetectError
 from polarsim.formats import obj, tables
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
 from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.rigs import LocalisedRig, write_localised
+from tests.detect import conftest
+from tests.detect.conftest import make_real
 
 torch = pytest.importorskip("torch")
 
@@ -37,33 +36,11 @@ PREDICTION, IMGSZ = PredictionOptions(device="cpu"), 128
 
 @pytest.fixture(scope="module")
 def dataset(world, keys, tmp_path_factory) -> Path:
-    root = tmp_path_factory.mktemp("compact")
-    split_photos(keys=keys, by="photo", split=root / "split.csv", options=SplitOptions())
-    make_dataset(
-        domain="real",
-        pictures=world / "photos.parquet",
-        labels=world / "labels.parquet",
-        split=root / "split.csv",
-        dataset=root / "real",
-        options=PicturesOptions(imgsz=IMGSZ),
-    )
-    return root / "real"
+    return make_real(world, keys, tmp_path_factory.mktemp("compact"), IMGSZ)
 
 
 def train(dataset: Path, folder: Path, name: str, options: TrainingOptions = OPTIONS, seed: int = 0) -> bytes:
-    weights = folder / f"{name}.pt"
-    train_detector(
-        dataset=dataset,
-        weights=weights,
-        curve=folder / f"{name}.csv",
-        options=options,
-        prediction=PREDICTION,
-        imgsz=IMGSZ,
-        seed=seed,
-        threads=1,
-        work=folder / f"work_{name}",
-    )
-    return weights.read_bytes()
+    return conftest.train(dataset, folder, name, options, IMGSZ, seed).read_bytes()
 
 
 @pytest.fixture(scope="module")

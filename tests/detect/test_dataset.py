@@ -131,14 +131,8 @@ def share(converted, keys, tmp_path):
     def share(domain, by="photo", options=SPLIT):
         split_photos(keys=keys, by=by, split=tmp_path / f"{by}.csv", options=options)
         dataset = tmp_path / by / domain
-        share_pictures(
-            domain=domain,
-            pictures=converted / domain,
-            split=tmp_path / f"{by}.csv",
-            by=by,
-            dataset=dataset,
-            options=options,
-        )
+        sources = {"pictures": converted / domain, "split": tmp_path / f"{by}.csv"}
+        share_pictures(domain=domain, by=by, dataset=dataset, options=options, **sources)
         return dataset
 
     return share
@@ -167,13 +161,8 @@ def mix(share, tmp_path):
     """Mix the two domains with weights; return the folder of the data set."""
 
     def mix(weights, by="photo"):
-        mix_datasets(
-            domain="mixed",
-            weights=weights,
-            datasets={domain: share(domain, by) for domain in weights},
-            dataset=tmp_path / "mixed",
-            options=SPLIT,
-        )
+        datasets = {domain: share(domain, by) for domain in weights}
+        mix_datasets(domain="mixed", weights=weights, datasets=datasets, dataset=tmp_path / "mixed", options=SPLIT)
         return tmp_path / "mixed"
 
     return mix

@@ -115,15 +115,6 @@ def test_boxes_follow_the_exif_orientation(weights, block_finder, tmp_path):
     assert cv2.imread(str(tmp_path / "out/pictures/left.jpg")).shape == (400, 640, 3)
 
 
-def test_images_of_large_cameras_are_searched(weights, block_finder, tmp_path):
-    cv2.imwrite(str(tmp_path / "a.jpg"), picture((6000, 3750)))
-    found = detect_in_images(
-        pictures=[tmp_path / "a.jpg"], weights=[weights], out=tmp_path / "out", options=PredictionOptions(), threads=1,
-        draw=False,
-    )  # fmt: skip
-    np.testing.assert_allclose(found[["x0", "y0", "x1", "y1"]].to_numpy(), [BOX * 6000 / 640], atol=20)
-
-
 def test_boxes_of_several_detectors_are_merged(weights, tmp_path, monkeypatch):
     """The second detector shifts the block by two input pixels to the right and adds a box."""
 

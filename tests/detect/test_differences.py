@@ -1,4 +1,3 @@
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -50,8 +49,3 @@ def test_own_domain_stands_against_every_other_one_and_own_detector_against_ever
     sides = table[["trained", "evaluated", "other_trained", "other_evaluated"]].agg("".join, axis=1)
     assert sides.tolist() == ["aaab", "bbba", "aaba", "bbab"]
     assert table["difference"].tolist() == pytest.approx([1 - 51 / 101] * 4)
-
-
-def test_domains_that_are_alike_differ_by_nothing():
-    table = paired_differences({("a", "a"): seen([0.9, 0.5, 0.7, 0.2]), ("a", "b"): seen([0.9, 0.5, 0.7, 0.2])})
-    assert np.abs(table[["difference", "difference_low", "difference_high"]].to_numpy(float)).max() == 0

@@ -67,11 +67,6 @@ def test_confidence_and_rules_are_applied(folders):
     assert (alone["pairs"], alone["ipd"]) == (4, pytest.approx((1 + 0.5 - 0.5 - 0) / 4))
 
 
-def test_a_domain_does_not_differ_from_itself(folders):
-    report = compare_sets((folders / "la",) * 2, (folders / "pa",) * 2, resamples=100)
-    assert (report["classes"]["rock"]["pairs"], report["classes"]["rock"]["ipd_abs"]) == (2, 0)
-
-
 def test_class_names_come_from_the_class_file(folders):
     for name in ("la", "pa", "lb", "pb"):
         (folders / name / "classes.txt").write_text("boulder\n")

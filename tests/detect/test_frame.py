@@ -22,11 +22,3 @@ def test_a_point_in_a_framed_picture_leads_back_to_the_photo(rng):
     low = (np.array([columns.min(), rows.min()]) - offset) * scale
     high = (np.array([columns.max(), rows.max()]) + 1 - offset) * scale
     np.testing.assert_allclose([*low, *high], [1000, 600, 1100, 640], atol=3.1)  # one input pixel is three photo pixels
-
-
-def test_a_smaller_picture_has_less_grain(rng):
-    """A reduction by 4 averages 16 pixels, so grain of standard deviation 40 is reduced to 10."""
-    photo = np.clip(rng.normal(128, 40, (1216, 1936)), 0, 255).astype(np.uint8)
-    pixels, (left, top), _ = letterbox(photo, 484)
-    inside = pixels[round(top) : round(top) + 304, round(left) : round(left) + 484]
-    assert inside.std() == pytest.approx(10, rel=0.1)

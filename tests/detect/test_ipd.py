@@ -3,8 +3,6 @@ from functools import partial
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from polarsim.detect import ipd
 from polarsim.detect.ipd import IpdRules, instance_performance, pair_rock_labels, rock_means
@@ -34,6 +32,7 @@ SECOND = performances(("a", 1, 0.7), ("a", 2, 0.8), ("b", 1, 0.2))
 
 def test_gains_and_losses_cancel_in_ipd_but_not_in_absolute_ipd():
     found = instance_performance_difference(FIRST, SECOND)
+    assert instance_performance_difference(SECOND, FIRST) == found
     assert found.pairs == 3
     assert found.ipd == pytest.approx((0.2 - 0.3 + 0.4) / 3)
     assert found.ipd_abs == pytest.approx((0.2 + 0.3 + 0.4) / 3)
@@ -48,26 +47,6 @@ def test_the_papers_ipd_is_the_difference_of_its_mean_overlaps(rng, first, secon
     found = instance_performance_difference(around(first), around(second))
     assert found.ipd == pytest.approx(published, abs=0.0011)  # the means are printed with three digits
     assert found.ipd_low < found.ipd < found.ipd_high
-
-
-some_performances = st.lists(
-    st.tuples(st.sampled_from("abcd"), st.integers(1, 6), st.floats(0, 1)),
-    min_size=1,
-    unique_by=lambda row: row[:2],
-).map(lambda rows: performances(*rows))
-
-
-@settings(deadline=None, max_examples=15)
-@given(some_performances, some_performances)
-def test_ipd_is_symmetric_and_at_most_the_absolute_ipd(first, second):
-    there = instance_performance_difference(first, second, resamples=100)
-    back = instance_performance_difference(second, first, resamples=100)
-    assert there.pairs == back.pairs
-    if there.pairs:
-        assert there.ipd == pytest.approx(back.ipd)
-        assert there.ipd_abs == pytest.approx(back.ipd_abs)
-        assert 0 <= there.ipd <= there.ipd_abs + 1e-12 <= 1 + 1e-12
-        assert np.isnan(there.ipd_low) if there.units == 1 else there.ipd_low <= there.ipd_high <= 1
 
 
 def test_only_rocks_known_in_both_domains_are_pairs():

@@ -13,11 +13,11 @@ from polarsim.detect.dataset import dataset_images, image_entry, write_yolo_data
 from polarsim.detect.detect_pictures import detect_in_images, prediction_options
 from polarsim.detect.masks import class_mask, segment_pictures, within_boxes
 from polarsim.detect.options import PACKAGED, PredictionOptions, TrainingOptions
-from polarsim.detect.train import train_detector
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables, yolo
 from polarsim.photo import HEIGHT, WIDTH
 from polarsim.run_files import class_masks
+from tests.detect.conftest import train
 
 torch = pytest.importorskip("torch")
 
@@ -59,13 +59,9 @@ def dataset(tmp_path_factory):
     return folder / "dataset"
 
 
-def trained(dataset, folder, **changes):
-    asked = {"model": "compact", "epochs": 16, "batch": 2, "learning_rate": 0.005, "masks": True} | changes
-    train_detector(
-        dataset=dataset, weights=folder / "a.pt", curve=folder / "a.csv", options=TrainingOptions(**asked),
-        prediction=PREDICTION, imgsz=SIZE[0], seed=0, threads=1, work=folder / "work",
-    )  # fmt: skip
-    return folder / "a.pt"
+def trained(dataset, folder):
+    options = TrainingOptions(model="compact", epochs=16, batch=2, learning_rate=0.005, masks=True)
+    return train(dataset, folder, "a", options, SIZE[0])
 
 
 @pytest.fixture(scope="module")

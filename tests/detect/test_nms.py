@@ -19,7 +19,7 @@ def kept_by_definition(boxes, scores, limit):
     return kept
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(3))
 def test_suppression_agrees_with_its_definition(seed):
     rng = np.random.default_rng(seed)
     low = rng.uniform(0, 200, (300, 2))

@@ -9,20 +9,18 @@ import pytest
 
 from polarsim.detect import detectors
 from polarsim.detect import train as train_module
-from polarsim.detect.dataset import dataset_images, make_dataset
+from polarsim.detect.dataset import dataset_images
 from polarsim.detect.detectors.yolo.library import ultralytics
 from polarsim.detect.nms import MAX_BOXES
 from polarsim.detect.options import (
-    PicturesOptions,
     PredictionOptions,
-    SplitOptions,
     TrainingOptions,
 )
 from polarsim.detect.predict import predict
-from polarsim.detect.split import split_photos
-from polarsim.detect.train import train_detector
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables
+from tests.detect import conftest
+from tests.detect.conftest import make_real
 
 pytestmark = [
     pytest.mark.slow,
@@ -35,15 +33,7 @@ OPTIONS, PREDICTION, IMGSZ = TrainingOptions(epochs=2), PredictionOptions(device
 def matched(world, keys, tmp_path_factory) -> Path:
     """A folder with split.csv, the data set real/, real.pt, real.csv, real_on_real.parquet."""
     root = tmp_path_factory.mktemp("matched")
-    split_photos(keys=keys, by="photo", split=root / "split.csv", options=SplitOptions())
-    make_dataset(
-        domain="real",
-        pictures=world / "photos.parquet",
-        labels=world / "labels.parquet",
-        split=root / "split.csv",
-        dataset=root / "real",
-        options=PicturesOptions(imgsz=IMGSZ),
-    )
+    make_real(world, keys, root, IMGSZ)
     before = {path: path.stat().st_mtime_ns for path in (root / "real").rglob("*")}
     train(root, "real", OPTIONS)
     assert {path: path.stat().st_mtime_ns for path in (root / "real").rglob("*")} == before  # no caches in there
@@ -52,17 +42,7 @@ def matched(world, keys, tmp_path_factory) -> Path:
 
 
 def train(root: Path, name: str, options: TrainingOptions, dataset: Path | None = None) -> None:
-    train_detector(
-        dataset=dataset or root / "real",
-        weights=root / f"{name}.pt",
-        curve=root / f"{name}.csv",
-        options=options,
-        prediction=PREDICTION,
-        imgsz=IMGSZ,
-        seed=0,
-        threads=1,
-        work=root / f"work_{name}",
-    )
+    conftest.train(dataset or root / "real", root, name, options, IMGSZ)
 
 
 def run_predict(root: Path, name: str, options: PredictionOptions = PREDICTION) -> None:
