@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.geometry.boxes import match_pairs
+from polarsim.geometry.poses import Pose
 from polarsim.scoring.metrics import Metric, summary_metric
 
 MATCH_RADIUS = 0.5  # maximum distance of the centres of matched rocks, as a share of the true size
@@ -24,13 +25,15 @@ class RockPairs:
     found: np.ndarray  # (p,)
 
 
-def pair_rocks(true: pd.DataFrame, found: pd.DataFrame) -> RockPairs:
+def pair_rocks(true: pd.DataFrame, found: pd.DataFrame, truth_from_sandbox: Pose | None = None) -> RockPairs:
     """Match each rock at most once: maximum number of pairs, then minimum distance, up to half the true rock size.
 
-    Distances are between centres, relative to this radius. Both tables must be in the same frame.
+    Distances are between centres, relative to this radius. Without a pose, both tables are in the same frame.
     """
-    centres = [table[["x", "y", "z"]].to_numpy(float) for table in (true, found)]
-    distance = np.linalg.norm(centres[0][:, None] - centres[1][None], axis=-1)
+    centres, found_centres = (table[["x", "y", "z"]].to_numpy(float).reshape(-1, 3) for table in (true, found))
+    if truth_from_sandbox is not None:
+        found_centres = truth_from_sandbox.apply(found_centres)
+    distance = np.linalg.norm(centres[:, None] - found_centres[None], axis=-1)
     radius = np.maximum(MATCH_RADIUS * true["size_m"].to_numpy(float), MIN_MATCH_RADIUS)[:, None]
     return RockPairs(*match_pairs(-distance / radius, distance < radius))
 

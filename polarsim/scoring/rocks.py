@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats.tables import read_parquet, write_csv, write_parquet
-from polarsim.geometry.poses import Pose, angle_between
+from polarsim.geometry.poses import angle_between
 from polarsim.photo import NO_ROCK
 from polarsim.randomness import generator
 from polarsim.run_files.rigs import read_all_localised
@@ -72,7 +72,7 @@ def _in_cameras_frame(true: pd.DataFrame, found: pd.DataFrame, compared: Compari
     """Return the distances of the true from the reconstructed surface after the alignment by cameras, without ICP."""
     sandbox_from_truth = compared.by_cameras.inverse()
     distance_mm = 1000 * surface.distance(sandbox_from_truth.apply(compared.true.points))
-    paired = true["rock"].to_numpy()[pair_rocks(true, _moved(found, compared.by_cameras)).true]
+    paired = true["rock"].to_numpy()[pair_rocks(true, found, compared.by_cameras).true]
     points_of = {rock: distance_mm[compared.true.rock == rock] for rock in paired}
     rocks_mm = np.array([np.median(distances) for distances in points_of.values() if len(distances)])
     ground_mm = distance_mm[compared.true.rock == NO_ROCK]
@@ -80,12 +80,6 @@ def _in_cameras_frame(true: pd.DataFrame, found: pd.DataFrame, compared: Compari
         *summary_metric("paired rocks, cameras' frame", "surface_median_by_rock", rocks_mm, "mm", "truth"),
         *summary_metric("ground, cameras' frame", "surface_distance", ground_mm, "mm", "truth"),
     ]
-
-
-def _moved(found: pd.DataFrame, truth_from_sandbox: Pose) -> pd.DataFrame:
-    """Return the table of detected rocks with positions in the frame of the ground truth."""
-    points = truth_from_sandbox.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
-    return found.assign(x=points[:, 0], y=points[:, 1], z=points[:, 2])
 
 
 def _reprojection(terrain: int, cameras: Path, truth: Path, compared: Comparison) -> list[Metric]:
@@ -161,10 +155,9 @@ def _against_truth(
     true: pd.DataFrame, found: pd.DataFrame, compared: Comparison
 ) -> tuple[list[Metric], dict[int, dict[str, float]]]:
     """Return the metrics of the terrain, and the metrics of each detected rock and of the ground."""
-    in_truth = _moved(found, compared.truth_from_sandbox)
-    pairs = pair_rocks(true, in_truth)
+    pairs = pair_rocks(true, found, compared.truth_from_sandbox)
     samples, reconstructed = compared.true, compared.reconstructed
-    metrics = recall_and_precision(true, in_truth, pairs, _is_visible(true, samples.points, samples.rock))
+    metrics = recall_and_precision(true, found, pairs, _is_visible(true, samples.points, samples.rock))
     true_rocks, found_rocks = true["rock"].to_numpy()[pairs.true], found["rock"].to_numpy()[pairs.found]
     paired, level = np.isin(samples.rock, true_rocks), samples.rock == NO_ROCK
     metrics += summary_metric("paired rocks", "surface_distance", 1000 * samples.distance[paired], "mm", "truth")

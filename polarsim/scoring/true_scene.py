@@ -14,7 +14,6 @@ from polarsim.formats import obj
 from polarsim.formats.files import read_json, writing_folder
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.poses import Pose
 from polarsim.photo import NO_ROCK, SUNS
 from polarsim.run_files.lamps import write_suns
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised, write_localised
@@ -46,8 +45,7 @@ def write_true_scene(
     truth_from_sandbox = compare_surfaces(terrain, scene, located, truth, inventory).truth_from_sandbox
     sandbox_from_truth = truth_from_sandbox.inverse()
     true, found = (read_parquet(path, _CENTRES) for path in (truth / "rocks.parquet", rocks))
-    found[["x", "y", "z"]] = truth_from_sandbox.apply(found[["x", "y", "z"]].to_numpy(float).reshape(-1, 3))
-    pairs = pair_rocks(true, found)
+    pairs = pair_rocks(true, found, truth_from_sandbox)
     number = dict(zip(true["rock"].iloc[pairs.true], found["rock"].iloc[pairs.found], strict=True))
     unpaired = sorted(set(true["rock"]) - set(number))
     number |= dict(zip(unpaired, range(max([*found["rock"], 0]) + 1, 2**31), strict=False))
@@ -55,7 +53,9 @@ def write_true_scene(
         for position, rig in read_all_localised(truth / "cameras").items():
             localised = LocalisedRig(rig.rig, sandbox_from_truth @ rig.sandbox_from_left, "truth")
             write_localised(folder / f"Pos{position}.json", localised)
-        _write_lamps(folder, truth / "lamps.json", sandbox_from_truth)
+        lamps = read_json(truth / "lamps.json")  # the rover light is part of the rig
+        suns = {sun: np.array(lamps[sun], float) for sun in SUNS if sun in lamps}
+        write_suns(folder, {sun: sandbox_from_truth.apply(position) for sun, position in suns.items()})
     with writing_folder(true_meshes) as folder:
         for rock, path in mesh_files(truth / "meshes", terrain).items():
             name = obj.ground_name(terrain) if rock == NO_ROCK else obj.rock_name(terrain, int(number[rock]))
@@ -71,11 +71,3 @@ def thin_meshes(*, terrain: int, meshes: Path, thinned: Path) -> None:
             copy = path if rock == NO_ROCK else meshes / obj.rock_name(terrain, rock, decimated=True)
             source = copy if copy.exists() else path  # some published rocks have no decimated copy
             shutil.copyfile(source, folder / source.name)
-
-
-def _write_lamps(folder: Path, lamps: Path, sandbox_from_truth: Pose) -> None:
-    """Write the positions of the Sun lamps; the rover light is part of the rig."""
-    lamps_truth = read_json(lamps)
-    write_suns(
-        folder, {sun: sandbox_from_truth.apply(np.array(lamps_truth[sun], float)) for sun in SUNS if sun in lamps_truth}
-    )

@@ -122,7 +122,7 @@ def draw_opposition(
     `picture_finder`.
     """
     domains, picture_of = [photo_domain, *models], picture_finder(photo_domain, pictures)
-    available = [key for key in keys if all(_exists(picture_of(domain, key)) for domain in domains)]
+    available = [key for key in keys if all((path := picture_of(domain, key)) and path.exists() for domain in domains)]
     spots = _best_terrain_spots(available, cameras)
     reason = _reason_for_none(spots)
     if spots is None or reason:
@@ -148,17 +148,10 @@ def _reason_for_none(spots: tuple[PhasePixel, PhasePixel] | None) -> str:
     """Return the reason for an empty figure, or "" if there are spots to show."""
     if spots is None:
         return "No photo of this run that has twins is lit by a single lamp, so no phase angle is defined"
-    smallest = spots[0].phase_deg
-    if smallest > NEAR_DEG:
-        return (
-            f"The smallest phase angle in this run is {smallest:.1f} degrees ({spots[0].key}), too large for the "
-            f"opposition surge (less than {NEAR_DEG:g} degrees)"
-        )
-    return ""
-
-
-def _exists(path: Path | None) -> bool:
-    return path is not None and path.exists()
+    text = (
+        f"The smallest phase angle in this run is {spots[0].phase_deg:.1f} degrees ({spots[0].key}), too large for the "
+    )
+    return f"{text}opposition surge (less than {NEAR_DEG:g} degrees)" if spots[0].phase_deg > NEAR_DEG else ""
 
 
 def _best_terrain_spots(keys: Sequence[PhotoKey], cameras: Mapping[int, Path]) -> tuple[PhasePixel, PhasePixel] | None:
