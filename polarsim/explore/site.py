@@ -9,6 +9,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from polarsim.explore.corrections import Corrections
 from polarsim.explore.drives import drive_content, drive_pictures
 from polarsim.explore.pictures import jpeg, outlines_of_photos, outlines_of_twins, small_jpeg
@@ -68,67 +70,58 @@ def overview(run: Run) -> dict[str, Any]:
 
 def corrections_content(corrections: Corrections, token: str | None = None) -> bytes:
     """Return the content of `data/corrections.json`; without a token the page cannot save corrections."""
-    content = {"folder": str(corrections.folder), "photos": corrections.read(), "token": token}
-    return _json(lambda: content)
+    return _json(lambda: {"folder": str(corrections.folder), "photos": corrections.read(), "token": token})
 
 
-def _json(content: Callable[[], Any]) -> bytes:
-    return json.dumps(content(), separators=(",", ":"), allow_nan=False).encode()
+def _json(content: Callable[..., Any], *arguments: Any) -> bytes:
+    return json.dumps(content(*arguments), separators=(",", ":"), allow_nan=False).encode()
 
 
-def _arrow(content: Callable[[], Any]) -> bytes:
-    return arrow.encode_arrow(content())
+def _arrow(content: Callable[..., Any], *arguments: Any, **named: Any) -> bytes:
+    return arrow.encode_arrow(content(*arguments, **named))
 
 
 def _tables(run: Run) -> Files:
     files: Files = {
-        "data/run.json": partial(_json, partial(overview, run)),
-        "data/pictures.arrow": partial(_arrow, partial(picture_table, run)),
+        "data/run.json": partial(_json, overview, run),
+        "data/pictures.arrow": partial(_arrow, picture_table, run),
         CORRECTIONS: partial(corrections_content, Corrections(run)),
     }
     for terrain in run.terrains:
         for name, of_twins in (("photo", False), ("twins", True)):
-            labels = partial(shown_labels, run, terrain, of_twins=of_twins)
-            files[f"data/labels/{name}/{terrain}.arrow"] = partial(_arrow, labels)
-        files[f"data/rocks/{terrain}.arrow"] = partial(_arrow, partial(facts_of_rocks, run, terrain))
+            labels = partial(_arrow, shown_labels, run, terrain, of_twins=of_twins)
+            files[f"data/labels/{name}/{terrain}.arrow"] = labels
+        files[f"data/rocks/{terrain}.arrow"] = partial(_arrow, facts_of_rocks, run, terrain)
     for name in run.predictions:
-        files[f"data/predictions/{name}.arrow"] = partial(_arrow, partial(shown_predictions, run, name))
+        files[f"data/predictions/{name}.arrow"] = partial(_arrow, shown_predictions, run, name)
     for path in sorted(run.folder.glob("labels/undone/*.parquet")):
-        files[f"data/undone/{path.stem}.arrow"] = partial(_arrow, partial(_undone, run, path))
+        files[f"data/undone/{path.stem}.arrow"] = partial(_arrow, run.table, str(path.relative_to(run.folder)))
     return files
-
-
-def _undone(run: Run, path: Path) -> Any:
-    return run.table(str(path.relative_to(run.folder)))
 
 
 def _terrains(run: Run) -> Files:
     files: Files = {}
     for terrain in run.terrains:
-        files[f"data/terrain/{terrain}.json"] = partial(_json, partial(terrain_setup, run, terrain))
+        files[f"data/terrain/{terrain}.json"] = partial(_json, terrain_setup, run, terrain)
         if (run.folder / f"meshes/Terrain{terrain:02d}").exists():
             for part, name in enumerate(("vertices", "faces")):
-                files[f"data/terrain/{terrain}/{name}.arrow"] = partial(_mesh, run, terrain, part)
+                files[f"data/terrain/{terrain}/{name}.arrow"] = partial(_arrow, _mesh, run, terrain, part)
     return files
 
 
-def _mesh(run: Run, terrain: int, part: int) -> bytes:
-    import pandas as pd
-
+def _mesh(run: Run, terrain: int, part: int) -> pd.DataFrame:
     tables = thinned_terrain(run, terrain)
-    return arrow.encode_arrow(tables[part] if tables else pd.DataFrame())
+    return tables[part] if tables else pd.DataFrame()
 
 
 def _pictures(run: Run, width: int) -> Files:
     files: Files = {}
-    brackets: dict[str, tuple[str, PhotoKey]] = {}
     for (domain, key), path in run.pictures.items():
         files[f"data/pictures/{domain}/{key}.jpg"] = partial(jpeg, path, width)
         files[f"data/small/{domain}/{key}.jpg"] = partial(small_jpeg, path)
         kind = "photo" if domain == PHOTO else "twins"
-        brackets.setdefault(f"data/outlines/{kind}/{str(key).rpartition('_')[0]}.json", (kind, key))
-    for name, (kind, key) in brackets.items():
-        files[name] = partial(_json, partial(_outlines, run, kind, key))
+        name = f"data/outlines/{kind}/{str(key).rpartition('_')[0]}.json"
+        files.setdefault(name, partial(_json, _outlines, run, kind, key))
     return files
 
 
@@ -142,7 +135,7 @@ def _outlines(run: Run, kind: str, key: PhotoKey) -> list[dict[str, Any]]:
 def _drives(run: Run) -> Files:
     files: Files = {}
     for folder in run.drives:
-        files[f"data/drives/{folder.name}.json"] = partial(_json, partial(drive_content, folder))
+        files[f"data/drives/{folder.name}.json"] = partial(_json, drive_content, folder)
         pictures: Mapping[str, Callable[[], bytes]] = drive_pictures(folder)
         files.update((f"data/drives/{folder.name}/{name}", content) for name, content in pictures.items())
     return files
