@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 
 from polarsim.annotate.overlay import OverlayStyle, add_legend, draw_labels
-from polarsim.errors import ConfigError, FormatError, LabelError, with_path
+from polarsim.errors import ConfigError, FormatError, LabelError
 from polarsim.formats import png
-from polarsim.formats.tables import LABEL_COLUMNS, label_table, read_parquet
+from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.formats.yolo import read_polygons
 from polarsim.geometry.polygons import paint
 from polarsim.photo import BOX_CLASSES, GREY_VALUES, PhotoKey
@@ -51,7 +51,7 @@ def show_of_run(
     write_preview(
         key=key,
         picture=picture,
-        labels=tables / f"Terrain{key.terrain:02d}.parquet",
+        labels=read_parquet(tables / f"Terrain{key.terrain:02d}.parquet", LABEL_COLUMNS),
         out=out,
         scale=scale,
         kinds=kinds,
@@ -72,7 +72,7 @@ def write_preview(
     *,
     key: PhotoKey,
     picture: Path,
-    labels: Sequence[Mapping[str, object]] | Path,
+    labels: pd.DataFrame,
     out: Path,
     scale: float = 1.0,
     kinds: Sequence[str] = BOX_CLASSES,
@@ -81,9 +81,9 @@ def write_preview(
 ) -> None:
     """Write a tone-mapped 8-bit image with boxes, lines from shadows to rocks, ids, confidences and a legend.
 
-    `picture` is a photo or twin (16 bits), or an 8-bit image of the photo at any size. `labels` is a label table or has
-    rows with `LABEL_COLUMNS`; rows of other photos are ignored. `masks` (h, w) bool of the photo are filled. The
-    default title is the photo key, and the file name of the image if it differs from the key.
+    `picture` is a photo or twin (16 bits), or an 8-bit image of the photo at any size. Labels of other photos are
+    ignored. `masks` (h, w) bool of the photo are filled. The default title is the photo key, and the file name of the
+    image if it differs from the key.
     """
     unknown = [kind for kind in kinds if kind not in BOX_CLASSES]
     if unknown:
@@ -92,11 +92,7 @@ def write_preview(
     width = round(scale * pixels.shape[1])
     if not 64 <= width <= 16384:
         raise ConfigError(f"scale {scale:g} makes an image {width} px wide, expected 64 to 16384 px")
-    if isinstance(labels, Path):
-        with with_path(labels):
-            rows = rows_of(read_parquet(labels, LABEL_COLUMNS), key)
-    else:
-        rows = rows_of(label_table([dict(row) for row in labels]), key)
+    rows = rows_of(labels, key)
     drawn = draw_labels(pixels, rows, width, OverlayStyle(kinds, links=True, shadow_ids=True), masks)
     usual = f"{key}, {picture.name}" if picture.stem != str(key) else str(key)
     png.write_png(out, add_legend(drawn, title or usual, rows, kinds))

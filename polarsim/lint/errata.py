@@ -7,7 +7,6 @@ from html import escape
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from polarsim.errors import FormatError
 from polarsim.formats import release, tables, thumbnails, yolo
@@ -37,12 +36,7 @@ def lint_and_draw(*, root: Path, twins: Sequence[Path], page: Path, table: Path,
     `twins` are folders with twins, KEY.png; defects of photos without a twin are drawn on a plain background.
     """
     report = lint_release(root, workers)
-    columns = ["code", "severity", "defect", "file", "line", "detail"]
-    rows = [
-        (finding.code, finding.severity, finding.defect, finding.file, finding.line, finding.detail)
-        for finding in report.findings
-    ]
-    tables.write_csv(table, pd.DataFrame(rows, columns=columns))
+    tables.write_csv(table, report.table("code", "severity", "defect", "file", "line", "detail"))
     pictures = {path.stem: path for folder in twins for path in folder.glob("*.png")}
     write_errata(report.chosen(select_rules(("error", "warning"), ())), root, pictures, page)
 
@@ -109,16 +103,11 @@ def _picture(path: Path, finding: Finding, twins: Mapping[str, Path]) -> str:
         for row in order
     )
     polygons += "".join(f'<polygon class="lacking" points="{_points(_corners(*box))}"/>' for box in finding.lacking)
-    background = _twin(path, twins)
+    background = ""
+    if path.stem in twins:  # twin of the photo
+        uri = thumbnails.of_photo(twins[path.stem], FIGURE_WIDTH_PX)
+        background = f'<image href="{uri}" width="{WIDTH}" height="{HEIGHT}"/>'
     return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{FIGURE_WIDTH_PX}" role="img">{background}{polygons}</svg>'
-
-
-def _twin(path: Path, twins: Mapping[str, Path]) -> str:
-    """Return the twin of a label file's photo as the background of the figure."""
-    twin = twins.get(path.stem)
-    if twin is None:
-        return ""
-    return f'<image href="{thumbnails.of_photo(twin, FIGURE_WIDTH_PX)}" width="{WIDTH}" height="{HEIGHT}"/>'
 
 
 def _shapes(path: Path) -> Iterator[tuple[str, np.ndarray]]:

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+import pandas as pd
+
 from polarsim import __version__
 from polarsim.errors import PolarsimError
 from polarsim.formats.yolo import fields_of
@@ -37,6 +39,14 @@ class Finding:
     def severity(self) -> Severity:
         return RULES[self.defect].severity
 
+    @property
+    def meaning(self) -> str:
+        return RULES[self.defect].meaning
+
+    @property
+    def repair(self) -> str:
+        return RULES[self.defect].repair
+
     def __str__(self) -> str:
         where = f"{self.file}:{self.line}" if self.line else self.file
         detail = f": {self.detail}" if self.detail else ""
@@ -63,23 +73,18 @@ class Report:
     def count(self, *severities: Severity) -> int:
         return sum(finding.severity in severities for finding in self.findings)
 
+    def table(self, *columns: str) -> pd.DataFrame:
+        """Return a row per finding with these attributes of the findings."""
+        rows = [[getattr(finding, column) for column in columns] for finding in self.findings]
+        return pd.DataFrame(rows, columns=list(columns))
+
     def as_json(self) -> dict[str, Any]:
         """Return `contents`, `findings` with code, severity, file, line, message and repair, and counts by severity."""
         return {
             "contents": self.contents,
-            "findings": [
-                {
-                    "code": finding.code,
-                    "severity": finding.severity,
-                    "defect": finding.defect,
-                    "file": finding.file,
-                    "line": finding.line,
-                    "meaning": RULES[finding.defect].meaning,
-                    "detail": finding.detail,
-                    "repair": RULES[finding.defect].repair,
-                }
-                for finding in self.findings
-            ],
+            "findings": self.table("code", "severity", "defect", "file", "line", "meaning", "detail", "repair").to_dict(
+                "records"
+            ),
             "counts": self.counts,
             "errors": self.count("error"),
             "warnings": self.count("warning"),
@@ -113,11 +118,10 @@ def _sarif_result(finding: Finding) -> dict[str, Any]:
     location: dict[str, Any] = {"artifactLocation": {"uri": finding.file}}
     if finding.line:
         location["region"] = {"startLine": finding.line}
-    meaning = RULES[finding.defect].meaning
     return {
         "ruleId": finding.code,
         "level": finding.severity,
-        "message": {"text": f"{meaning}: {finding.detail}" if finding.detail else meaning},
+        "message": {"text": f"{finding.meaning}: {finding.detail}" if finding.detail else finding.meaning},
         "locations": [{"physicalLocation": location}],
     }
 

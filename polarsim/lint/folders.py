@@ -7,7 +7,7 @@ folders, in `images/` and `labels/` of each part, or in one folder.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import cache, partial
@@ -50,20 +50,14 @@ def lint_release(root: Path, workers: int = 1, layout: Layout = release.PUBLISHE
             f"{release.MESHES}/TerrainNN",
             path=root,
         )
-    findings: list[Finding] = []
-    contents = {}
+    report = Report([], {})
     lint = partial(lint_terrain, root, layout=layout)
-    for terrain, (findings_of_terrain, content) in zip(terrains, _each(lint, terrains, workers), strict=True):
-        findings += findings_of_terrain
-        contents[f"Terrain{terrain:02d}"] = content
-    return Report(findings, contents)
-
-
-def _each(lint_one: Callable[[int], Terrain], terrains: list[int], workers: int) -> Iterator[Terrain]:
     with ProcessPoolExecutor(workers) as pool:
-        results = pool.map(lint_one, terrains) if workers > 1 and len(terrains) > 1 else map(lint_one, terrains)
-        for _, result in zip(track(terrains, "validating terrains"), results, strict=True):
-            yield result
+        results = pool.map(lint, terrains) if workers > 1 and len(terrains) > 1 else map(lint, terrains)
+        for terrain, (findings, content) in zip(track(terrains, "validating terrains"), results, strict=True):
+            report.findings.extend(findings)
+            report.contents[f"Terrain{terrain:02d}"] = content
+    return report
 
 
 def lint_terrain(root: Path, terrain: int, layout: Layout = release.PUBLISHED_LAYOUT) -> Terrain:
@@ -195,24 +189,19 @@ def lint_pictures(root: Path) -> Report:
 
 
 def _pictures(root: Path) -> dict[str, Path]:
-    """Return the pictures of a folder by their path without suffix and without folders of `IMAGES`."""
     return _by_stem(root, (path for path in root.rglob("*") if path.suffix.lower() in png.SUFFIXES), IMAGES)
 
 
 def _labels(root: Path) -> dict[str, Path]:
-    """Return the label files of a folder by their path without suffix and without folders of `LABELS`."""
     texts = (path for path in root.rglob("*.txt") if not yolo.is_class_list(path) and path.is_file())
     return _by_stem(root, texts, LABELS)
 
 
-def _by_stem(root: Path, files: Iterable[Path], folders: tuple[str, ...]) -> dict[str, Path]:
-    """Return files by stem; if some are in one of the folders, only these."""
-    parts = {path: path.relative_to(root).with_suffix("").parts for path in sorted(files)}
-    inside = {
-        path: parts_of_path for path, parts_of_path in parts.items() if not set(parts_of_path[:-1]).isdisjoint(folders)
-    } or parts
-    return {"/".join([*(part for part in parts_of_path[:-1] if part not in folders), parts_of_path[-1]]): path
-            for path, parts_of_path in inside.items()}  # fmt: skip
+def _by_stem(root: Path, files: Iterable[Path], names: tuple[str, ...]) -> dict[str, Path]:
+    """Return files by path without suffix and folders of these names; if some are in such folders, only these."""
+    folders = {path: path.relative_to(root).parts[:-1] for path in sorted(files)}
+    inside = [path for path in folders if not set(folders[path]).isdisjoint(names)] or list(folders)
+    return {"/".join([*(part for part in folders[path] if part not in names), path.stem]): path for path in inside}
 
 
 def lint_folder(root: Path, names: Collection[str], *, workers: int = 1, fix: Path | None = None) -> Report:

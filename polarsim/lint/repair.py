@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from polarsim.errors import FormatError
 from polarsim.formats import release, tables, yolo
@@ -27,7 +26,7 @@ from polarsim.lint.files import (
     file_defects,
     ring_defects,
 )
-from polarsim.lint.findings import Finding
+from polarsim.lint.findings import Finding, Report
 from polarsim.lint.rules import RULES, Defect
 from polarsim.lint.siblings import modal_file, of_class, set_defects, swapped_classes
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey, by_bracket
@@ -56,7 +55,7 @@ def write_repaired(root: Path, findings: Iterable[Finding], out: Path, names: Co
         raise FormatError(f"a repaired copy needs a new folder outside {root}", path=out)
     by_file: dict[str, list[Finding]] = {}
     for finding in findings:
-        if RULES[finding.defect].repair and Path(finding.file).parts[0] in _LABELS:
+        if finding.repair and Path(finding.file).parts[0] in _LABELS:
             by_file.setdefault(finding.file, []).append(finding)
     for terrain in release.terrains(root):
         classes = yolo.find_classes(release.label_folder(root, terrain))
@@ -71,14 +70,9 @@ def write_repaired(root: Path, findings: Iterable[Finding], out: Path, names: Co
         for terrain in release.terrains(copy):
             repairs.boxes(terrain)
             repairs.polygons(terrain)
-        done = sorted(repairs.done)
-        rows = [
-            (finding.file, finding.line, finding.code, finding.defect, RULES[finding.defect].repair, finding.detail)
-            for finding in done
-        ]
-        columns = ["file", "line", "code", "defect", "repair", "detail"]
-        tables.write_csv(copy / REPAIR_TABLE, pd.DataFrame(rows, columns=columns))
-    return len(done)
+        report = Report(sorted(repairs.done), {})
+        tables.write_csv(copy / REPAIR_TABLE, report.table("file", "line", "code", "defect", "repair", "detail"))
+    return len(report.findings)
 
 
 @dataclass

@@ -153,8 +153,7 @@ def _missing_right(files: Mapping[PhotoKey, Boxes]) -> Defects:
 
 def _across_azimuths(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Yield defects of a view relative to the best files of the other azimuths, rover light off."""
-    best = {key.azimuth: key for key in _best(files) if key.light == "off" and key.azimuth in SUNS}
-    rocks = {azimuth: _rocks(files[key]) for azimuth, key in best.items()}
+    best, rocks = _dark_rocks(files)
     for azimuth, key in best.items():
         others = [rocks[other] for other in rocks if other != azimuth]
         if len(others) < len(SUNS) - 1:
@@ -171,8 +170,7 @@ def _across_azimuths(files: Mapping[PhotoKey, Boxes]) -> Defects:
 
 def swapped_classes(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Yield shadows of a view that are rocks in the best files of other azimuths, rover light off."""
-    best = {key.azimuth: key for key in _best(files) if key.light == "off" and key.azimuth in SUNS}
-    rocks = {azimuth: _rocks(files[key]) for azimuth, key in best.items()}
+    _, rocks = _dark_rocks(files)
     for key, (classes, boxes) in sorted(files.items()):
         shadows = np.flatnonzero(classes == SHADOW_CLASS)
         elsewhere = [rocks[azimuth] for azimuth in rocks if azimuth != key.azimuth]
@@ -180,6 +178,12 @@ def swapped_classes(files: Mapping[PhotoKey, Boxes]) -> Defects:
         if len(swapped):
             detail = f"{len(swapped)} boxes, first box {swapped[0] + 1}"
             yield key, Defect("swapped_class", detail, tuple(swapped.tolist()))
+
+
+def _dark_rocks(files: Mapping[PhotoKey, Boxes]) -> tuple[dict[str, PhotoKey], dict[str, np.ndarray]]:
+    """Return the best file of a view with rover light off and its rocks (n, 4), by Sun azimuth."""
+    best = {key.azimuth: key for key in _best(files) if key.light == "off" and key.azimuth in SUNS}
+    return best, {azimuth: files[key][1][files[key][0] == ROCK_CLASS] for azimuth, key in best.items()}
 
 
 def _across_lights(files: Mapping[PhotoKey, Boxes]) -> Defects:
@@ -205,8 +209,3 @@ def _across_lights(files: Mapping[PhotoKey, Boxes]) -> Defects:
 def _best(files: Mapping[PhotoKey, Boxes]) -> list[PhotoKey]:
     """Return the file with most boxes of each exposure bracket; of equal files the shortest exposure."""
     return [max(keys, key=lambda key: (len(files[key][0]), -key.exposure_ms)) for keys in by_bracket(files).values()]
-
-
-def _rocks(labels: Boxes) -> np.ndarray:
-    classes, boxes = labels
-    return boxes[classes == ROCK_CLASS]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TypeVar
 
 import numpy as np
 
@@ -28,6 +29,7 @@ MAX_LOG_SIDES = 0.4  # maximum log ratio of the sides of a rock's boxes in left 
 ROCK_FOOT, SHADOW_FOOT = 0.75, 0.5  # share of a box's height, from its top, at which its centre is on the ground
 MAX_SHADOW_GAP = 0.12  # maximum distance on the ground between the boxes of a rock and its shadow, metres
 AWAY, TOWARDS = 0.0, -0.7  # minimum cosine to the direction of light of a possible shadow, maximum of an impossible one
+Place = TypeVar("Place")  # a view, or an azimuth
 
 
 def view_defects(files: Mapping[PhotoKey, Boxes]) -> Defects:
@@ -44,26 +46,16 @@ def _other_views(files: Mapping[PhotoKey, Boxes]) -> Defects:
     sets = modals(rocks)
     fits: dict[tuple[object, ...], dict[tuple[int, str, str], float]] = {}
     for key, boxes in sorted(rocks.items()):
-        if len(boxes) < MIN_BOXES_OF_A_VIEW:
-            continue
         content = (key.bracket, boxes.tobytes())
         if content not in fits:  # most exposures have the same content
-            fits[content] = _fits_of_views(
-                boxes, {name: annotated for name, annotated in sets.items() if name != key.bracket}
-            )
-        fit_of_view = fits[content]
-        best = max(fit_of_view, key=lambda view: fit_of_view[view], default=None)
-        own_fit = fit_of_view.get(key.view)
-        if best is not None and own_fit is not None and fit_of_view[best] >= max(MIN_VIEW_IOU, own_fit + MIN_VIEW_LEAD):
-            detail = f"rocks of {best[1]} {best[2]}: mean IoU {fit_of_view[best]:.2f}, own {own_fit:.2f}"
-            yield key, Defect("other_view", detail)
-
-
-def _fits_of_views(boxes: np.ndarray, sets: Mapping[Bracket, np.ndarray]) -> dict[tuple[int, str, str], float]:
-    fits: dict[tuple[int, str, str], list[float]] = {}
-    for name, annotated in sets.items():
-        fits.setdefault(_view(name), []).append(_fit(boxes, annotated))
-    return {view: float(np.median(found)) for view, found in fits.items()}
+            by_view: dict[tuple[int, str, str], list[float]] = {}
+            for name, annotated in sets.items():
+                if name != key.bracket:
+                    by_view.setdefault(_view(name), []).append(_fit(boxes, annotated))
+            fits[content] = {view: float(np.median(of_view)) for view, of_view in by_view.items()}
+        best, detail = _better_fit(boxes, fits[content], key.view)
+        if best is not None:
+            yield key, Defect("other_view", f"rocks of {best[1]} {best[2]}: {detail}")
 
 
 def _other_azimuths(files: Mapping[PhotoKey, Boxes]) -> Defects:
@@ -71,20 +63,24 @@ def _other_azimuths(files: Mapping[PhotoKey, Boxes]) -> Defects:
     shadows = of_class(files, SHADOW_CLASS)
     sets = modals(shadows)
     for key, boxes in sorted(shadows.items()):
-        if key.azimuth not in SUNS or len(boxes) < MIN_BOXES_OF_A_VIEW:
-            continue
-        other = {
-            name[3]: _fit(boxes, annotated)
-            for name, annotated in sets.items()
-            if _view(name) == key.view and name[3] in SUNS and name[2] != key.light
-        }
-        own_fit = other.pop(key.azimuth, None)
-        best = max(other, key=lambda azimuth: other[azimuth], default=None)
-        if own_fit is not None and best is not None and other[best] >= max(MIN_VIEW_IOU, own_fit + MIN_VIEW_LEAD):
-            yield (
-                key,
-                Defect("other_azimuth", f"shadows of azimuth {best}: mean IoU {other[best]:.2f}, own {own_fit:.2f}"),
-            )
+        if key.azimuth in SUNS:
+            fits = {
+                name[3]: _fit(boxes, annotated)
+                for name, annotated in sets.items()
+                if _view(name) == key.view and name[3] in SUNS and name[2] != key.light
+            }
+            best, detail = _better_fit(boxes, fits, key.azimuth)
+            if best is not None:
+                yield key, Defect("other_azimuth", f"shadows of azimuth {best}: {detail}")
+
+
+def _better_fit(boxes: np.ndarray, fits: Mapping[Place, float], own: Place) -> tuple[Place | None, str]:
+    """Return the place where boxes (n, 4) fit clearly better than at their own place, if any, and both fits."""
+    best = max(fits, key=lambda place: fits[place], default=None)
+    if best is None or own not in fits or len(boxes) < MIN_BOXES_OF_A_VIEW:
+        return None, ""
+    better = fits[best] >= max(MIN_VIEW_IOU, fits[own] + MIN_VIEW_LEAD)
+    return best if better else None, f"mean IoU {fits[best]:.2f}, own {fits[own]:.2f}"
 
 
 def _view(bracket: Bracket) -> tuple[int, str, str]:

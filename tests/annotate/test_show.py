@@ -5,7 +5,7 @@ from polarsim.annotate.overlay import LINK, OverlayStyle, draw_labels
 from polarsim.annotate.show import write_preview
 from polarsim.errors import ConfigError, FormatError
 from polarsim.formats import png
-from polarsim.formats.tables import key_columns, label_table, write_parquet
+from polarsim.formats.tables import key_columns, label_table
 from polarsim.photo import BLACK_LEVEL, COLOURS, PhotoKey
 from polarsim.tone import display_white_level, to_8bit
 
@@ -35,8 +35,7 @@ def count(pixels, kind):
 def test_a_photo_is_shown_with_only_the_labels_of_the_photo(tmp_path):
     png.write_png(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
     rows = [label(), label("shadow", box=(100, 300, 380, 500)), label(key=OTHER, box=(1000, 800, 1400, 1100))]
-    write_parquet(tmp_path / "labels.parquet", label_table(rows))
-    write_preview(key=KEY, picture=tmp_path / "photo.png", labels=tmp_path / "labels.parquet", out=tmp_path / "out.png")
+    write_preview(key=KEY, picture=tmp_path / "photo.png", labels=label_table(rows), out=tmp_path / "out.png")
     shown = png.read_png(tmp_path / "out.png")
     assert shown.dtype == np.uint8
     assert shown.shape[1] == 1936
@@ -46,35 +45,16 @@ def test_a_photo_is_shown_with_only_the_labels_of_the_photo(tmp_path):
     assert count(shown[700:1216], "rock") == 0
 
 
-def test_rows_and_table_make_the_same_bytes(tmp_path):
-    png.write_png(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
-    rows = [label(confidence=0.4), label("shadow")]
-    write_parquet(tmp_path / "labels.parquet", label_table(rows))
-    for name, labels in (("a.png", rows), ("b.png", tmp_path / "labels.parquet")):
-        write_preview(key=KEY, picture=tmp_path / "photo.png", labels=labels, out=tmp_path / name, scale=0.5)
-    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
-    assert png.read_png(tmp_path / "a.png").shape[1] == 968
-
-
-def test_only_the_selected_kind_is_drawn(tmp_path):
-    png.write_png(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
-    write_preview(
-        key=KEY,
-        picture=tmp_path / "photo.png",
-        labels=[label(), label("shadow", box=(900, 300, 980, 500))],
-        out=tmp_path / "o.png",
-        kinds=("shadow",),
-    )
-    shown = png.read_png(tmp_path / "o.png")
-    assert count(shown, "rock") == 0
-    assert count(shown, "shadow") > 0
-
-
 def test_only_masks_of_selected_kinds_are_tinted(tmp_path):
     png.write_png(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
     rock, shadow = np.zeros((1216, 1936), bool), np.zeros((1216, 1936), bool)
     rock[600:700, 100:200], shadow[600:700, 300:400] = True, True
-    arguments = {"key": KEY, "picture": tmp_path / "photo.png", "labels": [], "masks": {"rock": rock, "shadow": shadow}}
+    arguments = {
+        "key": KEY,
+        "picture": tmp_path / "photo.png",
+        "labels": label_table([]),
+        "masks": {"rock": rock, "shadow": shadow},
+    }
     write_preview(**arguments, out=tmp_path / "both.png")
     write_preview(**arguments, out=tmp_path / "rocks.png", kinds=("rock",))
     both, rocks = (png.read_png(tmp_path / name).astype(int) for name in ("both.png", "rocks.png"))
@@ -139,12 +119,17 @@ def test_ids_of_adjacent_rocks_do_not_overlap():
     [
         ({"kinds": ("crater",)}, ConfigError),
         ({"scale": 0.01}, ConfigError),
-        ({"labels": [label("crater")]}, FormatError),
+        ({"labels": label_table([label("crater")])}, FormatError),
     ],
 )
 def test_an_invalid_input_is_a_one_line_error_without_output(tmp_path, change, error):
     png.write_png(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
-    arguments = {"key": KEY, "picture": tmp_path / "photo.png", "labels": [label()], "out": tmp_path / "out.png"}
+    arguments = {
+        "key": KEY,
+        "picture": tmp_path / "photo.png",
+        "labels": label_table([label()]),
+        "out": tmp_path / "out.png",
+    }
     with pytest.raises(error) as caught:
         write_preview(**{**arguments, **change})
     assert "\n" not in str(caught.value)
@@ -163,3 +148,17 @@ def test_a_dark_photo_remains_dark_and_8_bit_images_are_unchanged(rng):
     grey = rng.integers(0, 256, (5, 6)).astype(np.uint8)
     np.testing.assert_array_equal(to_8bit(grey)[..., 1], grey)
     assert display_white_level(grey) == 255
+
+
+def test_only_the_selected_kind_is_drawn(tmp_path):
+    png.write_png(tmp_path / "photo.png", np.full((1216, 1936), 500, np.uint16))
+    write_preview(
+        key=KEY,
+        picture=tmp_path / "photo.png",
+        labels=label_table([label(), label("shadow", box=(900, 300, 980, 500))]),
+        out=tmp_path / "o.png",
+        kinds=("shadow",),
+    )
+    shown = png.read_png(tmp_path / "o.png")
+    assert count(shown, "rock") == 0
+    assert count(shown, "shadow") > 0

@@ -5,12 +5,10 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from polarsim.errors import PolarsimError
 from polarsim.formats import nasa, obj, tables, yolo
-from polarsim.formats.files import decode_text, read_json
+from polarsim.formats.files import read_json
 from polarsim.formats.yaml_files import read_yaml
 from polarsim.geometry.stereo import default_rig
 from polarsim.rocks.overrides import read_overrides
@@ -75,12 +73,3 @@ def test_binary_content_is_a_one_line_error(tmp_path, name, content):
         read(tmp_path / file)
     assert caught.value.path == tmp_path / file
     assert "\n" not in str(caught.value)
-
-
-@settings(max_examples=50)
-@given(
-    text=st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"])), encoding=st.sampled_from(UNICODE)
-)
-def test_a_text_reads_back_from_every_encoding(text, encoding):
-    if encoding != "utf-8" or not text.startswith("\ufeff"):
-        assert decode_text(encoded(text, encoding)) == text

@@ -3,7 +3,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.config import read_config, render_options
+from polarsim.config import render_options
 from polarsim.errors import ConfigError
 from polarsim.formats.yaml_files import parse_yaml, read_yaml
 
@@ -57,14 +57,6 @@ def test_numbers_that_yaml_reads_in_another_base_are_errors(number, text):
 @pytest.mark.parametrize("text", ["0", "-0", "0.5", "1e3", "0e0", "2026-11-27", "01_A_off_180_L_0256", "0256.png"])
 def test_other_plain_values_with_zeros_are_unchanged(text):
     assert parse_yaml(text) == yaml.safe_load(text)
-
-
-def test_a_configuration_with_a_repeated_section_is_an_error(tmp_path):
-    path = tmp_path / "mine.yaml"
-    path.write_text("source: {kind: analog}\nlabels:\n  min_contrast_dn: 20\nlabels:\n  corrections: null\n")
-    with pytest.raises(ConfigError) as caught:
-        read_config(path)
-    assert (caught.value.path, caught.value.line) == (path, 4)
 
 
 def test_values_on_the_command_line_follow_the_same_rules():

@@ -39,24 +39,9 @@ def test_values_boxes_masks_and_ids_are_read_back_exactly(load, catalogue, form)
             np.testing.assert_array_equal(row["sandbox_from_camera"], catalogue.camera(one).world_from_camera.matrix)
 
 
-@pytest.mark.parametrize("form", ["hf", "parquet"])
-def test_splits_are_those_of_the_run(load, form):
-    found = {split: {row["azimuth"] for row in part} for split, part in load(form, "analog").items()}
-    assert found == {"train": {"180"}, "test": {"30"}}
-
-
 def test_a_shadow_refers_to_the_rock_that_casts_it(load):
     objects = load("parquet", "analog")["train"][0]["objects"]
     assert [one["shadow_of"] for one in objects] == [-1, -1, 0, 1, -1]
-
-
-def test_shards_have_a_maximum_size(catalogue, monkeypatch):
-    pictures = catalogue.of_domain("analog")
-    largest = max(one.path.stat().st_size for one in pictures)
-    monkeypatch.setattr(huggingface, "SHARD", 2 * largest)
-    shards = huggingface._shards(pictures)
-    assert [len(shard) for shard in shards] == [2, 2]
-    assert [one for shard in shards for one in shard] == pictures
 
 
 def test_a_split_without_labels_has_the_same_column_types(tmp_path, monkeypatch):
@@ -71,3 +56,12 @@ def test_a_split_without_labels_has_the_same_column_types(tmp_path, monkeypatch)
             "train": {5},
             "test": {0},
         }
+
+
+def test_shards_have_a_maximum_size(catalogue, monkeypatch):
+    pictures = catalogue.of_domain("analog")
+    largest = max(one.path.stat().st_size for one in pictures)
+    monkeypatch.setattr(huggingface, "SHARD", 2 * largest)
+    shards = huggingface._shards(pictures)
+    assert [len(shard) for shard in shards] == [2, 2]
+    assert [one for shard in shards for one in shard] == pictures

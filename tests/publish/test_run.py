@@ -19,7 +19,7 @@ from polarsim.formats import png
 from polarsim.formats.tables import write_csv
 from polarsim.publish import bundle as bundles
 from polarsim.publish import run as running
-from polarsim.publish.bundle import Bundle, check_space
+from polarsim.publish.bundle import check_space
 from polarsim.publish.catalogue import read_catalogue
 from polarsim.publish.options import PublishOptions
 from polarsim.publish.run import FORMS, form_summary, publish_forms, publish_run
@@ -126,18 +126,6 @@ def test_the_size_of_existing_files_is_subtracted_from_the_required_space(tmp_pa
     check_space(tmp_path, 5000)
     with pytest.raises(PolarsimError):
         check_space(tmp_path, 5001)
-
-
-def test_a_full_disk_is_an_error_and_leaves_no_partial_file(tmp_path):
-    bundle = Bundle(tmp_path / "out")
-
-    def fill(path):
-        path.write_bytes(b"half")
-        raise OSError(28, "No space left on device")
-
-    with pytest.raises(PolarsimError, match=r"whole\.bin"):
-        bundle.make("whole.bin", fill)
-    assert not list((tmp_path / "out").iterdir())
 
 
 @pytest.mark.parametrize("forms", [["csv"], ["euroc"]])
