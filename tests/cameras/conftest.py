@@ -107,11 +107,12 @@ def coarse_search() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def coarse_scans() -> Iterator[None]:
-    """Thin scans more, and search their rotation in larger steps, to save time."""
+    """Thin scans more, and search their motion in larger steps, to save time."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(registration, "VOXEL", 0.015)
+        patch.setattr(registration, "VOXEL", 0.02)
         patch.setattr(registration, "YAW_STEP_DEG", 3.0)
         patch.setattr(registration, "CANDIDATES", 2)
+        patch.setattr(registration, "MAP_STEP", 0.03)
         yield
 
 
