@@ -53,14 +53,10 @@ def label_changes(with_it: LabelsByPhoto, without: LabelsByPhoto) -> pd.DataFram
     for key in sorted({*with_it, *without}):
         boxes_with, boxes_without = _by_name(with_it.get(key, ())), _by_name(without.get(key, ()))
         for name in sorted({*boxes_with, *boxes_without}):
-            moved = (
-                float(np.abs(boxes_with[name] - boxes_without[name]).max())
-                if name in boxes_with and name in boxes_without
-                else np.nan
-            )
-            change = (
-                "moved" if name in boxes_with and name in boxes_without else "gone" if name in boxes_with else "new"
-            )
+            before, after = boxes_with.get(name), boxes_without.get(name)
+            change, moved = "gone" if after is None else "new", np.nan
+            if before is not None and after is not None:
+                change, moved = "moved", float(np.abs(before - after).max())
             if not moved <= MIN_SHIFT_PX:
                 rows.append((str(key), name[0], name[1], change, round(moved, 2)))
     types = {"key": str, "kind": str, "rock": np.int64, "change": str, "moved_px": float}

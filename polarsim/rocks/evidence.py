@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from polarsim.geometry.boxes import iou
+from polarsim.geometry.boxes import iou, largest_iou
 from polarsim.geometry.consensus import consensus_boxes, warn_mislabelled_positions
 from polarsim.run_files.rigs import LocalisedRig
 
@@ -43,14 +43,13 @@ class Evidence:
 
     def confirming_positions(self, points: np.ndarray) -> list[str]:
         """Return positions with a seed box that matches a rock, by its points (n, 3) in the sandbox, metres."""
-        positions = []
-        for position, annotated in sorted(self.annotated.items()):
-            if position not in self.localised or not len(annotated):
-                continue
-            box = self._box(position, points)
-            if box is not None and iou(box[None], np.concatenate(annotated)).max(initial=0) >= self.min_iou:
-                positions.append(position)
-        return positions
+        return [
+            position
+            for position, annotated in sorted(self.annotated.items())
+            if position in self.localised
+            and len(annotated)
+            and self.fit(position, points, np.concatenate(annotated)) >= self.min_iou
+        ]
 
     def boxes(self, parts: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
         """Return boxes (p, 4) around parts, given by points (n, 3), in every photo with agreed boxes; NaN outside."""
@@ -70,8 +69,7 @@ class Evidence:
         unmatched = {}
         for position, annotated in self.agreed.items():
             boxes = [box for box in (self._box(position, points) for points in rocks) if box is not None]
-            overlap = iou(annotated, np.array(boxes).reshape(-1, 4)).max(axis=1, initial=0)
-            unmatched[position] = annotated[overlap < self.min_iou]
+            unmatched[position] = annotated[largest_iou(annotated, np.array(boxes)) < self.min_iou]
         return unmatched
 
     def _box(self, position: str, points: np.ndarray) -> np.ndarray | None:

@@ -17,9 +17,8 @@ from polarsim.formats.ply import Cloud
 from polarsim.formats.yolo import read_rock_boxes
 from polarsim.geometry.poses import Pose
 from polarsim.rocks import table
-from polarsim.rocks.annotated import add_annotated_rocks
+from polarsim.rocks.annotated import add_annotated_rocks, add_carved_rocks
 from polarsim.rocks.bumps import Bumps, add_bumps
-from polarsim.rocks.carving import add_carved_rocks
 from polarsim.rocks.clouds import alignment_translations, surface_cloud, voxel_means
 from polarsim.rocks.crops import CroppedRock, crop_rocks, rock_of_points
 from polarsim.rocks.evidence import Evidence

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.boxes import box_around_points
-from polarsim.rocks.carving import add_carved_rocks
+from polarsim.rocks.annotated import add_carved_rocks
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import find_ground
 from polarsim.rocks.regions import Limits, find_regions, measure_mask, scanned_points
