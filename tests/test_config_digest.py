@@ -7,14 +7,11 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from polarsim.config import Config, parse_config
 
 CONFIGURATIONS = Path(__file__).parents[1] / "config"
 WHOLE = ("accuracy", "config", "covers", "full", "paper", "polar", "release", "rover_release")
-folders = st.text("abcXYZ019._-/ é", min_size=1, max_size=20).map(lambda text: f"/{text}")
 
 
 def content(name: str) -> dict:
@@ -23,32 +20,19 @@ def content(name: str) -> dict:
 
 CONTENTS = {name: content(name) for name in WHOLE}
 DIGESTS = {name: parse_config(found).digest() for name, found in CONTENTS.items()}
-few = settings(max_examples=30)
 
 
-@few
-@given(
-    name=st.sampled_from(WHOLE),
-    run=st.text("aZ09_.-", max_size=9).map(lambda text: f"r{text}"),
-    root=folders,
-    seeds_root=folders,
-    forms=st.sampled_from([[], ["coco"], ["pds4", "usd"]]),
-)
-def test_neither_names_nor_folders_nor_downloads_change_the_digest(name, run, root, seeds_root, forms):
+@pytest.mark.parametrize("name", WHOLE)
+def test_neither_names_nor_folders_nor_downloads_change_the_digest(name):
     changed = copy.deepcopy(CONTENTS[name])
-    changed["run"] = run
-    changed["source"] |= {
-        "root": root,
-        "urls": {"Terrain11_FreshCrater.zip": f"https://host/{run}"},
-    }
-    changed["publish"] = {"forms": forms}
+    changed["run"] = "r0.9_Z-"
+    changed["source"] |= {"root": "/é other", "urls": {"Terrain11_FreshCrater.zip": "https://host/a"}}
+    changed["publish"] = {"forms": ["pds4", "usd"]}
     if "root" in changed.get("labels", {}).get("seeds", {}):
-        changed["labels"]["seeds"]["root"] = seeds_root
+        changed["labels"]["seeds"]["root"] = "/seeds"
     assert parse_config(changed).digest() == DIGESTS[name]
 
 
-@few
-@given(first=folders, second=folders)
 @pytest.mark.parametrize(
     "section",
     [
@@ -60,9 +44,10 @@ def test_neither_names_nor_folders_nor_downloads_change_the_digest(name, run, ro
     ],
     ids=["corrections", "seeds", "annotated", "views", "weights"],
 )
-def test_where_further_data_are_stored_does_not_change_the_digest(section, first, second):
+def test_where_further_data_are_stored_does_not_change_the_digest(section):
     source = {"source": {"kind": "polar", "root": "data/polar"}}
-    assert parse_config(source | section(first)).digest() == parse_config(source | section(second)).digest()
+    first, second = (parse_config(source | section(folder)).digest() for folder in ("/a b/é", "/other/../c"))
+    assert first == second
 
 
 @pytest.mark.parametrize("name", WHOLE)
