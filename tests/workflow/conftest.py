@@ -4,6 +4,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -72,22 +73,29 @@ def checkout(tmp_path: Path, make_checkout) -> Path:
 
 
 @pytest.fixture(scope="session")
-def snakemake(tmp_path_factory) -> Callable[..., subprocess.CompletedProcess]:
-    """Run Snakemake in a folder, with the library of this folder if it has one.
+def server_of(tmp_path_factory) -> Callable[[str | None], forked.Server]:
+    """Return the server with a `PYTHONHASHSEED`."""
+    return cache(lambda hash_seed: forked.Server(tmp_path_factory.mktemp("forked") / "server", hash_seed))
 
-    A `PYTHONHASHSEED` in the environment has a server with this seed.
-    """
-    servers: dict[str | None, forked.Server] = {}
+
+@pytest.fixture
+def snakemake_of_commands(server_of, monkeypatch) -> None:
+    """Run Snakemake of commands of polarsim, which they start with `sys.executable`, on the server."""
+    server = server_of(None)
+    server.start()
+    monkeypatch.setattr(sys, "executable", str(server.python))
+
+
+@pytest.fixture(scope="session")
+def snakemake(server_of) -> Callable[..., subprocess.CompletedProcess]:
+    """Run Snakemake in a folder, with the library of this folder if it has one."""
 
     def run(folder: Path, *arguments: str, **environment: str) -> subprocess.CompletedProcess:
         library = folder if (folder / "polarsim").is_dir() else CHECKOUT
         words = ["--cores", "1", *arguments]
         environment = {**os.environ, "PYTHONPATH": str(library), **environment}
         if library == CHECKOUT:
-            hash_seed = environment.get("PYTHONHASHSEED")
-            if hash_seed not in servers:
-                servers[hash_seed] = forked.Server(tmp_path_factory.mktemp("forked") / "server", hash_seed)
-            return servers[hash_seed].call(folder, words, environment)
+            return server_of(environment.get("PYTHONHASHSEED")).call(folder, words, environment)
         return subprocess.run(
             [sys.executable, "-m", "snakemake", *words],
             cwd=folder, env=environment, capture_output=True, text=True, timeout=forked.LONGEST_S,

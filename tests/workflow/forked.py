@@ -40,8 +40,7 @@ class Server:
         self.python.chmod(0o755)
         self._process: subprocess.Popen | None = None
 
-    def call(self, folder: Path, arguments: list[str], environment: dict[str, str]) -> subprocess.CompletedProcess:
-        """Run `snakemake ARGUMENTS` in a folder; return exit code and output."""
+    def start(self) -> None:
         if self._process is None:
             self._process = subprocess.Popen(
                 [sys.executable, "-c", _SERVE, str(self.address)], cwd=CHECKOUT, env=self._environment
@@ -50,6 +49,10 @@ class Server:
             while not self.address.exists():
                 assert self._process.poll() is None, "the server that forks ended at its start"
                 time.sleep(0.05)
+
+    def call(self, folder: Path, arguments: list[str], environment: dict[str, str]) -> subprocess.CompletedProcess:
+        """Run `snakemake ARGUMENTS` in a folder; return exit code and output."""
+        self.start()
         return subprocess.run(
             [str(self.python), "-m", "snakemake", *arguments],
             cwd=folder, env=environment, capture_output=True, text=True, timeout=LONGEST_S,

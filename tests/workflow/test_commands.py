@@ -368,6 +368,7 @@ def test_the_page_of_the_run_has_pictures_and_labels(call, here, labels, tmp_pat
         assert count == rows["false_positives"].sum(), name
 
 
+@pytest.mark.usefixtures("snakemake_of_commands")
 def test_the_report_is_of_the_run(call, here):
     printed = call("report", "small", "--configfile", "config/small.yaml").splitlines()
     page = here / "report.html"

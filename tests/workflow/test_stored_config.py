@@ -37,6 +37,7 @@ def polarsim_run(*words: str) -> subprocess.CompletedProcess:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("snakemake_of_commands")
 def test_a_run_stores_its_configuration_once_and_its_report_reads_it(clone, snakemake, polarsim):
     settings = ["positions=[A]", "labels={excluded_annotations: [03_A_off_180_L_0256]}"]
     call = (FIGURE, "--configfile", "mine.yaml", "--config", *settings)
