@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -32,12 +32,11 @@ WHEEL_COLUMNS = (
     "slip", "sinkage_m", "sinkage_first_m", "load_n", "torque_n_m", "contact",
 )  # fmt: skip
 COLUMNS = BODY_COLUMNS + tuple(f"{code}_{name}" for code in WHEELS for name in WHEEL_COLUMNS)
-CONTACT_COLUMNS = tuple(f"{code}_contact" for code in WHEELS)
+TRACK_ARRAYS = ("time_s", "start", "cell", "level_m")  # of `LevelChanges`
 TRACE, TRACKS, DRIVE, WORLD = "trace.parquet", "tracks.npz", "drive.json", "world"
 
 
-@dataclass(frozen=True)
-class LevelChanges:
+class LevelChanges(NamedTuple):
     """Changes of the ground by frame: cells that changed since the last frame, and their new levels."""
 
     time: np.ndarray  # (F,) s
@@ -87,7 +86,7 @@ class Trace:
 def trace_table(rows: np.ndarray) -> pd.DataFrame:
     """Return the table of rows (n, len(COLUMNS)) in the order of `COLUMNS`; contacts are indices in `CONTACTS`."""
     table = pd.DataFrame(rows.reshape(-1, len(COLUMNS)), columns=list(COLUMNS))
-    for name in CONTACT_COLUMNS:
+    for name in (f"{code}_contact" for code in WHEELS):
         table[name] = np.array(CONTACTS, dtype=object)[table[name].to_numpy(int)]
     return table
 
@@ -97,14 +96,7 @@ def write_trace(folder: str | Path, trace: Trace) -> None:
     folder = Path(folder)
     write_world(folder / WORLD, trace.world)
     tables.write_parquet(folder / TRACE, trace.table[list(COLUMNS)])
-    tracks = trace.tracks
-    write_arrays(
-        folder / TRACKS,
-        time_s=tracks.time.astype(np.float64),
-        start=tracks.start.astype(np.int64),
-        cell=tracks.cell.astype(np.int32),
-        level_m=tracks.level.astype(np.float32),
-    )
+    write_arrays(folder / TRACKS, **dict(zip(TRACK_ARRAYS, trace.tracks, strict=True)))
     write_json(folder / DRIVE, trace.drive)
 
 
@@ -115,8 +107,8 @@ def read_trace(folder: str | Path) -> Trace:
     table = tables.read_parquet(folder / TRACE, COLUMNS)
     if len(table) < 2:
         raise FormatError(f"{len(table)} rows, a drive has at least two", path=folder / TRACE)
-    arrays = read_arrays(folder / TRACKS, ("time_s", "start", "cell", "level_m"))
-    tracks = LevelChanges(arrays["time_s"], arrays["start"], arrays["cell"], arrays["level_m"])
+    arrays = read_arrays(folder / TRACKS, TRACK_ARRAYS)
+    tracks = LevelChanges(*(arrays[name] for name in TRACK_ARRAYS))
     if len(tracks.start) != len(tracks.time) + 1 or (len(tracks.cell) and tracks.cell.max() >= world.level.size):
         raise FormatError(f"cells do not belong to the ground of {world.level.shape} nodes", path=folder / TRACKS)
     return Trace(table, world, tracks, read_json(folder / DRIVE))

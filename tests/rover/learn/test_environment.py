@@ -21,6 +21,8 @@ from polarsim.rover.learn.observation import AHEAD_M, CELLS, STATE
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.practice import PracticeGround, practice_world
+from polarsim.rover.world.surface import PlacedRock, with_rocks
+from tests.rover.made_world import ball
 
 GROUND = PracticeGround(length_m=7.0, width_m=5.0, cell_m=0.04, rocks=6, smallest_m=0.15)
 FIRM = SoilOptions(slip_sinkage=False, step_s=0.002)
@@ -124,15 +126,9 @@ def test_rocks_of_a_practice_ground_are_partly_buried():
 
 def wall_ahead() -> WorldCourse:
     """Return a course with two rocks above 10 cm, both in the path of the wheels."""
-    world = practice_world(replace(GROUND, rocks=2, smallest_m=0.3, largest_m=0.3), 3)
-    rocks = world.rocks.copy()
-    vertices = world.vertices.copy()
-    for number, (x, y) in enumerate(((3.2, 0.6), (3.2, -0.6))):
-        used = np.unique(world.triangles[rocks["first_face"][number] :][: rocks["faces"][number]])
-        vertices[used, 0] += x - rocks["x_m"][number]
-        vertices[used, 1] += y - rocks["y_m"][number]
-        rocks.loc[number, ["x_m", "y_m"]] = x, y
-    return WorldCourse(replace(world, rocks=rocks, vertices=vertices), soil=FIRM)
+    rocks = [ball(3.2, y, 0.05, 0.15) for y in (0.6, -0.6)]
+    placed = [PlacedRock(0, number, rock.vertices, rock.faces) for number, rock in enumerate(rocks)]
+    return WorldCourse(with_rocks(practice_world(replace(GROUND, rocks=0), 3), placed), soil=FIRM)
 
 
 def test_a_rock_costs_once_on_contact_and_is_observed_before():
