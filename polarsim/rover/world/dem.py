@@ -27,7 +27,7 @@ from polarsim.rover.world.rock_field import (
     vertices_in_world,
 )
 from polarsim.rover.world.stitch import TerrainSolids
-from polarsim.rover.world.surface import PlacedRock, World, WorldBackdrop, bare_world, with_rocks
+from polarsim.rover.world.surface import PlacedRock, World, WorldBackdrop, bare_world, joined, with_rocks
 from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 
 GROWTH, GROWTH_FAR = 1.02, 1.1  # ratio of adjacent node distances, in the square and outside
@@ -53,8 +53,7 @@ def dem_world(options: WorldOptions, terrains: list[TerrainSolids], path: np.nda
         slice(*np.searchsorted(all_, [nodes[0], nodes[-1] + options.cell_m / 2]))
         for all_, nodes in zip((y, x), inner[::-1], strict=True)
     )
-    empty = np.zeros((0, 3))
-    around = WorldBackdrop(x, y, level.astype(np.float32), empty.astype(np.float32), empty.astype(np.int32))
+    around = WorldBackdrop(x, y, level.astype(np.float32), *joined([]))
     bare = replace(bare_world(level[inside], options.cell_m, inner[0][0], inner[1][0]), around=around)
     if not dem.rocks:
         return bare
@@ -121,18 +120,13 @@ def _strewn(bare: World, field: RockField, shapes: list[RockModel]) -> World:
     count = max(_MOST_ROCKS, int(near.sum()))
     foot = np.stack([field.x, field.y, _ground_around(bare, field)], axis=1)
     world = with_rocks(bare, _placed(field, shapes, foot, np.sort(order[:count]), near))
-    vertices, triangles, first = [np.zeros((0, 3))], [np.zeros((0, 3), int)], 0
+    scenery = []
     for rock in np.sort(order[count:]):
         mesh = shapes[field.shape[rock]].levels[-1]
-        vertices.append(vertices_in_world(mesh, field.diameter[rock], field.angle[rock], foot[rock]))
-        triangles.append(mesh.faces + first)
-        first += len(mesh.vertices)
-    around = replace(
-        bare.around,
-        vertices=np.concatenate(vertices).astype(np.float32),
-        triangles=np.concatenate(triangles).astype(np.int32),
-    )
-    return replace(world, around=around)
+        points = vertices_in_world(mesh, field.diameter[rock], field.angle[rock], foot[rock])
+        scenery.append((points, mesh.faces))
+    vertices, triangles = joined(scenery)
+    return replace(world, around=replace(bare.around, vertices=vertices, triangles=triangles))
 
 
 def _placed(

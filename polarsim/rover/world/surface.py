@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -129,24 +129,23 @@ class PlacedRock:
 
 def with_rocks(world: World, rocks: Iterable[PlacedRock]) -> World:
     """Return the world with these rocks and no others."""
-    rows: list[dict[str, float | int]] = []
-    vertices: list[np.ndarray] = []
-    triangles: list[np.ndarray] = []
-    corner, first = 0, 0
-    for rock in rocks:
-        numbers = {"rock": len(rows), "terrain": rock.terrain, "rock_in_terrain": rock.rock}
-        rows.append(numbers | _extent(world, rock.points) | {"first_face": first, "faces": len(rock.faces)})
-        vertices.append(rock.points)
-        triangles.append(rock.faces + corner)
-        corner, first = corner + len(rock.points), first + len(rock.faces)
-    if not rows:
+    placed, rows, first = list(rocks), [], 0
+    if not placed:
         return world
-    return replace(
-        world,
-        rocks=pd.DataFrame(rows, columns=list(ROCK_COLUMNS)),
-        vertices=np.concatenate(vertices).astype(np.float32),
-        triangles=np.concatenate(triangles).astype(np.int32),
-    )
+    for number, rock in enumerate(placed):
+        numbers = {"rock": number, "terrain": rock.terrain, "rock_in_terrain": rock.rock}
+        rows.append(numbers | _extent(world, rock.points) | {"first_face": first, "faces": len(rock.faces)})
+        first += len(rock.faces)
+    vertices, triangles = joined([(rock.points, rock.faces) for rock in placed])
+    return replace(world, rocks=pd.DataFrame(rows, columns=list(ROCK_COLUMNS)), vertices=vertices, triangles=triangles)
+
+
+def joined(meshes: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """Return vertices (v, 3) float32 and triangles (t, 3) int32 of meshes in a row."""
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
+    faces = [triangles + start for (_, triangles), start in zip(meshes, starts, strict=False)]
+    vertices = np.concatenate([np.zeros((0, 3)), *(each for each, _ in meshes)])
+    return vertices.astype(np.float32), np.concatenate([np.zeros((0, 3), int), *faces]).astype(np.int32)
 
 
 def _extent(world: World, points: np.ndarray) -> dict[str, float]:
