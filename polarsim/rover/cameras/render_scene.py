@@ -6,7 +6,7 @@ From frame to frame, only the rover and the changed tiles of the tracks are rebu
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -36,16 +36,14 @@ _GROWTH = 1.35  # ratio of adjacent cell sizes outside the grid
 class MovingSurfaces(Surfaces):
     """Surfaces in parts: faces of ground and body first, faces of rocks last. Arrays change in place."""
 
-    parts: MovableScene | None = None
+    parts: MovableScene = field(kw_only=True)
 
     @cached_property
     def all(self) -> Intersector:
-        assert self.parts is not None
         return self.parts.caster()
 
     @cached_property
     def rest(self) -> Caster:
-        assert self.parts is not None
         return self.parts.caster(_REST)
 
 
