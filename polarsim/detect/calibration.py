@@ -12,6 +12,7 @@ from polarsim.detect import metrics
 
 _MIN_IOU = np.array([0.5])  # minimum IoU of a true positive
 _MIN_CONFIDENCE = 1e-4  # confidences are clipped to this and 1 minus this, so that logits are finite
+_MIN_RATED, _BINS = 0.05, 10  # minimum confidence and number of bins of the calibration error
 _PRIOR = 2.0  # weight of the prior on slope 1 and offset 0, in numbers of boxes, for classes with few boxes
 Calibration = tuple[tuple[float, float], ...]  # slope and offset of the logit, by class
 
@@ -29,14 +30,8 @@ def calibrate_boxes(boxes: np.ndarray, calibration: Calibration) -> np.ndarray:
 def fit_calibration(labels: Sequence[tuple[np.ndarray, np.ndarray]], detections: Sequence[np.ndarray]) -> Calibration:
     """Fit slope and offset of the logit of confidences by class, by maximum likelihood (Platt, 1999).
 
-    A class without detections keeps its confidences.
-
-    Parameters
-    ----------
-    labels : sequence of (classes (n,), boxes (n, 4))
-        Labels of each image. The images must show places that the detector was not trained on.
-    found : sequence of (n, 6)
-        x0, y0, x1, y1, confidence, class.
+    A class without detections keeps its confidences. Labels are classes (n,) and boxes (n, 4) of each image. The images
+    must show places that the detector was not trained on.
     """
     fitted = []
     for ranked in metrics.rank_classes(labels, detections, _MIN_IOU):
@@ -56,23 +51,21 @@ def fit_calibration(labels: Sequence[tuple[np.ndarray, np.ndarray]], detections:
 def calibration_error(
     labels: Sequence[tuple[np.ndarray, np.ndarray]],
     detections: Sequence[np.ndarray],
-    least: float = 0.05,
-    bins: int = 10,
 ) -> float:
     """Return the expected calibration error over all classes: mean of |precision - mean confidence|.
 
-    The mean is over bins of equal width, weighted by the number of boxes with a confidence of at least `least` (Naeini
-    et al., AAAI 2015). NaN without such a box.
+    The mean is over bins of equal width, weighted by the number of boxes with a confidence of at least 0.05 (Naeini et
+    al., AAAI 2015). NaN without such a box.
     """
     parts = metrics.rank_classes(labels, detections, _MIN_IOU)
     confidence = np.concatenate([ranked.confidence for ranked in parts])
     right = np.concatenate([ranked.right[0, 0] for ranked in parts])
-    kept = confidence >= least
+    kept = confidence >= _MIN_RATED
     if not kept.any():
         return float("nan")
     confidence, right = confidence[kept], right[kept]
-    number = np.minimum((confidence * bins).astype(int), bins - 1)
-    gaps = np.bincount(number, right - confidence, bins)  # sum over each bin
+    number = np.minimum((confidence * _BINS).astype(int), _BINS - 1)
+    gaps = np.bincount(number, right - confidence, _BINS)  # sum over each bin
     return float(np.abs(gaps).sum() / len(confidence))
 
 

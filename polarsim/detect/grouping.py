@@ -23,13 +23,7 @@ Unit = Literal["view", "photo"]
 
 
 def units_of(keys: Sequence[str], unit: Unit) -> np.ndarray:
-    """Return the index (n,) of the view of each photo in the sorted views; or of each photo.
-
-    Raises
-    ------
-    DetectError
-        `unit` is `view` and a name is not a photo key.
-    """
+    """Return the index (n,) of the view of each photo in the sorted views; or of each photo."""
     if unit == "photo":
         return np.unique(np.array(keys, str), return_inverse=True)[1]
     try:

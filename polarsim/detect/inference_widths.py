@@ -94,17 +94,8 @@ def choose_sizes(
     Candidates are single widths and pairs of widths with gates of `_GATES_PX`. The images should show places that are
     used neither for training nor for the evaluation. Classes without labels get the sizes with the best mean AP@0.5.
 
-    Parameters
-    ----------
-    labels : sequence of (classes (n,), boxes (n, 4))
-        Labels of each image, pixels of a photo.
-    found : mapping of width to sequence of (n, 6)
-        Boxes of each image at each width, as in `merge`.
-
-    Raises
-    ------
-    DetectError
-        No image has labels.
+    Labels are classes (n,) and boxes (n, 4) of each image, pixels of a photo; `found` are the boxes of each image at
+    each width, as in `merge`.
     """
     if not any(len(classes) for classes, _ in labels):
         raise DetectError("inference widths cannot be chosen: no image has labels")

@@ -88,13 +88,7 @@ def pair_rock_labels(first: pd.DataFrame, second: pd.DataFrame, rules: IpdRules 
 def instance_performance_difference(
     first: pd.DataFrame, second: pd.DataFrame, *, rules: IpdRules | None = None, resamples: int = 1000
 ) -> IpdResult:
-    """Return the IPD of a detector between two domains, from `instance_performance` in each domain.
-
-    Raises
-    ------
-    DetectError
-        The bootstrap unit is the view and a key is not a photo key.
-    """
+    """Return the IPD of a detector between two domains, from `instance_performance` in each domain."""
     rules = rules or IpdRules()
     pairs = pair_rock_labels(first, second, rules)
     if pairs.empty:

@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from PIL import Image
 from typer.testing import CliRunner
 
 from polarsim.cli import app
@@ -88,31 +87,6 @@ def test_boxes_are_in_pixels_of_each_picture_whatever_its_size_depth_and_colour(
     half = images[f"../{folder.name}/half.png"]
     assert (half["width"], half["height"]) == (320, 200)
     assert cv2.imread(str(tmp_path / "out/pictures/whole.jpg")).shape == (400, 640, 3)
-
-
-def test_boxes_follow_the_exif_orientation(weights, block_finder, tmp_path):
-    """Phones store portrait images in landscape format with an EXIF orientation."""
-    folder = tmp_path / "in"
-    folder.mkdir()
-    upright = Image.fromarray(picture())
-    stored = {"upright": upright}
-    for name, orientation, turn in (
-        ("left", 6, Image.Transpose.ROTATE_90),
-        ("down", 3, Image.Transpose.ROTATE_180),
-        ("right", 8, Image.Transpose.ROTATE_270),
-    ):
-        stored[name] = upright.transpose(turn)
-        stored[name].getexif()[0x0112] = orientation
-    for name, image in stored.items():
-        image.save(folder / f"{name}.png", exif=image.getexif())
-    found = detect_in_images(
-        pictures=[folder], weights=[weights], out=tmp_path / "out", options=PredictionOptions(), threads=1
-    )
-    assert sorted(found["picture"]) == sorted(f"{name}.png" for name in stored)
-    np.testing.assert_allclose(found[["x0", "y0", "x1", "y1"]].to_numpy(), [BOX] * 4, atol=2.5)
-    images = json.loads((tmp_path / "out/coco.json").read_text())["images"]
-    assert {(row["width"], row["height"]) for row in images} == {(640, 400)}
-    assert cv2.imread(str(tmp_path / "out/pictures/left.jpg")).shape == (400, 640, 3)
 
 
 def test_boxes_of_several_detectors_are_merged(weights, tmp_path, monkeypatch):

@@ -30,10 +30,7 @@ class Rectification:
 def rectify(rig: StereoRig, scale: float) -> Rectification:
     """Compute the rectification by Bouguet (`cv2.stereoRectify`, alpha 0) of images scaled by `scale`.
 
-    Raises
-    ------
-    DetectError
-        The right camera is not to the right of the left camera.
+    A right camera that is not to the right of the left camera is an error.
     """
     import cv2
 

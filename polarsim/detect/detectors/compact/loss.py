@@ -18,15 +18,8 @@ def assign_labels(classes: Tensor, boxes: Tensor, shape: tuple[int, int, int]) -
     """Return the index of the label (c, h, w) assigned to each cell, -1 for none.
 
     A label is assigned to the cells in the central half of its box, including the cell of its centre. If several labels
-    of a class cover a cell, the smallest label is assigned.
-
-    Parameters
-    ----------
-    classes : (n,) int64
-    boxes : (n, 4)
-        x0, y0, x1, y1, px.
-    shape
-        Number of classes, rows and columns of the map.
+    of a class cover a cell, the smallest label is assigned. Labels are classes (n,) int64 and boxes (n, 4), px; `shape`
+    is the number of classes, rows and columns.
     """
     _, rows, columns = shape
     owner = torch.full(shape, -1, dtype=torch.int64, device=boxes.device)
