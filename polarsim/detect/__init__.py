@@ -7,7 +7,7 @@
    `masks`: images to class masks. `detect_pictures`: detection in external images, `polarsim detect`.
 5. `metrics`, `calibration`, `bootstrap_numba`, `ipd`, `false_positives`: matching, metrics and confidence intervals;
    `grouping`: boxes and bootstrap units of tables by photo.
-6. `evaluate`, `breakdown`, `domain_evaluation`, `differences`, `gather_tables`: tables of a run;
+6. `evaluate`, `breakdown`, `domain_evaluation`, `differences`: tables of a run;
    `external_sets`: external labels and predictions, `polarsim ipd`.
 7. `ablation`: the gap with one component of the twin replaced. `stereo`: depth as a second evaluation.
 """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -118,16 +118,25 @@ def detector_facts(training: TrainingOptions, imgsz: int) -> dict[str, Any]:
     }
 
 
+def gather_tables(
+    *, parts: Mapping[str, Sequence[Path]], gathered: Mapping[str, Path], splits: Sequence[str], seeds: Sequence[int]
+) -> None:
+    """Concatenate the parts of each table, one for each split and training seed, and add columns `split` and `seed`."""
+    for name, path in gathered.items():
+        joined = []
+        for part, split, seed in zip(map(tables.read_parquet, parts[name]), splits, seeds, strict=True):
+            if "split" not in part.columns:
+                part.insert(0, "split", pd.Series([split] * len(part), dtype="str"))
+            part.insert(list(part.columns).index("split") + 1, "seed", seed)
+            joined.append(part)
+        tables.write_parquet(path, pd.concat(joined, ignore_index=True))
+
+
 def _tables_of_domain(evaluation: DomainEvaluation) -> dict[str, pd.DataFrame]:
-    keys, labels, predictions, options = (getattr(evaluation, field.name) for field in fields(evaluation))
-    matched = match_predictions(keys, labels, predictions, evaluation.performance, options.resampled)
+    photos, options = (evaluation.keys, evaluation.labels, evaluation.predictions), evaluation.options
+    matched = match_predictions(*photos, evaluation.performance, options.resampled)
     wrong = false_positives(
-        keys,
-        labels,
-        predictions,
-        confidence=options.iou_confidence,
-        unit=options.resampled,
-        resamples=options.resamples,
+        *photos, confidence=options.iou_confidence, unit=options.resampled, resamples=options.resamples
     )
     return {
         "instances": evaluation.performance,

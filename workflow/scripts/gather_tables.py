@@ -2,14 +2,14 @@
 
 from pathlib import Path
 
-from polarsim.detect.gather_tables import gather_tables
+from polarsim.detect.evaluate import gather_tables
 from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     gather_tables(
         parts={name: list_of_paths(files) for name, files in snakemake.input.items()},
-        tables={name: Path(file) for name, file in snakemake.output.items()},
+        gathered={name: Path(file) for name, file in snakemake.output.items()},
         splits=snakemake.params.splits,
         seeds=snakemake.params.seeds,
     )
