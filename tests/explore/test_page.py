@@ -445,12 +445,12 @@ def test_boxes_cannot_be_dragged_out_of_the_photo(page, address, corrected):
     np.testing.assert_allclose(moved, [0, HEIGHT - size[1], size[0], HEIGHT], atol=2e-3)
 
 
-def test_a_correction_that_cannot_be_saved_is_named_and_can_be_downloaded(browser, corrected):
-    with served(corrected) as address:
-        page = browser.new_page()
-        shown(page, address, f"view=correct&key={SEED}&rock=3.1")
-        page.wait_for_selector("#editor .edited")
-    page.keyboard.press("ArrowRight")  # after the server ended
+def test_a_correction_that_cannot_be_saved_is_named_and_can_be_downloaded(browser, address, corrected):
+    page = browser.new_page()
+    shown(page, address, f"view=correct&key={SEED}&rock=3.1")
+    page.wait_for_selector("#editor .edited")
+    page.context.set_offline(True)  # as after the end of the server
+    page.keyboard.press("ArrowRight")
     until(page, "document.querySelector('#save-status').textContent.startsWith('1 photo not saved')")
     assert page.locator("#download").is_enabled()
     page.close()
