@@ -30,7 +30,7 @@ def validate(
     ignore: Annotated[
         str, typer.Option(help="Skip these rules: names, code prefixes or severities, comma-separated.")
     ] = "",
-    form: Annotated[Literal["text", "json", "sarif"], typer.Option("--format", help="Output format.")] = "text",
+    form: Annotated[Literal["text", "json"], typer.Option("--format", help="Output format.")] = "text",
     json: JsonFile = None,
     fix: Annotated[
         Path | None,
@@ -56,11 +56,7 @@ def validate(
     report = lint_folder(root, names, workers=workers, fix=fix)
     if json:
         write_json(json, report.as_json())
-    if form == "text":
-        typer.echo(report.as_text())
-    else:
-        content = report.as_json() if form == "json" else report.as_sarif()
-        typer.echo(dumps(content, indent=1, ensure_ascii=False))
+    typer.echo(report.as_text() if form == "text" else dumps(report.as_json(), indent=1, ensure_ascii=False))
     if report.repairs is not None:
         typer.echo(f"{report.repairs} repairs in {fix}, listed in {fix}/changes.csv", err=form != "text")
     if report.count("error", "warning"):

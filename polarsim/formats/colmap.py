@@ -55,12 +55,11 @@ def write_model(
     points : (n, 3) float
         Points of the scene, sandbox frame, metres.
     """
-    import pycolmap
-
     with with_path(folder):
-        model = _model(common_rig(localised))
+        rig = common_rig(localised)
     linked: dict[str, Path] = {}  # name in the model -> file
-    for frame_id, position in enumerate(sorted(localised), 1):
+    frames = []
+    for position in sorted(localised):
         names: dict[str, str] = {}
         for camera in CAMERAS:
             default_name = f"Pos{position}_Cam{camera}"
@@ -70,26 +69,26 @@ def write_model(
                 name = f"images/{default_name}{file.suffix}" if file.is_file() else default_name
                 linked |= {name: file} if file.is_file() else {}
             names[camera] = name
-        _add_frame(model, frame_id, names, localised[position].sandbox_from_left)
-    for point in [] if points is None else points:
-        model.add_point3D(point, pycolmap.Track(), _GREY)
+        frames.append((names, localised[position].sandbox_from_left))
+    points = np.zeros((0, 3)) if points is None else points
     with writing_folder(folder) as temporary:
         for name, file in linked.items():
             (temporary / name).parent.mkdir(exist_ok=True)
             share_file(file, temporary / name)
-        model.write_text(str(temporary))
+        write_pictures(temporary, rig, frames, points, np.tile(_GREY, (len(points), 1)))
 
 
 def common_rig(localised: Mapping[str, LocalisedPair]) -> StereoRig:
     """Return the rig that all positions share."""
     if not localised:
         raise FormatError("no position given, a COLMAP model needs at least 1")
-    rigs = [pair.rig for pair in localised.values()]
-    if any(not _same_rig(rig, rigs[0]) for rig in rigs):
-        raise FormatError(
-            f"positions {', '.join(sorted(localised))} have different rigs, a COLMAP model has a single rig"
-        )
-    return rigs[0]
+    first, *others = (pair.rig for pair in localised.values())
+    for rig in others:
+        moved = not np.allclose(rig.left_from_right.matrix, first.left_from_right.matrix, rtol=0, atol=1e-12)
+        if moved or (rig.left, rig.right) != (first.left, first.right):
+            names = ", ".join(sorted(localised))
+            raise FormatError(f"positions {names} have different rigs, a COLMAP model has a single rig")
+    return first
 
 
 def write_pictures(
@@ -110,19 +109,6 @@ def write_pictures(
     """
     import pycolmap
 
-    model = _model(rig)
-    for frame_id, (names, sandbox_from_left) in enumerate(frames, 1):
-        _add_frame(model, frame_id, names, sandbox_from_left)
-    for point, colour in zip(points, colours, strict=True):
-        model.add_point3D(point, pycolmap.Track(), colour)
-    folder.mkdir(parents=True, exist_ok=True)
-    model.write_text(str(folder))
-
-
-def _model(rig: StereoRig) -> Any:
-    """Return a model with the two cameras of a rig, without frames."""
-    import pycolmap
-
     model = pycolmap.Reconstruction()
     for camera in CAMERAS:
         model.add_camera(_camera(CAMERA_ID[camera], rig.lens(camera)))
@@ -130,7 +116,12 @@ def _model(rig: StereoRig) -> Any:
     sensors.add_ref_sensor(_sensor("L"))
     sensors.add_sensor(_sensor("R"), _rigid(rig.left_from_right.inverse()))
     model.add_rig(sensors)
-    return model
+    for frame_id, (names, sandbox_from_left) in enumerate(frames, 1):
+        _add_frame(model, frame_id, names, sandbox_from_left)
+    for point, colour in zip(points, colours, strict=True):
+        model.add_point3D(point, pycolmap.Track(), colour)
+    folder.mkdir(parents=True, exist_ok=True)
+    model.write_text(str(folder))
 
 
 def _add_frame(model: Any, frame_id: int, names: Mapping[str, str], sandbox_from_left: Pose) -> None:
@@ -172,11 +163,3 @@ def _rigid(pose: Pose) -> Any:
     import pycolmap
 
     return pycolmap.Rigid3d(np.column_stack([pose.rotation, pose.translation]))
-
-
-def _same_rig(first: StereoRig, second: StereoRig) -> bool:
-    return (
-        first.left == second.left
-        and first.right == second.right
-        and np.allclose(first.left_from_right.matrix, second.left_from_right.matrix, rtol=0, atol=1e-12)
-    )

@@ -47,16 +47,6 @@ class Column:
     description: str
 
 
-@dataclass(frozen=True)
-class Observed:
-    """Processing level, target, instrument and investigation of an observation."""
-
-    level: str  # Raw, Calibrated or Derived
-    target: str
-    instrument: str
-    investigation: str
-
-
 def node(tag: str, *children: Node | str | int | float, **attributes: str) -> Node:
     """Return an XML element with child elements or a text."""
     element = ElementTree.Element(tag, attributes)
@@ -94,8 +84,8 @@ def _citation(identity: Identity) -> list[Node]:
     return [node("Citation_Information", authors, year, node("description", identity.description))]
 
 
-def observation(identity: Identity, observed: Observed) -> Node:
-    """Return the observation area. The time of the observation is unknown."""
+def observation(identity: Identity, level: str, target: str, instrument: str, investigation: str) -> Node:
+    """Return the observation area of a product of a level (Raw, Calibrated or Derived). The time is unknown."""
     return node(
         "Observation_Area",
         node("comment", identity.description),
@@ -109,12 +99,12 @@ def observation(identity: Identity, observed: Observed) -> Node:
         node(
             "Primary_Result_Summary",
             node("purpose", "Science"),
-            node("processing_level", observed.level),
+            node("processing_level", level),
             node("description", identity.description),
         ),
         node(
             "Investigation_Area",
-            node("name", observed.investigation),
+            node("name", investigation),
             node("type", "Individual Investigation"),
             node(
                 "Internal_Reference",
@@ -124,9 +114,9 @@ def observation(identity: Identity, observed: Observed) -> Node:
         ),
         node(
             "Observing_System",
-            node("Observing_System_Component", node("name", observed.instrument), node("type", "Instrument")),
+            node("Observing_System_Component", node("name", instrument), node("type", "Instrument")),
         ),
-        node("Target_Identification", node("name", observed.target), node("type", "Laboratory Analog")),
+        node("Target_Identification", node("name", target), node("type", "Laboratory Analog")),
     )
 
 

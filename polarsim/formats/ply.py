@@ -12,8 +12,8 @@ from polarsim.errors import FormatError
 from polarsim.formats.files import write_bytes
 from polarsim.formats.readers import reader
 
-_HEADER = "ply\nformat binary_little_endian 1.0\nelement vertex {}\n"
-_HEADER += "".join(f"property float {name}\n" for name in ("x", "y", "z", "nx", "ny", "nz")) + "end_header\n"
+_PROPERTIES = "".join(f"property float {name}\n" for name in ("x", "y", "z", "nx", "ny", "nz"))
+_HEADER = f"ply\nformat binary_little_endian 1.0\nelement vertex {{}}\n{_PROPERTIES}end_header\n"
 
 
 @dataclass(frozen=True)

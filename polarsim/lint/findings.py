@@ -1,4 +1,4 @@
-"""Findings of the linter: collected by file, counted, and written as text, JSON or SARIF."""
+"""Findings of the linter: collected by file, counted, and written as text or JSON."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ from typing import Any, TypeVar
 
 import pandas as pd
 
-from polarsim import __version__
 from polarsim.errors import PolarsimError
 from polarsim.formats.yolo import fields_of
 from polarsim.lint.rules import RULES, Defect, Severity
 from polarsim.photo import PhotoKey
 
 Content = TypeVar("Content")
-SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
+_JSON_COLUMNS = ("code", "severity", "defect", "file", "line", "meaning", "detail", "repair")
 
 
 @dataclass(frozen=True, order=True)
@@ -82,9 +81,7 @@ class Report:
         """Return `contents`, `findings` with code, severity, file, line, message and repair, and counts by severity."""
         return {
             "contents": self.contents,
-            "findings": self.table("code", "severity", "defect", "file", "line", "meaning", "detail", "repair").to_dict(
-                "records"
-            ),
+            "findings": self.table(*_JSON_COLUMNS).to_dict("records"),
             "counts": self.counts,
             "errors": self.count("error"),
             "warnings": self.count("warning"),
@@ -97,33 +94,6 @@ class Report:
         by_rule = [", ".join(f"{RULES[name].code} {name} {count}" for name, count in order)] if order else []
         counts = f"{self.count('error')} errors, {self.count('warning')} warnings, {self.count('note')} notes"
         return "\n".join([*(f"{finding.severity}: {finding}" for finding in self.findings), *by_rule, counts])
-
-    def as_sarif(self) -> dict[str, Any]:
-        """Return the findings in the Static Analysis Results Interchange Format 2.1.0, which code hosts display."""
-        rules = [
-            {
-                "id": rule.code,
-                "name": name,
-                "shortDescription": {"text": rule.meaning},
-                "defaultConfiguration": {"level": rule.severity},
-            }
-            for name, rule in sorted(RULES.items(), key=lambda item: item[1].code)
-        ]
-        driver = {"name": "polarsim validate", "version": __version__, "rules": rules}
-        results = [_sarif_result(finding) for finding in self.findings]
-        return {"$schema": SARIF_SCHEMA, "version": "2.1.0", "runs": [{"tool": {"driver": driver}, "results": results}]}
-
-
-def _sarif_result(finding: Finding) -> dict[str, Any]:
-    location: dict[str, Any] = {"artifactLocation": {"uri": finding.file}}
-    if finding.line:
-        location["region"] = {"startLine": finding.line}
-    return {
-        "ruleId": finding.code,
-        "level": finding.severity,
-        "message": {"text": f"{finding.meaning}: {finding.detail}" if finding.detail else finding.meaning},
-        "locations": [{"physicalLocation": location}],
-    }
 
 
 @dataclass

@@ -182,7 +182,7 @@ def swapped_classes(files: Mapping[PhotoKey, Boxes]) -> Defects:
 
 def _dark_rocks(files: Mapping[PhotoKey, Boxes]) -> tuple[dict[str, PhotoKey], dict[str, np.ndarray]]:
     """Return the best file of a view with rover light off and its rocks (n, 4), by Sun azimuth."""
-    best = {key.azimuth: key for key in _best(files) if key.light == "off" and key.azimuth in SUNS}
+    best: dict[str, PhotoKey] = {key.azimuth: key for key in _best(files) if key.light == "off" and key.azimuth in SUNS}
     return best, {azimuth: files[key][1][files[key][0] == ROCK_CLASS] for azimuth, key in best.items()}
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +29,6 @@ MAX_LOG_SIDES = 0.4  # maximum log ratio of the sides of a rock's boxes in left 
 ROCK_FOOT, SHADOW_FOOT = 0.75, 0.5  # share of a box's height, from its top, at which its centre is on the ground
 MAX_SHADOW_GAP = 0.12  # maximum distance on the ground between the boxes of a rock and its shadow, metres
 AWAY, TOWARDS = 0.0, -0.7  # minimum cosine to the direction of light of a possible shadow, maximum of an impossible one
-Place = TypeVar("Place")  # a view, or an azimuth
 
 
 def view_defects(files: Mapping[PhotoKey, Boxes]) -> Defects:
@@ -74,8 +73,8 @@ def _other_azimuths(files: Mapping[PhotoKey, Boxes]) -> Defects:
                 yield key, Defect("other_azimuth", f"shadows of azimuth {best}: {detail}")
 
 
-def _better_fit(boxes: np.ndarray, fits: Mapping[Place, float], own: Place) -> tuple[Place | None, str]:
-    """Return the place where boxes (n, 4) fit clearly better than at their own place, if any, and both fits."""
+def _better_fit(boxes: np.ndarray, fits: Mapping[Any, float], own: Any) -> tuple[Any, str]:
+    """Return the view or azimuth at which boxes (n, 4) fit clearly better than at their own, or None, and both fits."""
     best = max(fits, key=lambda place: fits[place], default=None)
     if best is None or own not in fits or len(boxes) < MIN_BOXES_OF_A_VIEW:
         return None, ""

@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from polarsim.formats import png
 from polarsim.formats.tables import key_columns
 from polarsim.photo import BOX_CLASSES
 from polarsim.publish import records, terms
@@ -45,7 +44,9 @@ def write_folder(catalogue: Catalogue, bundle: Bundle) -> None:
         for picture in pictures:
             name, ids = f"{picture.key}.png", f"ids/{picture.key}.png"
             bundle.copy(f"{domain}/{split}/{name}", picture.path)
-            _write_ids(catalogue, bundle, picture, f"{domain}/{split}/{ids}")
+            exact = catalogue.instances(picture)
+            sources = [exact] if exact else catalogue.sources(picture)
+            bundle.make(f"{domain}/{split}/{ids}", partial(_write_ids, catalogue, picture), sources)
             lines.append({"file_name": name, "ids_file_name": ids, **row_of(catalogue, picture)})
         bundle.make(f"{domain}/{split}/metadata.parquet", partial(_write_metadata, lines))
 
@@ -56,7 +57,8 @@ def write_parquet_folder(catalogue: Catalogue, bundle: Bundle) -> None:
         shards = _shards(pictures)
         for number, shard in enumerate(shards):
             name = f"{domain}/{split}-{number:05d}-of-{len(shards):05d}.parquet"
-            bundle.make(name, partial(_write_shard, catalogue, shard), _sources(catalogue, shard))
+            sources = [path for picture in shard for path in catalogue.sources(picture)]
+            bundle.make(name, partial(_write_shard, catalogue, shard), sources)
 
 
 def row_of(catalogue: Catalogue, picture: CatalogueImage) -> dict[str, Any]:
@@ -117,16 +119,8 @@ def _splits(catalogue: Catalogue) -> dict[tuple[str, str], list[CatalogueImage]]
     return dict(sorted(splits.items()))
 
 
-def _write_ids(catalogue: Catalogue, bundle: Bundle, picture: CatalogueImage, name: str) -> None:
-    exact = catalogue.instances(picture)
-    if exact:
-        bundle.copy(name, exact)
-    else:
-        bundle.png(name, lambda: records.id_map(catalogue, picture), catalogue.sources(picture))
-
-
-def _sources(catalogue: Catalogue, pictures: list[CatalogueImage]) -> list[Path]:
-    return [path for picture in pictures for path in catalogue.sources(picture)]
+def _write_ids(catalogue: Catalogue, picture: CatalogueImage, path: Path) -> None:
+    path.write_bytes(records.encoded_ids(catalogue, picture))
 
 
 def _shards(pictures: list[CatalogueImage]) -> list[list[CatalogueImage]]:
@@ -155,8 +149,7 @@ def _write_shard(catalogue: Catalogue, pictures: list[CatalogueImage], path: Pat
 
 def _full_rows(catalogue: Catalogue, pictures: list[CatalogueImage]) -> Iterator[dict[str, Any]]:
     for picture in pictures:
-        exact = catalogue.instances(picture)
-        ids = exact.read_bytes() if exact else png.encode_png(records.id_map(catalogue, picture))
+        ids = records.encoded_ids(catalogue, picture)
         yield {
             "image": {"bytes": picture.path.read_bytes(), "path": f"{picture.key}.png"},
             "ids": {"bytes": ids, "path": f"{picture.key}_ids.png"},

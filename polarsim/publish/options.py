@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pydantic import BaseModel, Field, field_validator
+from pydantic import BaseModel, Field, ValidationInfo, field_validator
 
 from polarsim.errors import ConfigError
 from polarsim.publish.subset import parse_size, parse_subset
@@ -33,21 +33,12 @@ class PublishOptions(BaseModel, extra="forbid", frozen=True):
                 raise ValueError(f"format {value!r}, expected one of {', '.join(FORMS)}")
         return values
 
-    @field_validator("subset")
+    @field_validator("subset", "max_size")
     @classmethod
-    def _readable_subset(cls, value: str) -> str:
-        try:
-            parse_subset(value)
-        except ConfigError as error:
-            raise ValueError(error.reason) from error
-        return value
-
-    @field_validator("max_size")
-    @classmethod
-    def _readable_size(cls, value: str) -> str:
+    def _readable(cls, value: str, field: ValidationInfo) -> str:
         try:
             if value:
-                parse_size(value)
+                (parse_subset if field.field_name == "subset" else parse_size)(value)
         except ConfigError as error:
             raise ValueError(error.reason) from error
         return value

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import pds4, png
-from polarsim.formats.pds4 import Column, Identity, Observed, node
+from polarsim.formats.pds4 import Column, Identity, Node, node
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 from polarsim.publish import records, terms
 from polarsim.publish.bundle import Bundle
@@ -59,9 +59,6 @@ class Archive:
         self.collections.append(Collection(name, kind, title))
         return self.collections[-1]
 
-    def observed(self, level: str) -> Observed:
-        return Observed(level, "Polar regolith analog, sandbox", "POLAR stereo rig or its twin", "polarsim")
-
     def array(
         self, collection: Collection, name: str, read: Callable[[], np.ndarray], sources: list[Path], **facts: object
     ) -> None:
@@ -74,15 +71,18 @@ class Archive:
             self.bundle.path(data), f"{name}.img", shape, dtype, str(facts.get("unit", "")), identity.description,  # type: ignore[arg-type]
             float(facts.get("scale", 1.0)),  # type: ignore[arg-type]
         )  # fmt: skip
-        observation = pds4.observation(identity, self.observed(str(facts["level"])))
-        self._label(collection, name, pds4.label("Product_Observational", identity, observation, area))
+        self._observation(collection, name, identity, str(facts["level"]), area)
 
     def table(self, collection: Collection, name: str, table: pd.DataFrame, description: str) -> None:
         data = f"{collection.name}/{name}.csv"
         self.bundle.bytes(data, pds4.table_bytes(table))
         identity = self._identity(collection, name, f"Table of {name}", description)
         area = pds4.table_area(self.bundle.path(data), f"{name}.csv", table, _columns(table), description)
-        observation = pds4.observation(identity, self.observed("Derived"))
+        self._observation(collection, name, identity, "Derived", area)
+
+    def _observation(self, collection: Collection, name: str, identity: Identity, level: str, area: Node) -> None:
+        subject = ("Polar regolith analog, sandbox", "POLAR stereo rig or its twin", "polarsim")
+        observation = pds4.observation(identity, level, *subject)
         self._label(collection, name, pds4.label("Product_Observational", identity, observation, area))
 
     def browse(self, collection: Collection, picture: CatalogueImage) -> None:

@@ -235,6 +235,12 @@ def ids(catalogue: Catalogue, picture: CatalogueImage) -> np.ndarray:
     return png.read_png(exact) if exact else id_map(catalogue, picture)
 
 
+def encoded_ids(catalogue: Catalogue, picture: CatalogueImage) -> bytes:
+    """Return the instance map as a PNG file."""
+    exact = catalogue.instances(picture)
+    return exact.read_bytes() if exact else png.encode_png(id_map(catalogue, picture))
+
+
 def maps(catalogue: Catalogue) -> pd.DataFrame:
     """Return a row per map."""
     rows = []

@@ -1,9 +1,15 @@
-"""KITTI data set per domain: rectified pairs with calibration, boxes and disparity, in the layout of the devkit."""
+"""KITTI data set per domain: rectified pairs with calibration, boxes and disparity, in the layout of the devkit.
+
+The origin of KITTI's pixel coordinates is the centre of the first pixel, that of polarsim its corner. Half a pixel is
+subtracted on writing.
+"""
 
 from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -12,10 +18,10 @@ import numpy as np
 from polarsim.detect.stereo.rectify import Rectification, rectify
 from polarsim.detect.stereo.truth import DepthTruth, depth_truth
 from polarsim.detect.tone import to_8_bits
-from polarsim.formats import kitti, png
+from polarsim.formats import png
 from polarsim.formats.coco import Annotation
 from polarsim.geometry.boxes import box_around_points
-from polarsim.geometry.lens import Lens
+from polarsim.geometry.lens import HALF_PIXEL, Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.rays_embree import EmbreeCaster
 from polarsim.geometry.stereo import StereoRig
@@ -27,6 +33,40 @@ from polarsim.run_files.scene import read_terrain
 _FULLY_VISIBLE, _PARTLY_VISIBLE = 0.98, 0.5  # minimum visible shares of KITTI's occlusion states 0 and 1
 DISPARITIES = ("disp_noc_0", "disp_occ_0")  # pixels visible in both cameras, and all pixels
 _STEP_PX = 2.0  # spacing of points on the edges of a box for rectification
+_DISPARITY_STEPS = 256  # grey levels per pixel of disparity; level 0: unknown, or 256 px and more
+_UNKNOWN_3D = "-1 -1 -1 -1000 -1000 -1000 -10"  # the devkit's values for an unknown box in three dimensions
+_MATRICES = ("P0", "P1", "P2", "P3", "R0_rect", "Tr_velo_to_cam", "Tr_imu_to_velo")  # in the order of the devkit
+
+
+@dataclass(frozen=True)
+class KittiObject:
+    """Object in the left image: bounding box (4,) in polarsim's pixels, truncation and occlusion."""
+
+    kind: str
+    box: np.ndarray
+    truncated: float  # share outside the image, 0 to 1
+    occluded: int  # 0 fully visible, 1 partly occluded, 2 largely occluded, 3 unknown
+
+
+def _write_objects(path: str | Path, objects: Sequence[KittiObject]) -> None:
+    """Write an object per line with 2 decimals, as KITTI does. Boxes in three dimensions are unknown."""
+    lines = []
+    for item in objects:
+        edges = " ".join(f"{edge - HALF_PIXEL:.2f}" for edge in item.box)
+        lines.append(f"{item.kind} {item.truncated:.2f} {item.occluded} -10 {edges} {_UNKNOWN_3D}\n")
+    Path(path).write_text("".join(lines), encoding="ascii")
+
+
+def disparity_picture(disparity: np.ndarray) -> np.ndarray:
+    """Encode disparities (h, w) in pixels, NaN where unknown, as a 16-bit image of the devkit."""
+    steps = np.round(disparity * _DISPARITY_STEPS)
+    return np.where((steps >= 1) & (steps <= np.iinfo(np.uint16).max), steps, 0).astype(np.uint16)
+
+
+def _write_calibration(path: str | Path, matrices: Mapping[str, np.ndarray]) -> None:
+    """Write the matrices `P0` to `Tr_imu_to_velo` in the order of the devkit, with 12 digits."""
+    lines = [f"{name}: {' '.join(f'{value:.12e}' for value in matrices[name].ravel())}\n" for name in _MATRICES]
+    Path(path).write_text("".join(lines), encoding="ascii")
 
 
 def write_kitti(catalogue: Catalogue, bundle: Bundle) -> None:
@@ -72,7 +112,7 @@ class Disparities:
             truth = self._truth(station, rig)
             disparity = rig.disparity(truth.depth)
             maps = zip(DISPARITIES, (np.where(truth.shared, disparity, np.nan), disparity), strict=True)
-            self._pngs = {station: {name: png.encode_png(kitti.disparity_picture(values)) for name, values in maps}}
+            self._pngs = {station: {name: png.encode_png(disparity_picture(values)) for name, values in maps}}
         path.write_bytes(self._pngs[station][kind])
 
     def _truth(self, station: tuple[int, str], rig: Rectification) -> DepthTruth:
@@ -105,9 +145,9 @@ def _write_pair(
         bundle.png(f"{folder}/{side}/{name}.png", partial(_rectified, picture, maps), [*sources, picture.path])
     objects = [kitti_object(label, localised.rig, rig, left) for label in catalogue.labels(left)]
     inside = [item for item in objects if item]
-    bundle.make(f"{folder}/label_2/{name}.txt", partial(kitti.write_objects, objects=inside))
+    bundle.make(f"{folder}/label_2/{name}.txt", partial(_write_objects, objects=inside))
     matrices = calibration(rig, localised.sandbox_from_left)
-    bundle.make(f"{folder}/calib/{name}.txt", partial(kitti.write_calibration, matrices=matrices))
+    bundle.make(f"{folder}/calib/{name}.txt", partial(_write_calibration, matrices=matrices))
 
 
 def calibration(rig: Rectification, sandbox_from_left: Pose) -> dict[str, np.ndarray]:
@@ -122,7 +162,7 @@ def calibration(rig: Rectification, sandbox_from_left: Pose) -> dict[str, np.nda
 
 def kitti_object(
     label: Annotation, rig: StereoRig, rectification: Rectification, left: CatalogueImage
-) -> kitti.KittiObject | None:
+) -> KittiObject | None:
     """Return the label in the rectified image, or None if the box is outside the image."""
     full = box_around_points(rectified_edges(label.box, rig.left.scaled(left.width / rig.left.width), rectification))
     box = np.clip(full, 0, [left.width, left.height] * 2)
@@ -131,7 +171,7 @@ def kitti_object(
     inside = float(np.prod(box[2:] - box[:2]) / np.prod(full[2:] - full[:2]))
     share = label.visible_share
     occluded = 3 if label.amodal is None else 0 if share >= _FULLY_VISIBLE else 1 if share >= _PARTLY_VISIBLE else 2
-    return kitti.KittiObject(label.kind.capitalize(), box, round(1 - inside, 2), occluded)
+    return KittiObject(label.kind.capitalize(), box, round(1 - inside, 2), occluded)
 
 
 def rectified_edges(box: np.ndarray, lens: Lens, rectification: Rectification) -> np.ndarray:

@@ -133,7 +133,8 @@ def result(kind, value, own="a", **more):
 
 
 def studio(*results, name=f"{KEY}.png", **more):
-    return {"data": {"image": name}, "annotations": [{"result": list(results)}], **more}
+    dropped = {"was_cancelled": True, "result": list(results[:1])}
+    return {"data": {"image": name}, "annotations": [{"result": list(results)}, dropped], **more}
 
 
 ELLIPSE = {"x": 700 / WIDTH * 100, "y": 500 / HEIGHT * 100, "radiusX": 40 / WIDTH * 100, "radiusY": 10 / HEIGHT * 100}
@@ -146,6 +147,10 @@ ELLIPSE = {"x": 700 / WIDTH * 100, "y": 500 / HEIGHT * 100, "radiusX": 40 / WIDT
         ([result("ellipselabels", {**ELLIPSE, "rotation": 90, "ellipselabels": ["rock"]})], [690, 460, 710, 540]),
         ([result("rectangle", percent(BOX)), result("labels", {**percent(BOX), "labels": ["rock"]})], BOX.tolist()),
         ([result("labels", {**percent(BOX), "labels": ["rock"]}), result("rectangle", percent(BOX))], BOX.tolist()),
+        (  # a quarter turn about the upper left corner
+            [result("rectanglelabels", percent([500, 300, 600, 350]) | {"rotation": 90, "rectanglelabels": ["rock"]})],
+            [450, 300, 500, 400],
+        ),
         (
             [result("polygonlabels", {"points": [[10, 10], [20, 10], [20, 20]], "polygonlabels": ["Rock"]})],
             [193.6, 121.6, 387.2, 243.2],
@@ -316,7 +321,7 @@ def test_implausible_boxes_of_coco_are_errors_with_the_annotation(tmp_path, anno
     assert "_Runs" not in str(caught.value)
 
 
-LINES = "1 0.5 0.5 0.05 0.05\n0 0.45 0.52 0.06 0.02\n"  # the first is the rock wherever 0 is shadow
+LINES = "1 0.5 0.5 0.05 0.05\n0 0.42 0.51 0.48 0.51 0.48 0.53 0.42 0.53\n"  # the first is the rock wherever 0 is shadow
 
 
 @pytest.mark.parametrize(

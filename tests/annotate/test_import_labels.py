@@ -1,7 +1,5 @@
 """Exports of other people's tools become label files: of each tool a file as it writes it, and boxes that come back."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -9,9 +7,8 @@ from polarsim.acquire.options import SeedOptions
 from polarsim.acquire.seeds import choose_seed_files, find_labels
 from polarsim.annotate.import_labels import import_labels
 from polarsim.errors import ConfigError, FormatError
-from polarsim.formats import coco, yolo
 from polarsim.labels.seeds import read_corrections
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import PhotoKey
 
 KEY = PhotoKey.parse("01_A_off_30_L_0256")
 OTHER = PhotoKey.parse("01_A_off_180_L_0256")
@@ -28,51 +25,14 @@ CVAT = f"""<?xml version="1.0" encoding="utf-8"?>
 </annotations>"""
 
 
-def percent(box):
-    x0, y0, x1, y1 = box / np.tile([WIDTH, HEIGHT], 2) * 100
-    return {"x": x0, "y": y0, "width": x1 - x0, "height": y1 - y0, "rotation": 0}
+@pytest.fixture
+def source(tmp_path):
+    (tmp_path / "export").mkdir()
+    (tmp_path / "export/annotations.xml").write_text(CVAT)
+    return tmp_path / "export/annotations.xml"
 
 
-def studio(minimal):
-    rectangles = [percent(box) | {"rectanglelabels": [kind]} for kind, box in (("rock", ROCK), ("shadow", SHADOW))]
-    image = f"/data/upload/1/1a2b3c4d-{KEY}.png"
-    if minimal:
-        return [{"image": image, "id": 1, "label": rectangles, "annotator": 1}]
-    result = [{"type": "rectanglelabels", "value": one} for one in rectangles]
-    dropped = {"was_cancelled": True, "result": result[:1]}
-    return [{"data": {"image": image}, "annotations": [{"result": result}, dropped], "predictions": [{"result": []}]}]
-
-
-def write_source(folder, tool):
-    folder.mkdir(parents=True, exist_ok=True)
-    if tool == "cvat":
-        (folder / "annotations.xml").write_text(CVAT)
-        return folder / "annotations.xml"
-    if tool == "coco":
-        labels = [coco.Annotation("rock", 4, ROCK), coco.Annotation("shadow", 4, SHADOW)]
-        coco.write_coco(folder / "instances.json", {KEY: labels, OTHER: []})
-        return folder / "instances.json"
-    if tool == "yolo":
-        (folder / "data.yaml").write_text("names: [shadow, rock]\n")
-        yolo.write_boxes(folder / f"labels/train/{KEY}.txt", np.array([1]), ROCK[None])
-        with (folder / f"labels/train/{KEY}.txt").open("a") as file:  # the shadow as a polygon
-            corners = SHADOW[[0, 1, 2, 1, 2, 3]].reshape(-1, 2) / [WIDTH, HEIGHT]
-            file.write("0 " + " ".join(f"{value:.7f}" for value in corners.ravel()) + "\n")
-        return folder
-    name, content = {
-        "label-studio": ("tasks.json", studio(minimal=False)),
-        "label-studio minimal": ("tasks.json", studio(minimal=True)),
-    }[tool]
-    (folder / name).write_text(json.dumps(content))
-    return folder / name
-
-
-TOOLS = ["coco", "yolo", "cvat", "label-studio", "label-studio minimal"]
-
-
-@pytest.mark.parametrize("tool", TOOLS)
-def test_an_export_becomes_corrections_that_the_labels_stage_reads(tmp_path, tool):
-    source = write_source(tmp_path / "export", tool)
+def test_an_export_becomes_corrections_that_the_labels_stage_reads(tmp_path, source):
     done = import_labels(source, tmp_path / "corrections")
     assert (done.photos, done.boxes) == (1, 2)
     found = read_corrections(tmp_path / "corrections", 1)
@@ -81,22 +41,13 @@ def test_an_export_becomes_corrections_that_the_labels_stage_reads(tmp_path, too
     np.testing.assert_allclose(found[KEY].shadows, [SHADOW], atol=0.01)
 
 
-def test_an_export_becomes_seeds_that_the_acquire_stage_chooses(tmp_path):
-    import_labels(write_source(tmp_path / "export", "cvat"), tmp_path / "seeds")
+def test_an_export_becomes_seeds_that_the_acquire_stage_chooses(tmp_path, source):
+    import_labels(source, tmp_path / "seeds")
     files, _ = find_labels(tmp_path / "seeds", 1)
     assert [key for key, _ in choose_seed_files(files, ["A"], SeedOptions())] == [KEY]
 
 
-def test_a_rotated_rectangle_of_label_studio_becomes_a_box(tmp_path):
-    turned = percent(np.array([500.0, 300, 600, 350])) | {"rotation": 90, "rectanglelabels": ["rock"]}
-    (tmp_path / "tasks.json").write_text(json.dumps([{"image": f"{KEY}.png", "label": [turned]}]))
-    import_labels(tmp_path / "tasks.json", tmp_path / "out")
-    _, boxes = yolo.read_boxes(tmp_path / f"out/{KEY}.txt")
-    np.testing.assert_allclose(boxes, [[450, 300, 500, 400]], atol=0.01)  # a quarter turn about the upper left corner
-
-
-def test_a_photo_without_a_box_is_skipped_unless_empty_photos_are_kept(tmp_path):
-    source = write_source(tmp_path / "export", "cvat")
+def test_a_photo_without_a_box_is_skipped_unless_empty_photos_are_kept(tmp_path, source):
     done = import_labels(source, tmp_path / "out")
     assert (done.photos, done.boxes, done.empty) == (1, 2, [str(OTHER)])
     assert not (tmp_path / f"out/{OTHER}.txt").exists()
@@ -105,8 +56,7 @@ def test_a_photo_without_a_box_is_skipped_unless_empty_photos_are_kept(tmp_path)
     assert (tmp_path / f"all/{OTHER}.txt").read_text() == ""
 
 
-def test_other_names_of_classes_are_mapped(tmp_path):
-    source = write_source(tmp_path / "export", "cvat")
+def test_other_names_of_classes_are_mapped(tmp_path, source):
     source.write_text(CVAT.replace('label="rock"', 'label="boulder"').replace('label="shadow"', 'label="dog"'))
     with pytest.raises(FormatError):
         import_labels(source, tmp_path / "out")
@@ -137,14 +87,12 @@ def test_a_file_that_is_no_export_is_a_one_line_error(tmp_path, name, text):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_with_files_is_an_error(tmp_path):
-    source = write_source(tmp_path / "export", "cvat")
+def test_a_folder_with_files_is_an_error(tmp_path, source):
     with pytest.raises(ConfigError):
         import_labels(source, tmp_path / "export")
 
 
-def test_the_command_prints_the_configuration_of_the_seeds(tmp_path, polarsim):
-    source = write_source(tmp_path / "export", "cvat")
+def test_the_command_prints_the_configuration_of_the_seeds(tmp_path, polarsim, source):
     done = polarsim("import", source, tmp_path / "mine", "--as", "seeds")
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines() == [

@@ -2,9 +2,9 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from polarsim.formats import kitti, png
+from polarsim.formats import png
 from polarsim.photo import PhotoKey
-from polarsim.publish.stereo_set import DISPARITIES, kitti_object, rectified_edges
+from polarsim.publish.stereo_set import DISPARITIES, disparity_picture, kitti_object, rectified_edges
 from tests.publish.tiny import ROCK_PLACES, SIZE
 from tests.support.kitti import disparity_of, read_calibration, read_objects
 
@@ -104,6 +104,6 @@ def test_points_from_disparity_and_calibration_are_on_the_meshes(published):
 
 
 def test_disparities_outside_the_range_of_kitti_are_0():
-    steps = kitti.disparity_picture(np.array([[np.nan, 0.001, 1.5, 255.99, 256.0, 400.0]]))
+    steps = disparity_picture(np.array([[np.nan, 0.001, 1.5, 255.99, 256.0, 400.0]]))
     assert steps.tolist() == [[0, 0, 384, 65533, 0, 0]]
     np.testing.assert_array_equal(disparity_of(steps)[0, :3], [np.nan, np.nan, 1.5])
