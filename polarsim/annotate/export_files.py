@@ -113,16 +113,11 @@ def find_files(source: Path, form: str | None = None) -> tuple[str, list[Path]]:
     return next(iter(of_form.items()))
 
 
-def keyed_label_files(folder: Path) -> tuple[dict[Path, PhotoKey], list[Path]]:
-    """Return the YOLO files of a folder with the photo keys in the names, and the other text files."""
-    keys, others = {}, []
-    for path in _visible(folder):
-        if path.suffix.lower() == ".txt" and path.is_file() and path.name != yolo.CLASS_FILE:
-            if key := key_in(path.name):
-                keys[path] = key
-            else:
-                others.append(path)
-    return keys, others
+def keyed_label_files(folder: Path) -> tuple[list[Path], list[Path]]:
+    """Return the YOLO files of a folder, which have a photo key in the name, and the other text files."""
+    texts = [path for path in _visible(folder) if path.suffix.lower() == ".txt" and path.is_file()]
+    keyed = [path for path in texts if key_in(path.name)]
+    return keyed, [path for path in texts if not key_in(path.name) and not yolo.is_class_list(path)]
 
 
 def _visible(folder: Path) -> list[Path]:

@@ -185,9 +185,9 @@ def _coco(source: Path, _: Imported) -> Iterator[ExportedImage]:
 
 def _yolo(source: Path, done: Imported) -> Iterator[ExportedImage]:
     """Read every `KEY.txt` below a folder."""
-    keys, others = keyed_label_files(source)
+    keyed, strays = keyed_label_files(source)
     lists: dict[Path, yolo.ClassList] = {}
-    for path in keys:
+    for path in keyed:
         if path.parent not in lists:
             lists[path.parent] = yolo.find_classes(path.parent, source)
         classes = lists[path.parent]
@@ -202,7 +202,6 @@ def _yolo(source: Path, done: Imported) -> Iterator[ExportedImage]:
     for classes in dict.fromkeys(lists.values()):
         origin = f"classes from {classes.path}:" if classes.path else "no class list found: assuming"
         done.notes.append(f"{origin} {classes}")
-    strays = [path for path in others if not yolo.is_class_list(path)]
     if strays:
         done.skipped[STRAY] += len(strays)
         done.notes.append(f"text files without a photo key: {_some([path.name for path in strays])}")

@@ -64,22 +64,14 @@ def _common_area(first: Rectangle, second: Rectangle) -> float:
 
 @dataclass(frozen=True)
 class OverlayStyle:
-    """Style of an overlay.
-
-    Attributes
-    ----------
-    doubtful_below
-        Boxes with a lower confidence are dashed.
-    letter_px
-        Font size of ids; 0: proportional to the image width, minimum 10.
-    """
+    """Style of an overlay."""
 
     kinds: Sequence[str] = BOX_CLASSES
     links: bool = False
     shadow_ids: bool = False
     confidences: bool = True
-    doubtful_below: float = 0.0
-    letter_px: int = 0
+    doubtful_below: float = 0.0  # boxes with a lower confidence are dashed
+    letter_px: int = 0  # font size of ids; 0: proportional to the image width, minimum 10
 
 
 @dataclass(frozen=True)
@@ -194,9 +186,8 @@ def _draw_links(pen: Any, labels: Sequence[_Label], line: int) -> None:
         ends = [rock.centre for rock in rocks if rock.rock == shadow.rock]
         if ends:
             x, y = min(ends, key=lambda end: (dist(end, shadow.centre), end))
-            pen.line(
-                [shadow.centre, (x, y)], fill=(0, 0, 0), width=rim
-            )  # dark rim, because sand may be as bright as the line
+            # The rim is dark, because sand may be as bright as the line.
+            pen.line([shadow.centre, (x, y)], fill=(0, 0, 0), width=rim)
             pen.line([shadow.centre, (x, y)], fill=LINK, width=thin)
             pen.ellipse([x - dot, y - dot, x + dot, y + dot], fill=LINK, outline=(0, 0, 0))
 
@@ -208,10 +199,8 @@ def _draw_box(pen: Any, box: Sequence[float], colour: Colour, line: int, *, dash
         return
     dash = 3 * line
     for x in range(x0, x1 + 1, 2 * dash):
-        end = min(x + dash - 1, x1)
-        pen.rectangle([x, y0, end, y0 + line - 1], fill=colour)
-        pen.rectangle([x, y1 - line + 1, end, y1], fill=colour)
+        for y in (y0, y1 - line + 1):
+            pen.rectangle([x, y, min(x + dash - 1, x1), y + line - 1], fill=colour)
     for y in range(y0, y1 + 1, 2 * dash):
-        end = min(y + dash - 1, y1)
-        pen.rectangle([x0, y, x0 + line - 1, end], fill=colour)
-        pen.rectangle([x1 - line + 1, y, x1, end], fill=colour)
+        for x in (x0, x1 - line + 1):
+            pen.rectangle([x, y, x + line - 1, min(y + dash - 1, y1)], fill=colour)
