@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 from polarsim.errors import PolarsimError
-from polarsim.running.jobs import LOGS, logs_in
+from polarsim.running.jobs import LOGS, logs_in, text_of
 
 # Messages in the log of Snakemake's executors for SLURM and for generic schedulers.
 _SUBMITTED = re.compile(r"(?:with SLURM jobid |with external jobid ')(\d+)")
@@ -39,7 +39,7 @@ def submitted_jobs(folder: Path) -> list[str]:
     """Return the numbers of the unfinished jobs that Snakemake submitted for a folder; none without SLURM."""
     if shutil.which("squeue") is None:
         return []
-    known = {number for log in logs_in(folder) for number in _SUBMITTED.findall(_text(folder / LOGS / log))}
+    known = {number for log in logs_in(folder) for number in _SUBMITTED.findall(text_of(folder / LOGS / log))}
     if not known:
         return []
     done = subprocess.run(
@@ -47,10 +47,3 @@ def submitted_jobs(folder: Path) -> list[str]:
     )
     jobs = (line.strip().partition(" ") for line in done.stdout.splitlines())
     return sorted(number for number, _, place in jobs if number in known and Path(place) == folder)
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return ""

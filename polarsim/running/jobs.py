@@ -45,11 +45,7 @@ class WorkflowJob:
         return self.error(folder) or f"killed or crashed{f' after: {lines[-1]}' if lines else ''}"
 
     def _lines(self, folder: Path) -> list[str]:
-        try:
-            lines = (folder / self.log).read_text(encoding="utf-8", errors="replace").splitlines()
-        except OSError:
-            return []
-        return [line.strip() for line in lines if line.strip()]
+        return [line.strip() for line in text_of(folder / self.log).splitlines() if line.strip()]
 
 
 def read_jobs(lines: Iterable[str]) -> list[WorkflowJob]:
@@ -84,10 +80,15 @@ def read_jobs(lines: Iterable[str]) -> list[WorkflowJob]:
 
 def jobs_of(folder: Path, log: str) -> list[WorkflowJob]:
     """Return the jobs in a log file; empty if the file is missing."""
+    return read_jobs(text_of(folder / LOGS / log).splitlines())
+
+
+def text_of(log: Path) -> str:
+    """Return the text of a log; empty if the file is missing."""
     try:
-        return read_jobs((folder / LOGS / log).read_text(encoding="utf-8", errors="replace").splitlines())
+        return log.read_text(encoding="utf-8", errors="replace")
     except OSError:
-        return []
+        return ""
 
 
 def logs_in(folder: Path) -> set[str]:
@@ -95,8 +96,5 @@ def logs_in(folder: Path) -> set[str]:
 
 
 def latest_log(folder: Path) -> list[str]:
-    """Return a list with the name of the last log, or an empty list."""
-    return [
-        path.name
-        for path in sorted((folder / LOGS).glob("*.snakemake.log"), key=lambda path: path.stat().st_mtime)[-1:]
-    ]
+    """Return a list with the name of the last log, or an empty list; names start with the time."""
+    return sorted(logs_in(folder))[-1:]
