@@ -47,13 +47,9 @@ def write_model(
 ) -> None:
     """Write the rigs of a terrain by position. All rigs must have the same calibration.
 
-    Parameters
-    ----------
-    pictures : (position, camera) -> name
-        Names of images: paths from the folder that contain the position as `PosX` and the camera as `CamL` or `CamR`,
-        or a photo key. A file with a blank in the name is linked into the model as `images/PosX_CamL.png`.
-    points : (n, 3) float
-        Points of the scene, sandbox frame, metres.
+    `pictures` are names of images by position and camera: paths from the folder that contain the position as `PosX` and
+    the camera as `CamL` or `CamR`, or a photo key. A file with a blank in the name is linked into the model as
+    `images/PosX_CamL.png`. `points` (n, 3) are points of the scene, sandbox frame, metres.
     """
     with with_path(folder):
         rig = common_rig(localised)
@@ -100,12 +96,8 @@ def write_pictures(
 ) -> None:
     """Write a model with the images of a single rig and with initial points for a reconstruction.
 
-    Parameters
-    ----------
-    frames
-        Names of the images by camera (one or both cameras) and `sandbox_from_left` of each moment.
-    points, colours
-        (n, 3) in the sandbox frame, metres; (n, 3) uint8. Points have no tracks because images are not matched.
+    `frames` are the names of the images by camera (one or both) and `sandbox_from_left` of each moment; `points` (n, 3)
+    in the sandbox frame, metres, with `colours` (n, 3) uint8, have no tracks because images are not matched.
     """
     import pycolmap
 

@@ -126,11 +126,7 @@ def share_file(source: Path, target: Path) -> None:
 
 
 def decode_text(content: bytes) -> str:
-    """Return the text of a file: UTF-8, or UTF-16 and UTF-32 with a byte order mark, else Latin-1.
-
-    Every reader of text uses this function. PowerShell writes UTF-16, Windows editors write byte order marks, and old
-    programs write names and comments in Latin-1.
-    """
+    """Return the text of a file: UTF-8, or UTF-16 and UTF-32 with a byte order mark, else Latin-1 (old programs)."""
     for mark, encoding in ENCODINGS:
         if content.startswith(mark):
             return content.decode(encoding)
@@ -153,8 +149,7 @@ def text_of(path: str | Path) -> str:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    with writing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_bytes(path, text.encode())
 
 
 def write_bytes(path: str | Path, content: bytes) -> None:

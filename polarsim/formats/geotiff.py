@@ -43,16 +43,10 @@ class Elevation:
 def read_elevation(
     path: str | Path, half_m: float, far_m: float, centre_m: tuple[float, float] | None = None
 ) -> Elevation:
-    """Read the first band of a file around a point.
+    """Read the first band of a file around a point in the frame of the file, east and north (default: the centre).
 
-    Parameters
-    ----------
-    half_m : float
-        Distance from the point to all four sides that the file must cover.
-    far_m : float
-        Distance from the point to each side up to which heights are read, if the file has them.
-    centre_m : (float, float), optional
-        The point in the frame of the file, east and north; by default the centre of the file.
+    The file must cover the distance `half_m` from the point to all four sides; heights are read up to the distance
+    `far_m` from the point, if the file has them.
     """
     try:
         import rasterio

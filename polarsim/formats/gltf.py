@@ -30,14 +30,9 @@ def write_glb(
     extras: Mapping[str, Mapping[str, Any]] | None = None,
     finish: Callable[[dict[str, Any]], None] | None = None,
 ) -> None:
-    """Write meshes by node name, with the support (v,) of the vertices if it is known.
+    """Write meshes by node name, with the support (v,) of the vertices if it is known, and metadata `extras`.
 
-    Parameters
-    ----------
-    extras
-        Metadata of meshes by node name.
-    finish
-        Function that edits the JSON of the file before it is written, to add nodes that are not meshes.
+    `finish` edits the JSON of the file before it is written, to add nodes that are not meshes.
     """
     import trimesh
 

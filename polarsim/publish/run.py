@@ -34,18 +34,10 @@ def publish_forms(
     replace: bool = False,
     split: str = "",
 ) -> dict[str, Catalogue]:
-    """Write `out/<form>/` for every format; return the published part of the catalogue by format.
+    """Write `out/<form>/` for every format in `forms` (or `all`); return the published part of the catalogue by format.
 
-    Parameters
-    ----------
-    forms
-        Names in `FORMS`, or `all`.
-    subset, max_size, photos
-        See `PublishOptions`.
-    replace
-        Overwrite an export with other arguments.
-    split
-        Name of the split that determines the parts of images; empty for the run's first split.
+    `subset`, `max_size` and `photos` are `PublishOptions`. `replace` overwrites an export with other arguments. `split`
+    determines the parts of images; empty for the run's first split.
     """
     for name in FORMS if ALL in forms else forms:
         _check(name)
