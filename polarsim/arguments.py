@@ -23,10 +23,6 @@ Check = Callable[[Path | None], Path | None]
 PLOTS = (".eps", ".jpg", ".jpeg", ".pdf", ".pgf", ".png", ".ps", ".svg", ".tif", ".tiff", ".webp")  # of matplotlib
 STOPPED = 130  # exit code of a shell: 128 + number of SIGINT
 _SHOWN_RUNS = 10
-_EXTRAS = {  # extra of each optional module
-    **dict.fromkeys(("torch", "torchvision", "ultralytics"), "detect"),
-    **dict.fromkeys(("av", "gymnasium", "mcap", "mcap_ros2", "mujoco", "rasterio", "rosbags"), "rover"),
-}
 
 
 class FiniteCommand(TyperCommand):
@@ -137,10 +133,6 @@ def call(app: typer.Typer) -> int:
         return error.exit_code
     except typer.Abort:
         return 1
-    except ModuleNotFoundError as error:
-        if (extra := _EXTRAS.get((error.name or "").partition(".")[0])) is None:
-            raise
-        raise PolarsimError(f"{error.name} is not installed: pip install 'polarsim[{extra}]'") from error
     except OSError as error:  # of a user's file: no permission, no space, file name too long
         if error.filename is None:
             raise

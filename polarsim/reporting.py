@@ -10,10 +10,15 @@ from pathlib import Path
 
 from polarsim.errors import PolarsimError
 
+_EXTRAS = {  # extra of each optional module
+    **dict.fromkeys(("torch", "torchvision", "ultralytics"), "detect"),
+    **dict.fromkeys(("av", "gymnasium", "mcap", "mcap_ros2", "mujoco", "rasterio", "rosbags"), "rover"),
+}
+
 
 @contextmanager
 def reporting(log: str | Path | None = None) -> Iterator[None]:
-    """Log to an optional file; print a `PolarsimError` as one line on the terminal and exit with code 1."""
+    """Log to an optional file; print a `PolarsimError` or a missing extra as one line and exit with code 1."""
     handlers: list[logging.Handler] = [logging.StreamHandler()]
     handlers[0].setLevel(logging.WARNING)
     if log:
@@ -22,9 +27,14 @@ def reporting(log: str | Path | None = None) -> Iterator[None]:
     logging.basicConfig(level=logging.INFO, format="%(levelname)s %(message)s", handlers=handlers, force=True)
     try:
         yield
-    except PolarsimError as error:
-        logging.getLogger("polarsim").info("stopped: %s", error)
-        sys.stderr.write(f"error: {error}\n")
+    except (PolarsimError, ModuleNotFoundError) as error:
+        message: object = error
+        if isinstance(error, ModuleNotFoundError):
+            if (extra := _EXTRAS.get((error.name or "").partition(".")[0])) is None:
+                raise
+            message = f"{error.name} is not installed: pip install 'polarsim[{extra}]'"
+        logging.getLogger("polarsim").info("stopped: %s", message)
+        sys.stderr.write(f"error: {message}\n")
         sys.exit(1)
     except KeyboardInterrupt:
         sys.stderr.write("stopped by the user; the same command resumes\n")

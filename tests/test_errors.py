@@ -6,6 +6,7 @@ import pytest
 from polarsim import errors
 from polarsim.errors import DetectError, FormatError, LabelError, PolarsimError, with_part, with_path
 from polarsim.formats import tables, yolo
+from polarsim.reporting import reporting
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.state import OffGridError
 
@@ -46,3 +47,14 @@ def test_people_read_position_and_reason(tmp_path):
         tables.read_csv(table, ["key", "part"])
     assert str(caught.value) == f"{table}: column 'part' is missing"
     assert str(DetectError("training diverged")) == "training diverged"
+
+
+@pytest.mark.parametrize(("module", "extra"), [("mujoco", "rover"), ("torch", "detect"), ("mcap_ros2.writer", "rover")])
+def test_a_script_without_an_extra_ends_in_one_line_that_names_it(tmp_path, capsys, module, extra):
+    with pytest.raises(SystemExit) as caught, reporting(tmp_path / "job.log"):
+        raise ModuleNotFoundError(f"No module named {module!r}", name=module)
+    assert caught.value.code == 1
+    assert f"polarsim[{extra}]" in capsys.readouterr().err
+    assert f"polarsim[{extra}]" in (tmp_path / "job.log").read_text()
+    with pytest.raises(ModuleNotFoundError), reporting():
+        raise ModuleNotFoundError("No module named 'polarsim.labels.other'", name="polarsim.labels.other")
