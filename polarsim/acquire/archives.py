@@ -14,6 +14,8 @@ from polarsim.formats.readers import MB, reader
 from polarsim.progress import track
 
 _COPY_BYTES = 1 << 20
+_MIN_BOMB_BYTES = 1 << 20  # smaller archives may have any compression ratio
+_MAX_RATIO = 200.0  # maximum ratio of the size of all files to the size of the archive, against zip bombs
 _OUTSIDE = re.compile(r"^/|^[A-Za-z]:|\0|(^|/)\.\.(/|$)")
 _OF_MACOS = ("__MACOSX", ".DS_Store")  # additional entries in archives made by macOS
 _SUPPORTED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)
@@ -37,14 +39,18 @@ def unpack(archive: Path, folder: Path, layout: re.Pattern[str] | None = None) -
     ------
     FormatError
         The file is no zip archive, is truncated or damaged (all checksums are tested), or an entry is outside the
-        folder, a link, repeated, encrypted, or compressed by an unsupported method.
+        folder, a link, repeated, encrypted, compressed by an unsupported method, or the archive is a zip bomb.
     FetchError
         The disk has not enough space.
     """
     with zipfile.ZipFile(archive) as source:
         entries = [entry for entry in source.infolist() if not _name(entry).endswith("/")]
         check_entries(entries)
-        _check_space(sum(entry.file_size for entry in entries), folder)  # also of an archive that is a zip bomb
+        total, packed = sum(entry.file_size for entry in entries), archive.stat().st_size
+        if total > max(_MIN_BOMB_BYTES, _MAX_RATIO * packed):  # also many small entries, and entries that share bytes
+            reason = f"unpacks to {total / MB:.0f} MB, more than {_MAX_RATIO:g} times the size of the archive"
+            raise FormatError(f"{reason}: suspected zip bomb")
+        _check_space(total, folder)
         with writing_folder(folder) as temporary:
             for entry in track(entries, f"unpacking {archive.name}"):
                 _extract(source, entry, temporary)

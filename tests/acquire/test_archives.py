@@ -80,8 +80,9 @@ OUTSIDE = ["../evil.txt", "a/../../evil.txt", "/evil.txt", "C:\\evil.txt", "C:/e
     [
         *(({"good.txt": b"x", name: b"evil"}, "a.zip") for name in OUTSIDE),
         ({"x": b"file", "x/y": b"in it"}, ""),  # a file in place of a folder
+        ({f"a/{number}": bytes(1_000_000) for number in range(5)}, "a.zip"),  # a bomb: deflate packs zeros 1,000 to 1
     ],
-    ids=[*OUTSIDE, "file and folder"],
+    ids=[*OUTSIDE, "file and folder", "bomb"],
 )
 def test_a_harmful_archive_is_a_one_line_error_before_any_output(tmp_path, files, named):
     archive = pack(tmp_path / "a.zip", files, "")
