@@ -1,12 +1,14 @@
 """Commands: output on the terminal, invalid input as one line with exit code 1 or 2."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 
 from polarsim.cli import app
 from polarsim.formats import coco, obj, png, rle, yolo
@@ -32,6 +34,12 @@ def test_help_lists_every_command_in_a_panel_of_its_subject():
     subjects = ["Runs of the pipeline", "Labels", "Rendering", "Detectors", "Rover", "For other tools"]
     assert list(dict.fromkeys(panels)) == subjects
     assert panels == sorted(panels, key=subjects.index)
+
+
+def test_every_command_is_called_in_a_test():
+    text = "\n".join(path.read_text() for path in Path(__file__).parent.rglob("test_*.py"))
+    called = set(re.findall(r'(?:call|polarsim|report_of|invoke)\((?:app, \[)?"([a-z]+)"', text))
+    assert set(typer.main.get_command(app).commands) <= called
 
 
 def test_a_folder_scored_against_itself_is_perfect(polarsim, tmp_path):

@@ -76,6 +76,12 @@ def test_the_cosine_over_any_hemisphere_integrates_to_pi(direction):
     assert (weight * cosine).mean() == pytest.approx(2 * np.pi / 3, rel=0.01)  # integral of the squared cosine
 
 
+def test_a_level_plane_has_no_indirect_light(blocks, above, lens):
+    view = traced(build_surfaces(blocks((), ()), TRACED), above, lens, TRACED)
+    assert (view.olat_images["lambert", "lamp"] > 0).any()
+    assert not view.indirect["lambert", "lamp"].any()
+
+
 def test_the_shadow_of_a_lit_block_side_gets_light_from_walls(blocks, above, lens):
     options = TRACED.model_copy(update={"rim": True, "rim_half_width_m": 1.3})
     position = shadow(above, lens)
