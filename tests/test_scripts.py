@@ -10,6 +10,13 @@ import pytest
 WORKFLOW = Path(__file__).parents[1] / "workflow"
 SECTIONS = ("input", "output", "params")
 DIGESTS = {"code", "packaged"}  # params that only repeat a job
+DECLARED = {  # names of the files of functions in workflow/rules/common.smk, from the names of their arguments
+    "table_files": lambda given, first: (
+        {name: first for name in (*given, "others") if name != first}
+        | ({first: None} if first else {"others": given[0]})
+    ),
+    "position_figures": lambda *_: {"comparisons": None, "contacts": None},
+}
 THROUGH = re.compile(r"# (?:read|written) through ([\w.]+)")
 
 
@@ -35,7 +42,9 @@ def entries(block: str) -> dict[str, str | None]:
             found[entry[1]] = comment[1] if comment else through
             through = None
         elif line.startswith(f"{indent}**"):
-            found["*"] = None
+            named = DECLARED.get(line.split("(")[0].strip(" *"), lambda *_: {"*": None})
+            found |= named(re.findall(r"(\w+)=", block[block.index(line) :].partition(")")[0]), through)
+            through = None
         elif line.startswith(f"{indent}#"):
             through = comment[1] if comment else None
         else:

@@ -120,7 +120,7 @@ class PrincipledChronoParameters(BaseModel, extra="forbid", frozen=True):
     """Principled shader of Chrono::Sensor (2025), specular workflow. f_r is the value of the shader divided by pi."""
 
     k_d: float = Field(0.7, ge=0, le=1, description="Albedo of the diffuse lobe: higher is brighter.")
-    k_s: float = Field(1.0, ge=0, le=1, description="Specular colour.")
+    k_s: float = Field(1.0, ge=0, le=1, description="Specular colour, same for all wavelengths.")
     roughness: float = Field(0.8, ge=0.001, le=1, description="Alpha of GGX: higher is wider and fainter.")
 
     @property

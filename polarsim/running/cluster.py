@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 from polarsim.errors import PolarsimError
-from polarsim.running.jobs import LOGS, logs_in, text_of
+from polarsim.running.jobs import LOGS, logs_in, log_text
 
 # Messages in the log of Snakemake's executors for SLURM and for generic schedulers.
 _SUBMITTED = re.compile(r"(?:with SLURM jobid |with external jobid ')(\d+)")
@@ -39,7 +39,7 @@ def submitted_jobs(folder: Path) -> list[str]:
     """Return the numbers of the unfinished jobs that Snakemake submitted for a folder; none without SLURM."""
     if shutil.which("squeue") is None:
         return []
-    known = {number for log in logs_in(folder) for number in _SUBMITTED.findall(text_of(folder / LOGS / log))}
+    known = {number for log in logs_in(folder) for number in _SUBMITTED.findall(log_text(folder / LOGS / log))}
     if not known:
         return []
     done = subprocess.run(

@@ -45,7 +45,7 @@ class WorkflowJob:
         return self.error(folder) or f"killed or crashed{f' after: {lines[-1]}' if lines else ''}"
 
     def _lines(self, folder: Path) -> list[str]:
-        return [line.strip() for line in text_of(folder / self.log).splitlines() if line.strip()]
+        return [line.strip() for line in log_text(folder / self.log).splitlines() if line.strip()]
 
 
 def read_jobs(lines: Iterable[str]) -> list[WorkflowJob]:
@@ -80,10 +80,10 @@ def read_jobs(lines: Iterable[str]) -> list[WorkflowJob]:
 
 def jobs_of(folder: Path, log: str) -> list[WorkflowJob]:
     """Return the jobs in a log file; empty if the file is missing."""
-    return read_jobs(text_of(folder / LOGS / log).splitlines())
+    return read_jobs(log_text(folder / LOGS / log).splitlines())
 
 
-def text_of(log: Path) -> str:
+def log_text(log: Path) -> str:
     """Return the text of a log; empty if the file is missing."""
     try:
         return log.read_text(encoding="utf-8", errors="replace")

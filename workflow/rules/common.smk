@@ -96,6 +96,36 @@ def of_positions(path, category, drawn):
     ]
 
 
+def table_files(**titles):
+    """Return the CSV files of tables, with titles for Snakemake's report, and the files written through the first."""
+    files = {}
+    for name, title in titles.items():
+        path = f"results/{{run}}/tables/{name}.csv"
+        files[name] = shown(path, "Tables", table=title) if title else path
+    forms = ["md", "tex", "parquet"]
+    return files | {"others": expand("results/{{run}}/tables/{name}.{form}", name=list(titles), form=forms)}
+
+
+def position_figures(drawn):
+    """Return the figures of the given positions of a terrain."""
+    path = "results/{run}/figures/NAME_Terrain{terrain}_Pos{position}.png"
+    return {
+        "comparisons": of_positions(path.replace("NAME", "comparison"), "Photos and twins", drawn),
+        "contacts": of_positions(path.replace("NAME", "contact"), "Contact sheets", drawn),
+    }
+
+
+def detector_figures(name, title):
+    """Return a figure of the detector of each domain."""
+    path = f"results/{{run}}/figures/{name}_DOMAIN.png"
+    return [
+        shown(
+            path.replace("DOMAIN", trained), "Detection", f"figures/{name}", picture=f"{title}, detector of {trained}"
+        )
+        for trained in DOMAINS
+    ]
+
+
 def complete(item):
     """Add the items that all rules have.
 

@@ -9,7 +9,7 @@ from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     propagate_labels(
-        PropagationInputs(
+        inputs=PropagationInputs(
             terrain=int(snakemake.wildcards.terrain),
             keys=selected_grid(
                 terrain=int(snakemake.wildcards.terrain),
