@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 from polarsim.errors import PolarsimError
-from polarsim.running.jobs import LOGS, logs_in, log_text
+from polarsim.running.jobs import LOGS, log_text, logs_in
 
 # Messages in the log of Snakemake's executors for SLURM and for generic schedulers.
 _SUBMITTED = re.compile(r"(?:with SLURM jobid |with external jobid ')(\d+)")
