@@ -132,6 +132,10 @@ LEAST = (  # start of the path, measure, and minimum value of a figure that is n
     ("reflectance.", coloured, 0.005),
     ("reliability.", coloured, 0.001),
     ("residuals_", pictured_share, 0.1),
+    ("rover_drive.", coloured, 0.005),
+    ("rover_front.", pictured_share, 0.1),
+    ("rover_sequence.", pictured_share, 0.1),
+    ("rover_", coloured, 0.0005),  # figures of autonomous drives
     ("seen_", pictured_share, 0.1),
     ("strip/", pictured_share, 0.1),
 )
