@@ -28,7 +28,9 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.geometry.stereo import default_rig
 from polarsim.photo import BOX_CLASSES, HEIGHT, NO_ROCK, WIDTH, PhotoKey
-from polarsim.run_files import rigs
+from polarsim.rocks import overrides
+from polarsim.run_files import class_masks, instances, lamps, rigs
+from polarsim.run_files.inventory import Inventory, read_inventory, write_inventory
 
 EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "30"))
 PLAUSIBLE = b"0123456789-+.eEnaif, \t\n/#\"'[]{}:x\\"
@@ -249,6 +251,22 @@ CASES = {
     "detector": Case(make_detector, detectors.read_detector),
     "GeoTIFF": Case(make_geotiff, lambda path: geotiff.read_elevation(path, 2.0, 3.0)),
     "JSON": Case(text("a.json", json.dumps({"a": [1, 2.5, None], "b": {"c": "d"}})), files.read_json),
+    "class mask": Case(
+        written("a.png", class_masks.write_class_mask, (PIXELS % 3).astype(np.uint8)), class_masks.read_class_mask
+    ),
+    "instances": Case(written("a.png", png.write_png, PIXELS), instances.read_instances, shaped(12, 16)),
+    "inventory": Case(
+        written("a.json", write_inventory, Inventory(3, "release", meshes={"4": "a.obj"}, clouds={"A": "a.xyz"})),
+        lambda path: read_inventory(path).rock_meshes(),
+    ),
+    "lamps": Case(
+        written("lamps.json", lambda path: lamps.write_suns(path.parent, {"30": np.array([3.5, 1.4, 0.7])})),
+        lambda path: lamps.read_localised_suns(path.parent),
+    ),
+    "overrides of rocks": Case(
+        text("a.yaml", "- {rock: 5, min: [0, 0, 0], max: [0.2, 0.2, 0.1]}\n- {rock: 6, at: [1, 1]}\n- {drop: [7]}\n"),
+        overrides.read_overrides,
+    ),
     "NPZ": Case(
         written("a.npz", lambda path: npz.write_arrays(path, level=POINTS[0])),
         lambda path: npz.read_arrays(path, ("level",))["level"],
