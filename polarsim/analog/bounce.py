@@ -12,9 +12,10 @@ from scipy.spatial import cKDTree
 
 from polarsim.analog.light import SURFACE_OFFSET, DiscLamp, towards
 from polarsim.analog.rays import RayCaster, rays_from
-from polarsim.analog.rocks import fibonacci_sphere, icosphere
+from polarsim.analog.rocks import icosphere
 from polarsim.analog.sandbox import HALL_OBJECT, SandboxScene
 from polarsim.analog.view import GBuffer, strips
+from polarsim.geometry.outlines import spread_directions
 
 AMBIENT = "ambient"  # weak ambient light of the hall, in addition to the lamps
 _CACHE_GRID = 0.06  # step of the ground points at which indirect light is computed, metres
@@ -96,7 +97,7 @@ def _lit_radiance(
 
 def _hemisphere(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Return directions (n, rays, 3) float32, uniform over hemispheres: a fixed set, rotated at random."""
-    sphere = fibonacci_sphere(2 * _BOUNCE_RAYS)[:_BOUNCE_RAYS]
+    sphere = spread_directions(2 * _BOUNCE_RAYS)[:_BOUNCE_RAYS]
     angle = rng.uniform(0, 2 * np.pi, len(normals))
     side = np.where(np.abs(normals[:, 2:]) < 0.9, [[0, 0, 1.0]], [[1.0, 0, 0]])
     first = np.cross(normals, side)

@@ -8,6 +8,8 @@ from functools import cache
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from polarsim.geometry.outlines import spread_directions
+
 
 @dataclass(frozen=True)
 class SimulatedRock:
@@ -70,7 +72,7 @@ def carve(rng: np.random.Generator, rock: int, size: float, detail: int) -> Simu
     Random planes cut a sphere to a polyhedron, additional planes cut corners off, and noise adds roughness.
     """
     directions, _ = icosphere(detail)
-    normals = _spread_directions(rng, int(rng.integers(11, 19)))
+    normals = _jittered_directions(rng, int(rng.integers(11, 19)))
     radius = _cut(directions, normals, rng.uniform(0.70, 1.0, len(normals)))
     for _ in range(int(rng.integers(3, 7))):  # chips: planes just inside the farthest corners
         towards = directions[rng.choice(np.argsort(radius)[-len(radius) // 5 :])] + rng.normal(0, 0.25, 3)
@@ -101,20 +103,12 @@ def _cut(directions: np.ndarray, normals: np.ndarray, distances: np.ndarray) -> 
         return np.where(along > 1e-3, distances / along, np.inf).min(axis=1)
 
 
-def _spread_directions(rng: np.random.Generator, count: int) -> np.ndarray:
+def _jittered_directions(rng: np.random.Generator, count: int) -> np.ndarray:
     """Return unit vectors (count, 3) that cover all sides (a jittered, randomly rotated Fibonacci lattice)."""
-    lattice = fibonacci_sphere(count)
+    lattice = spread_directions(count)
     lattice += rng.normal(0, 0.22, lattice.shape)
     lattice /= np.linalg.norm(lattice, axis=1, keepdims=True)
     return Rotation.from_rotvec(rng.normal(0, 2, 3)).apply(lattice)
-
-
-def fibonacci_sphere(count: int) -> np.ndarray:
-    """Return unit vectors (count, 3) distributed evenly over the sphere, from +z to -z."""
-    k = np.arange(count) + 0.5
-    z = 1 - 2 * k / count
-    longitude, level = np.pi * (1 + 5**0.5) * k, np.sqrt(1 - z * z)
-    return np.stack([level * np.cos(longitude), level * np.sin(longitude), z], axis=1)
 
 
 def _lattice_noise(points: np.ndarray, table: np.ndarray) -> np.ndarray:
