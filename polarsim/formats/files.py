@@ -26,7 +26,7 @@ _CONFIGS = Path(__file__).parents[1] / "configs"  # config/ of the repository; i
 
 @contextmanager
 def writing(path: str | Path) -> Iterator[Path]:
-    """Yield a temporary path in the folder of `path`; rename the file to `path` at the end, or delete it."""
+    """Yield a temporary path in the folder of `path`; rename it to `path` at the end; delete it on an error."""
     path = Path(path)
     temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")  # writers choose the format by the suffix
     try:
@@ -126,7 +126,10 @@ def share_file(source: Path, target: Path) -> None:
 
 
 def decode_text(content: bytes) -> str:
-    """Return the text of a file: UTF-8, or UTF-16 and UTF-32 with a byte order mark, else Latin-1 (old programs)."""
+    """Return the text of a file: UTF-8, or UTF-16 and UTF-32 with a byte order mark, else Latin-1.
+
+    PowerShell writes UTF-16, Windows editors write byte order marks, and old programs write Latin-1.
+    """
     for mark, encoding in ENCODINGS:
         if content.startswith(mark):
             return content.decode(encoding)

@@ -151,8 +151,9 @@ def read_range_map(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) ->
             bands = np.asarray(tiff.series[0].asarray())
         except (ImportError, ValueError) as error:  # missing codec for a compression or predictor, or other errors
             if isinstance(error, ImportError) or "imagecodecs" in str(error):
+                name = getattr(page.compression, "name", page.compression)  # a number that tifffile does not know
                 raise FormatError(
-                    f"compression {page.compression.name} with predictor {int(page.predictor)} needs the package "
+                    f"compression {name} with predictor {int(page.predictor)} needs the package "
                     "imagecodecs: install it, or save the map without compression"
                 ) from error
             raise
