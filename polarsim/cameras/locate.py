@@ -163,13 +163,20 @@ def _locate_by_labels(
         pose, metrics = localisation.fit.sandbox_from_left, _label_metrics(localisation, len(outlines))
         return _rounded_rig(rig, position, pose, method, metrics, surveyed)
 
-    localised = {position: localised_rig(position, one, "labels") for position, one in sorted(result.localised.items())}
+    localised = {
+        position: localised_rig(position, localisation, "labels")
+        for position, localisation in sorted(result.localised.items())
+    }
     unconfirmed = {
         position: localised_rig(position, guess, UNCERTAIN_LABELS)
         for position, refusal in sorted(result.refused.items())
         if (guess := refusal.best) is not None and is_plausible(guess)
     }
-    rows = [row for position, one in result.localised.items() for row in _match_rows(position, one, outlines.rocks)]
+    rows = [
+        row
+        for position, localisation in result.localised.items()
+        for row in _match_rows(position, localisation, outlines.rocks)
+    ]
     rows.sort(key=itemgetter(0, 1))
     matches = pd.DataFrame(rows, columns=list(MATCHES.columns))
     return LocalisationResult(localised, {**details, "matches.parquet": matches}, unconfirmed)

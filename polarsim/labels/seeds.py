@@ -68,7 +68,7 @@ def read_seeds(folder: Path, terrain: int) -> PhotoAnnotations:
 class MinExposures:
     """Minimum exposures at which annotators draw shadows under Sun lamps and rocks without any lamp, ms.
 
-    Those without a lamp are known by position only, because stray light differs between positions.
+    Exposures without a lamp are stored by position, because stray light differs between positions.
     """
 
     usual_ms: int  # of shadows, without annotated shadows
