@@ -12,6 +12,7 @@ import pandas as pd
 from polarsim.errors import FormatError
 from polarsim.formats import tables
 from polarsim.formats.npz import read_arrays, write_arrays
+from polarsim.formats.readers import reader
 from polarsim.geometry.topology import remove_unused_vertices
 from polarsim.geometry.vectors import cross
 
@@ -191,6 +192,7 @@ def write_world(folder: str | Path, world: World) -> None:
     write_arrays(folder / "rocks.npz", **rocks)
 
 
+@reader("world of a drive")
 def read_world(folder: str | Path) -> World:
     """Read a world written by `write_world`."""
     folder, around = Path(folder), None

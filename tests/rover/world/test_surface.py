@@ -1,9 +1,14 @@
 """Heights between nodes, and meshes of rocks."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
+import pytest
 
-from polarsim.rover.world.surface import World, bare_world, bilinear, read_world, write_world
+from polarsim.errors import FormatError
+from polarsim.formats.npz import read_arrays, write_arrays
+from polarsim.rover.world.surface import World, WorldBackdrop, bare_world, bilinear, joined, read_world, write_world
 
 
 def test_heights_between_nodes_of_a_plane_are_on_the_plane(rng):
@@ -27,3 +32,17 @@ def test_the_mesh_of_a_rock_reads_back(tmp_path):
     corners, faces = read_world(tmp_path).rock_mesh(1)
     np.testing.assert_array_equal(corners, vertices[4:])
     np.testing.assert_array_equal(faces, [[0, 1, 2], [1, 2, 3]])
+
+
+@pytest.mark.parametrize(("file", "array"), [("ground.npz", "around_x_m"), ("rocks.npz", "scenery_triangles")])
+def test_surroundings_with_a_missing_array_are_an_error(tmp_path, file, array):
+    x, y = np.arange(3.0), np.arange(2.0)
+    around = WorldBackdrop(x, y, np.zeros((2, 3), np.float32), *joined([]))
+    write_world(tmp_path, replace(bare_world(np.zeros((2, 2)), 1.0, 0.0, 0.0), around=around))
+    arrays = read_arrays(tmp_path / file, ())
+    assert read_world(tmp_path).around is not None
+    del arrays[array]
+    write_arrays(tmp_path / file, **arrays)
+    with pytest.raises(FormatError, match=array) as error:
+        read_world(tmp_path)
+    assert error.value.path == tmp_path
