@@ -37,5 +37,5 @@ def reporting(log: str | Path | None = None) -> Iterator[None]:
         sys.stderr.write(f"error: {message}\n")
         sys.exit(1)
     except KeyboardInterrupt:
-        sys.stderr.write("stopped by the user; the same command resumes\n")
+        sys.stderr.write("stopped by the user\n")
         sys.exit(130)

@@ -12,7 +12,6 @@ from polarsim.arguments import PLOTS, refuse_existing_folder, sun_above_horizon,
 from polarsim.cli.application import commands_of
 from polarsim.photo import REFERENCE_EXPOSURE_MS
 from polarsim.render.models import Model
-from polarsim.reporting import reporting
 
 command = commands_of("Rendering")
 
@@ -182,10 +181,7 @@ def _render_views(file: Path, out: Path, limit: int | None, scale: float, previe
     tone = partial(
         to_8bit, white=WHITE_LEVEL - BLACK_LEVEL
     )  # the same white level for all images keeps exposures comparable
-    with reporting():  # typer keeps Ctrl-C to itself
-        count = render_views(
-            read_views(file), out, tone=tone, limit=limit, scale=scale, preview=preview, threads=threads
-        )
+    count = render_views(read_views(file), out, tone=tone, limit=limit, scale=scale, preview=preview, threads=threads)
     typer.echo(f"{count} labelled pictures in {out}; overview: {out / 'contact.jpg'}")
 
 

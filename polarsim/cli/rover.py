@@ -9,7 +9,6 @@ import typer
 
 from polarsim.arguments import writes_folder
 from polarsim.cli.application import CONFIG_HELP, commands_of
-from polarsim.reporting import reporting
 
 command = commands_of("Rover")
 
@@ -61,7 +60,7 @@ def drive(
     folder = out or run_folder / f"rover/seed{number}"
     if folder.exists() and any(folder.iterdir()):
         raise PolarsimError("the folder is not empty: remove it, or choose another with --out", path=folder)
-    with reporting(), progress_bar(f"drive {number}") as progress:  # typer keeps Ctrl-C to itself
+    with progress_bar(f"drive {number}") as progress:
         metrics = run_drive_pipeline(
             meshes=meshes,
             folder=folder,

@@ -9,7 +9,6 @@ import typer
 
 from polarsim.arguments import run_folder, writes_folder
 from polarsim.cli.application import Results, commands_of, split_commas
-from polarsim.reporting import reporting
 
 command = commands_of("For other tools")
 
@@ -49,7 +48,6 @@ def publish(
     from polarsim.publish.run import form_summary, publish_forms
 
     names = [name for text in form for name in split_commas(text)]
-    with reporting():  # typer handles Ctrl-C
-        parts = publish_forms(run_folder(results, run), out, names, subset, max_size, photos, replace, split)
+    parts = publish_forms(run_folder(results, run), out, names, subset, max_size, photos, replace, split)
     for name, part in parts.items():
         typer.echo(form_summary(name, part, out / name))

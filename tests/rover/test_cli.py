@@ -43,6 +43,17 @@ def test_a_drive_prints_its_metrics_and_seeds_give_different_drives(call, tmp_pa
     assert (folder / "trace.parquet").read_bytes() == traces[1]
 
 
+def test_a_drive_stopped_by_ctrl_c_does_not_promise_to_resume(call, tmp_path, monkeypatch):
+    def stopped(**_):
+        raise KeyboardInterrupt
+
+    write_meshes(tmp_path / "small/meshes/Terrain03", 3)
+    monkeypatch.setattr("polarsim.rover.run.run_drive", stopped)
+    done = call(tmp_path)
+    assert done.returncode == 130
+    assert done.stderr.splitlines()[-1] == "stopped by the user"
+
+
 @pytest.mark.parametrize(
     ("rover", "reason"),
     [
