@@ -11,6 +11,7 @@ from polarsim.analog.ground import CRATER_CENTRE, HeightField
 from polarsim.analog.presets import Preset
 from polarsim.analog.rays import RayCaster
 from polarsim.analog.rocks import SimulatedRock, carve, icosphere
+from polarsim.geometry.meshes import Mesh, join_meshes
 
 _PROBES = 642  # vertices of a rock that are tested against neighbours: a sphere of three subdivisions
 _X_RANGE, _Y_RANGE = (-1.6, 1.6), (-1.75, 1.6)  # range of rock centres in the real scenes, metres
@@ -120,12 +121,8 @@ def _set_down(shape: SimulatedRock, spot: np.ndarray, ground: HeightField, rng: 
 
 
 def _surfaces(rocks: Sequence[SimulatedRock]) -> RayCaster:
-    faces = [icosphere(rock.detail)[1] for rock in rocks]
-    starts = np.cumsum([0, *(len(rock.vertices) for rock in rocks)])
-    return RayCaster(
-        np.concatenate([rock.vertices for rock in rocks]),
-        np.concatenate([f + start for f, start in zip(faces, starts, strict=False)]),
-    )
+    whole = join_meshes([Mesh(rock.vertices, icosphere(rock.detail)[1]) for rock in rocks])
+    return RayCaster(whole.vertices, whole.faces)
 
 
 def _gap(rock: SimulatedRock, surfaces: RayCaster) -> float:

@@ -11,6 +11,7 @@ from polarsim.analog.options import AnalogOptions
 from polarsim.analog.rays import RayCaster, grid_faces, rays_from
 from polarsim.analog.sandbox import SandboxScene
 from polarsim.geometry.lens import Lens
+from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.geometry.poses import Pose
 
 SCANNED = ("A", "C")  # scanned positions; the range map of B is computed from both scans
@@ -100,11 +101,9 @@ def join_points(scanned: Scan, centre: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 def range_map(surfaces: Sequence[tuple[np.ndarray, np.ndarray]], grid: Lens, threads: int) -> np.ndarray:
     """Return the surface point (h, w, 3) float32 at each pixel, rectified left frame; NaN without surface."""
-    starts = np.cumsum([0, *(len(vertices) for vertices, _ in surfaces)])
-    vertices = np.concatenate([vertices for vertices, _ in surfaces])
-    faces = np.concatenate([f + start for (_, f), start in zip(surfaces, starts, strict=False)])
+    whole = join_meshes([Mesh(*surface) for surface in surfaces])
     directions = grid.pixel_directions().astype(np.float32)
-    hit = RayCaster(vertices, faces).first_hits(rays_from(np.zeros(3), directions), threads)
+    hit = RayCaster(whole.vertices, whole.faces).first_hits(rays_from(np.zeros(3), directions), threads)
     depth = np.where(np.isfinite(hit["t_hit"]), hit["t_hit"], np.nan)
     return np.round(depth[..., None] * directions / np.float32(_STEP_M)) * np.float32(_STEP_M)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +28,13 @@ class Mesh:
         normals = np.stack(sums, axis=1).astype(float)  # NumPy returns integers without faces
         length = np.linalg.norm(normals, axis=1, keepdims=True)
         return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
+
+
+def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
+    """Return a mesh of the triangles of one or more meshes, in their order."""
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
+    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
 
 
 def subdivide_smoothly(mesh: Mesh) -> Mesh:

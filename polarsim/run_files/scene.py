@@ -13,7 +13,7 @@ from polarsim.errors import FormatError
 from polarsim.formats import obj, tables
 from polarsim.formats.files import existing_folder
 from polarsim.formats.readers import reader
-from polarsim.geometry.meshes import Mesh
+from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.photo import NO_ROCK
 
 MESH_TABLE = "meshes.csv"  # in the folder of the meshes, with a row per mesh
@@ -98,11 +98,6 @@ def read_terrain(folder: str | Path, terrain: int, pool: Executor | None = None)
     A decimated mesh is read only if the full mesh is missing.
     """
     files = mesh_files(folder, terrain)
-    meshes = (pool.map if pool else map)(obj.read_obj, files.values())
-    parts = list(zip(files, meshes, strict=True))
-    starts = np.cumsum([0, *(len(mesh.vertices) for _, mesh in parts)])
-    return TerrainMesh(
-        np.concatenate([mesh.vertices for _, mesh in parts]),
-        np.concatenate([mesh.faces + start for (_, mesh), start in zip(parts, starts, strict=False)]),
-        np.concatenate([np.full(len(mesh.faces), rock) for rock, mesh in parts]),
-    )
+    meshes = list((pool.map if pool else map)(obj.read_obj, files.values()))
+    whole = join_meshes(meshes)
+    return TerrainMesh(whole.vertices, whole.faces, np.repeat(list(files), [len(mesh.faces) for mesh in meshes]))

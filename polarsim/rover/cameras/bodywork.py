@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.geometry.poses import Pose
 from polarsim.render.surfaces import box_mesh
 from polarsim.rover.vehicle.mounts import link_from_part
@@ -49,7 +50,7 @@ def grousers(link: str, wheel: WheelPart) -> Solid:
     for number in range(wheel.grousers):
         rotation = Pose.from_rotvec(np.array([0, 2 * np.pi * number / wheel.grousers, 0]), np.zeros(3))
         parts.append((rotation.apply(bar[0]), bar[1], rotation.rotate(bar[2])))
-    return Solid(link, *joined(parts))
+    return Solid(link, *join_mesh_arrays(parts))
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class Bodywork:
     @cached_property
     def faces(self) -> np.ndarray:
         """(f, 3) vertex indices; the motion of the rover does not change them."""
-        return joined([(solid.vertices, solid.faces, solid.normals) for solid in self.solids])[1]
+        return join_meshes([Mesh(solid.vertices, solid.faces) for solid in self.solids]).faces
 
     @cached_property
     def solid_of_face(self) -> np.ndarray:
@@ -101,11 +102,10 @@ def links_at(
     return poses
 
 
-def joined(parts: Sequence[MeshArrays]) -> MeshArrays:
-    """Return a mesh of all parts."""
-    starts = np.cumsum([0, *(len(part[0]) for part in parts)])
-    faces = [part[1] + start for part, start in zip(parts, starts, strict=False)]
-    return np.concatenate([part[0] for part in parts]), np.concatenate(faces), np.concatenate([p[2] for p in parts])
+def join_mesh_arrays(parts: Sequence[MeshArrays]) -> MeshArrays:
+    """Return `join_meshes` of all parts, with the normals of the parts."""
+    mesh = join_meshes([Mesh(vertices, faces) for vertices, faces, _ in parts])
+    return mesh.vertices, mesh.faces, np.concatenate([normals for _, _, normals in parts])
 
 
 def _shape(shape: ShapePart) -> Solid:
@@ -135,4 +135,4 @@ def _cylinder(radius: float, length: float, sides: int) -> MeshArrays:
         fan = np.stack([around, onward, np.full(sides, sides)], axis=1)
         faces = fan if sign < 0 else fan[:, ::-1]
         parts.append((corners, faces, np.tile([0, sign, 0], (sides + 1, 1))))
-    return joined(parts)
+    return join_mesh_arrays(parts)

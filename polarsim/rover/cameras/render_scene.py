@@ -14,12 +14,12 @@ from scipy import ndimage
 from scipy.interpolate import RectBivariateSpline
 
 from polarsim.errors import RoverError
-from polarsim.geometry.meshes import Mesh
+from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.rays import Caster, Intersector
 from polarsim.geometry.rays_embree import MovableMesh, MovableScene
 from polarsim.render.surfaces import Surfaces, add_skirts
-from polarsim.rover.cameras.bodywork import Bodywork, MeshArrays, joined
+from polarsim.rover.cameras.bodywork import Bodywork, MeshArrays, join_mesh_arrays
 from polarsim.rover.cameras.tracks import NodeGrid, WheelTracks, tile_faces
 from polarsim.rover.world.surface import World, WorldBackdrop
 from polarsim.run_files.instances import BODY, GROUND, ROCK_IDS, SHADOW_IDS
@@ -67,7 +67,7 @@ class RenderScene:
         if world.around is None:
             still = static_ground(tracks.fine, tracks.covered, _FAR_M)
         else:
-            still = joined([surrounding_ground(tracks, world.around), _scenery(world.around)])
+            still = join_mesh_arrays([surrounding_ground(tracks, world.around), _scenery(world.around)])
         tiles = [tracks.mesh(number) for number in range(len(tracks.tiles))]
         rest_pose = {link: Pose.identity() for link in body.links}
         parts = [
@@ -81,7 +81,7 @@ class RenderScene:
         masks = [_REST] * (len(parts) - 1) + [_ROCKS]
         self._parts = MovableScene([MovableMesh(*part[:2], mask) for part, mask in zip(parts, masks, strict=True)])
         ids_of_faces = np.concatenate([*ids, ROCK_IDS + rocks.rock_of_face]).astype(np.int32)
-        self.surfaces = MovingSurfaces(*joined(parts), ids_of_faces, parts=self._parts)
+        self.surfaces = MovingSurfaces(*join_mesh_arrays(parts), ids_of_faces, parts=self._parts)
 
     def show(self, level: np.ndarray, world_from_link: Mapping[str, Pose]) -> int:
         """Move ground levels (rows, columns) and rover to a time; return the number of rebuilt tiles."""
@@ -179,9 +179,9 @@ def rocks_with_skirts(world: World, skirt_m: float) -> TerrainMesh:
     if not meshes:
         empty = np.zeros((0, 3))
         return TerrainMesh(empty, empty.astype(int), np.zeros(0, int), empty)
-    vertices, faces, _ = joined([(mesh.vertices, mesh.faces, mesh.vertices) for mesh in meshes])
-    mesh = TerrainMesh(vertices, faces, np.repeat(numbers, [len(mesh.faces) for mesh in meshes]))
-    return add_skirts(mesh, skirt_m) if skirt_m else mesh
+    whole = join_meshes(meshes)
+    rocks = TerrainMesh(whole.vertices, whole.faces, np.repeat(numbers, [len(mesh.faces) for mesh in meshes]))
+    return add_skirts(rocks, skirt_m) if skirt_m else rocks
 
 
 def _beyond_rim(level: np.ndarray, cells: np.ndarray) -> np.ndarray:

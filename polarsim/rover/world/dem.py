@@ -15,6 +15,7 @@ from scipy.interpolate import RectBivariateSpline
 from polarsim.errors import RoverError
 from polarsim.formats.geotiff import Elevation, read_elevation
 from polarsim.geometry.heightfields import amplitudes, octave_relief, spacings
+from polarsim.geometry.meshes import Mesh
 from polarsim.rover.world.craters import dig, random_craters
 from polarsim.rover.world.options import DemOptions, WorldOptions
 from polarsim.rover.world.rock_field import (
@@ -27,7 +28,7 @@ from polarsim.rover.world.rock_field import (
     vertices_in_world,
 )
 from polarsim.rover.world.stitch import TerrainSolids
-from polarsim.rover.world.surface import PlacedRock, World, WorldBackdrop, bare_world, joined, with_rocks
+from polarsim.rover.world.surface import PlacedRock, World, WorldBackdrop, bare_world, stored_arrays, with_rocks
 from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 
 GROWTH, GROWTH_FAR = 1.02, 1.1  # ratio of adjacent node distances, in the square and outside
@@ -53,7 +54,7 @@ def dem_world(options: WorldOptions, terrains: list[TerrainSolids], path: np.nda
         slice(*np.searchsorted(all_, [nodes[0], nodes[-1] + options.cell_m / 2]))
         for all_, nodes in zip((y, x), inner[::-1], strict=True)
     )
-    around = WorldBackdrop(x, y, level.astype(np.float32), *joined([]))
+    around = WorldBackdrop(x, y, level.astype(np.float32), *stored_arrays([]))
     bare = replace(bare_world(level[inside], options.cell_m, inner[0][0], inner[1][0]), around=around)
     if not dem.rocks:
         return bare
@@ -124,8 +125,8 @@ def _strewn(bare: World, field: RockField, shapes: list[RockModel]) -> World:
     for rock in np.sort(order[count:]):
         mesh = shapes[field.shape[rock]].levels[-1]
         points = vertices_in_world(mesh, field.diameter[rock], field.angle[rock], foot[rock])
-        scenery.append((points, mesh.faces))
-    vertices, triangles = joined(scenery)
+        scenery.append(Mesh(points, mesh.faces))
+    vertices, triangles = stored_arrays(scenery)
     return replace(world, around=replace(bare.around, vertices=vertices, triangles=triangles))
 
 

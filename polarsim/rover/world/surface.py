@@ -13,6 +13,7 @@ from polarsim.errors import FormatError
 from polarsim.formats import tables
 from polarsim.formats.npz import read_arrays, write_arrays
 from polarsim.formats.readers import reader
+from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.geometry.topology import remove_unused_vertices
 from polarsim.geometry.vectors import cross
 
@@ -137,16 +138,14 @@ def with_rocks(world: World, rocks: Iterable[PlacedRock]) -> World:
         numbers = {"rock": number, "terrain": rock.terrain, "rock_in_terrain": rock.rock}
         rows.append(numbers | _extent(world, rock.points) | {"first_face": first, "faces": len(rock.faces)})
         first += len(rock.faces)
-    vertices, triangles = joined([(rock.points, rock.faces) for rock in placed])
+    vertices, triangles = stored_arrays([Mesh(rock.points, rock.faces) for rock in placed])
     return replace(world, rocks=pd.DataFrame(rows, columns=list(ROCK_COLUMNS)), vertices=vertices, triangles=triangles)
 
 
-def joined(meshes: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """Return vertices (v, 3) float32 and triangles (t, 3) int32 of meshes in a row."""
-    starts = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
-    faces = [triangles + start for (_, triangles), start in zip(meshes, starts, strict=False)]
-    vertices = np.concatenate([np.zeros((0, 3)), *(each for each, _ in meshes)])
-    return vertices.astype(np.float32), np.concatenate([np.zeros((0, 3), int), *faces]).astype(np.int32)
+def stored_arrays(meshes: Sequence[Mesh]) -> tuple[np.ndarray, np.ndarray]:
+    """Return vertices (v, 3) float32 and triangles (t, 3) int32 of any number of meshes, as in the files of a world."""
+    whole = join_meshes([Mesh(np.zeros((0, 3)), np.zeros((0, 3), int)), *meshes])
+    return whole.vertices.astype(np.float32), whole.faces.astype(np.int32)
 
 
 def _extent(world: World, points: np.ndarray) -> dict[str, float]:

@@ -8,7 +8,15 @@ import pytest
 
 from polarsim.errors import FormatError
 from polarsim.formats.npz import read_arrays, write_arrays
-from polarsim.rover.world.surface import World, WorldBackdrop, bare_world, bilinear, joined, read_world, write_world
+from polarsim.rover.world.surface import (
+    World,
+    WorldBackdrop,
+    bare_world,
+    bilinear,
+    read_world,
+    stored_arrays,
+    write_world,
+)
 
 
 def test_heights_between_nodes_of_a_plane_are_on_the_plane(rng):
@@ -37,7 +45,7 @@ def test_the_mesh_of_a_rock_reads_back(tmp_path):
 @pytest.mark.parametrize(("file", "array"), [("ground.npz", "around_x_m"), ("rocks.npz", "scenery_triangles")])
 def test_surroundings_with_a_missing_array_are_an_error(tmp_path, file, array):
     x, y = np.arange(3.0), np.arange(2.0)
-    around = WorldBackdrop(x, y, np.zeros((2, 3), np.float32), *joined([]))
+    around = WorldBackdrop(x, y, np.zeros((2, 3), np.float32), *stored_arrays([]))
     write_world(tmp_path, replace(bare_world(np.zeros((2, 2)), 1.0, 0.0, 0.0), around=around))
     arrays = read_arrays(tmp_path / file, ())
     assert read_world(tmp_path).around is not None
