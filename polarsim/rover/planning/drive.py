@@ -18,7 +18,6 @@ from polarsim.photo import COLOURS, ROCK
 from polarsim.render.hits import one_blas_thread
 from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.options import CameraSuiteOptions, ImagingCondition
-from polarsim.rover.drive.control import ReferencePath
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.job import DriveJob, job_of, path_of
 from polarsim.rover.drive.options import DriveOptions, Point
@@ -115,14 +114,13 @@ def run_autonomous_drive(
     """Drive from the first point of a job's path to the last; `threads` render the pictures."""
     cpu, wall = time.process_time(), time.perf_counter()
     job = autonomous_job(job, options)
-    route = ReferencePath(np.array(job.drive.path_m, float))
     driver: Pilot | None = None
     if mode != "blind":
         perception = Perception(
-            job.world, job.vehicle, route, mode, light, cameras, job.seed,
+            job.world, job.vehicle, job.route, mode, light, cameras, job.seed,
             render=render, detector=detector, threads=threads,
         )  # fmt: skip
-        driver = Pilot(route, perception, options)
+        driver = Pilot(job.route, perception, options)
     ride = RunningDrive(job, driver)
     if driver is not None:
         driver.attach(ride.simulation)
