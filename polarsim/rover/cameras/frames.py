@@ -36,8 +36,6 @@ from polarsim.rover.world.surface import World
 
 log = logging.getLogger("polarsim.rover")
 POSES = "poses.parquet"  # written last
-
-
 Labels = Mapping[int, Sequence[coco.Annotation]]  # by frame; `rock` is the number in the world's table
 
 
@@ -57,8 +55,8 @@ def render_frames(
     suite = CameraSuite(read_trace(folder), vehicle, options, render, seed=seed)
     made_with = _identity(folder, vehicle, options, render, seed)
     views = [view for view in options.views if not is_current(folder / view / POSES, made_with)]
-    labels: dict[tuple[str, str], dict[int, list[coco.Annotation]]] = {
-        (v, sun): {} for v in views for sun in suite.suns
+    labels: dict[str, dict[str, dict[int, list[coco.Annotation]]]] = {
+        view: {sun: {} for sun in suite.suns} for view in views
     }
     with ExitStack() as stack:
         for view in views:
@@ -70,11 +68,11 @@ def render_frames(
                 rendering = suite.render(view, list(suite.suns), threads)
                 for sun in suite.suns:
                     _write_pictures(folder, suite, rendering, view, sun, frame, pool)
-                    labels[view, sun][frame] = found = labels_of(suite, rendering, sun)
+                    labels[view][sun][frame] = found = labels_of(suite, rendering, sun)
                     size = suite.mounts[view].lens.shape[::-1]
                     write_label_file(labels_folder(folder, view, sun) / f"{frame:05d}.txt", found, size)
         for view in views:
-            _write_tables(folder, suite, view, {sun: labels[view, sun] for sun in suite.suns})
+            _write_tables(folder, suite, view, labels[view])
     made = len(views) * len(suite.frames) * len(suite.suns) * len(options.pictures)
     log.info("%s: %d pictures rendered", folder, made)
     return made
