@@ -24,7 +24,7 @@ from polarsim.rover.vehicle.table import Vehicle
 
 
 class CameraSuite:
-    """Images of a recorded drive. A frame is a picture time; `show` moves on to a frame."""
+    """Images of a recorded drive. A frame is a picture time; `show` moves to a frame, in the order of time."""
 
     def __init__(
         self,
@@ -52,7 +52,8 @@ class CameraSuite:
         return list(range(0, len(self.trace.tracks.time), self.options.every))
 
     def show(self, frame: int) -> None:
-        """Move ground, marks and rover to a later frame; marks cannot be removed."""
+        """Move ground, marks and rover to the same or a later frame; marks cannot be removed."""
+        assert frame >= self._frame, "frames are shown in order"
         before = -np.inf if self._frame < 0 else float(self.trace.tracks.time[self._frame])
         for number in range(self._frame + 1, frame + 1):
             self.trace.tracks.apply(number, self._level)
