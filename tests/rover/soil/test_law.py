@@ -31,6 +31,7 @@ def test_every_soil_has_a_source_and_a_gravity():
     [
         (",1e6,0,1,0,0,30,0.01,2e8,0,9.81,somebody", "name"),
         ("mud,1e6,0,1,0,0,30,0.01,2e8,0,9.81,", "source"),
+        ("mud,1e6,0,1,0,0,30,0.01,2e8,0,9.81, ", "source"),
         ("mud,1e6,0,1,0,0,30,0.01,2e8,0,,somebody", "gravity"),
         ("mud,-1e6,0,1,0,0,30,0.01,2e8,0,9.81,somebody", "K_phi"),
         ("mud,1e6,0,1,0,0,95,0.01,2e8,0,9.81,somebody", "phi_deg"),
