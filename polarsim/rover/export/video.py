@@ -80,10 +80,8 @@ def frame_rate(times: np.ndarray, speed: float) -> Fraction:
 
 def write_video(path: Path, pictures: Iterable[np.ndarray], rate: Fraction) -> None:
     """Encode pictures (h, w, 3) uint8, RGB, of equal size; odd sides lose a pixel."""
-    try:
-        import av
-    except ImportError as error:
-        raise RoverError(f"videos: PyAV cannot be loaded ({error}); install av") from error
+    import av  # an optional dependency
+
     os.environ.setdefault("SVT_LOG", "1")  # errors only; otherwise the encoder prints its settings
     with writing(path) as temporary, av.open(str(temporary), "w", options={"fflags": "+bitexact"}) as container:
         stream: Any = None
