@@ -89,7 +89,7 @@ def boxes_with_contrast(picture: np.ndarray, boxes: np.ndarray) -> np.ndarray:
     """Return (n,) bool: boxes (n, 4) with a contrast of at least `MIN_CONTRAST` in the detector's input (h, w) uint8.
 
     Contrast is the difference of bright (98 %) and dark pixels (2 %), margin included, as a share of white. Rocks and
-    shadows inside a larger shadow are labelled, but have none.
+    shadows inside a larger shadow are labelled, but have too little contrast.
     """
     visible = np.zeros(len(boxes), bool)
     height, width = picture.shape

@@ -100,7 +100,7 @@ class _Rock:
         self._caster = EmbreeCaster(vertices, faces)
 
     def part(self, triangles: np.ndarray) -> _Part:
-        """Return the hull of some triangles; no volume is an error."""
+        """Return the hull of some triangles; triangles without volume are an error."""
         points = self.vertices[np.unique(self.faces[triangles])]
         hull = require_volume(points)
         corners = points[np.sort(hull.vertices)]
@@ -177,7 +177,7 @@ def points_on(triangles: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarra
 
 
 def require_volume(points: np.ndarray) -> ConvexHull:
-    """Return the hull of points (n, 3); coplanar points, or nearly, are an error."""
+    """Return the hull of points (n, 3); coplanar and nearly coplanar points are an error."""
     try:
         hull = ConvexHull(points)
     except (QhullError, ValueError) as error:
