@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -95,25 +96,24 @@ def make_sandbox(seed: int) -> Sandbox:
     )
 
 
+def patched(module: ModuleType, **constants: float) -> Iterator[None]:
+    """Replace constants of a module until the fixture ends."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in constants.items():
+            patch.setattr(module, name, value)
+        yield
+
+
 @pytest.fixture(scope="module")
 def coarse_search() -> Iterator[None]:
     """Search poses on a coarser grid and refine fewer hypotheses, to save time."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(search, "DISTANCE_STEP", 0.6)
-        patch.setattr(search, "HEIGHT_STEP", 0.3)
-        patch.setattr(search, "STARTS", 5)
-        yield
+    yield from patched(search, DISTANCE_STEP=0.6, HEIGHT_STEP=0.3, STARTS=5)
 
 
 @pytest.fixture(scope="module")
 def coarse_scans() -> Iterator[None]:
     """Thin scans more, and search their motion in larger steps, to save time."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(registration, "VOXEL", 0.02)
-        patch.setattr(registration, "YAW_STEP_DEG", 3.0)
-        patch.setattr(registration, "CANDIDATES", 2)
-        patch.setattr(registration, "MAP_STEP", 0.03)
-        yield
+    yield from patched(registration, VOXEL=0.02, YAW_STEP_DEG=3.0, CANDIDATES=2, MAP_STEP=0.03)
 
 
 @pytest.fixture(scope="session")
