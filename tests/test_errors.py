@@ -10,13 +10,7 @@ from polarsim.reporting import reporting
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.state import OffGridError
 
-ROOT = Path(__file__).parents[1]
 KINDS = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, PolarsimError)]
-
-
-def fail(path):
-    with with_path(path), with_part("annotation 3"):
-        raise FormatError("no box", line=7)
 
 
 @pytest.mark.parametrize("kind", [*KINDS, EnergyError, OffGridError])

@@ -5,7 +5,6 @@ from polarsim.detect.false_positives import TERRAIN, TILES, false_positives
 from polarsim.photo import HEIGHT, WIDTH
 
 EMPTY, ROCKY, OTHER_VIEW = "06_A_off_180_L_0256", "01_A_off_180_L_0256", "06_A_off_180_R_0256"
-TILE = WIDTH / 8, HEIGHT / 4  # 242 x 304 px
 
 
 def table(*rows, **columns):

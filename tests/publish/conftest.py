@@ -2,7 +2,6 @@ from pathlib import Path
 
 import pytest
 
-from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue, read_catalogue
 from polarsim.publish.run import publish_forms
 from tests.publish.tiny import make_run
@@ -29,11 +28,6 @@ def published(run, tmp_path_factory):
         return out / form
 
     return folder
-
-
-@pytest.fixture
-def bundle(tmp_path) -> Bundle:
-    return Bundle(tmp_path / "bundle")
 
 
 @pytest.fixture(scope="session")
