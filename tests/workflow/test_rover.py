@@ -2,6 +2,7 @@
 
 import json
 import re
+import subprocess
 from pathlib import Path
 
 import pandas as pd
@@ -167,7 +168,7 @@ def test_drives_end_in_tables_figures_and_a_bag_and_one_more_seed_keeps_finished
     pytest.importorskip("mcap_ros2", reason="mcap-ros2-support is not installed")
     write_meshes(checkout / "results/small/meshes/Terrain03", 3)
 
-    def run(seeds: list[int], *options: str) -> str:
+    def run(seeds: list[int], *options: str) -> subprocess.CompletedProcess:
         autonomy = {"run": True, "modes": ["blind"], "longest_s": 1}
         content = configured(**SMALL, seeds=seeds, autonomy=autonomy) | {"run": "small", "terrains": [3]}
         (checkout / "config/small.yaml").write_text(yaml.safe_dump(content))
