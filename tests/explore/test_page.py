@@ -89,6 +89,7 @@ def page(opened):
     """Return the page; after the test, check for errors and requests to other hosts."""
     page, wrong = opened
     page.set_viewport_size(VIEWPORT)
+    wrong.clear()  # errors of an earlier test
     yield page
     page.goto("about:blank")  # ends requests before the server ends
     assert wrong == []
