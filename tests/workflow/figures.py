@@ -131,14 +131,16 @@ def inked_share(figure: Path) -> float:
 LEAST = (  # start of the path, measure, and minimum value of a figure that is not blank
     ("comparison_", pictured_share, 0.1),
     ("contact_", inked_share, 0.5),  # few greys; the photos are searched
-    ("crops_", inked_share, 0.3),  # level sand without rocks has few greys
+    ("crops_Terrain06", inked_share, 0.3),  # level sand without rocks has few greys
+    ("crops_", pictured_share, 0.05),
     ("detection.", inked_share, 0.2),
     ("gap.", coloured, 0.0005),
     ("gap_rocks_", pictured_share, 0.1),
     ("ipd.", coloured, 0.0005),
     ("ipd_histogram.", coloured, 0.005),
     ("label_errors_", coloured, 0.01),
-    ("meshes_", inked_share, 0.3),
+    ("meshes_Terrain06", inked_share, 0.3),
+    ("meshes_", pictured_share, 0.1),
     ("offsets_", pictured_share, 0.1),
     ("opposition.", pictured_share, 0.1),
     ("precision_recall.", coloured, 0.001),
