@@ -4,7 +4,7 @@ import ast
 import contextlib
 import io
 import runpy
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
@@ -12,7 +12,7 @@ from typing import Any, get_type_hints
 
 import pytest
 import yaml
-from pydantic import ConfigDict, TypeAdapter
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 from snakemake.api import SnakemakeApi
 from snakemake.iocontainers import Snakemake
 from snakemake.settings.types import ConfigSettings, DAGSettings, OutputSettings, Quietness, ResourceSettings
@@ -167,3 +167,12 @@ def test_every_script_calls_its_function_with_values_of_the_annotated_types(file
                 run(job, monkeypatch)
             tried |= {Path(job.rule.script).stem for job in jobs}
     assert tried == {path.stem for path in (WORKFLOW / "scripts").glob("*.py")}
+
+
+def test_a_string_in_place_of_paths_or_of_a_path_is_found():
+    def draw(pictures: Iterable[Path], figure: Path, keys: Sequence[str] = ()) -> None: ...
+
+    checked(draw)(pictures=[Path("a.parquet")], figure=Path("a.png"), keys=["a"])
+    for wrong in ({"pictures": "a.parquet"}, {"pictures": ["a.parquet"]}, {"figure": "a.png"}, {"keys": "a"}):
+        with pytest.raises(ValidationError):
+            checked(draw)(**{"pictures": [], "figure": Path("a.png")} | wrong)
