@@ -259,6 +259,15 @@ def test_an_invalid_calibration_is_a_one_line_error_with_the_file(tmp_path, pola
     assert not (tmp_path / "out").exists()
 
 
+def test_stray_label_files_next_to_scans_are_logged_once(tmp_path, polar, caplog):
+    for name in ("11_A_off_30_L_0256.txt", "11_A_off_30_L_0256 copy.txt"):
+        write(polar.root / "Labels/Terrain11" / name, BOX)
+    with caplog.at_level(logging.WARNING):
+        out = index(tmp_path, polar, positions="AC")
+    assert sum("1 stray files" in record.getMessage() for record in caplog.records) == 1
+    assert [path.name for path in (out / "seeds").iterdir()] == ["11_A_off_30_L_0256.txt"]
+
+
 def test_a_source_without_calibration_gets_the_stated_rig_and_a_warning(tmp_path, polar, caplog):
     (polar.root / "Terrain11_FreshCrater/stereo.calibration").unlink()
     with caplog.at_level(logging.WARNING):

@@ -1,4 +1,4 @@
-"""Downscaled images keep their mean and aspect ratio."""
+"""Downscaled images keep their mean and aspect ratio, and lose grain."""
 
 import numpy as np
 import pytest
@@ -11,6 +11,7 @@ def test_a_smaller_image_keeps_the_mean(rng):
     small = resize(photo, (484, 304))
     assert small.shape == (304, 484)
     assert small.mean() == pytest.approx(photo.mean(), abs=0.6)
+    assert small.std() == pytest.approx(photo.std() / 4, rel=0.1)  # the mean of 16 pixels has a quarter of the grain
 
 
 @pytest.mark.parametrize(("pixels", "shape"), [(64, (32, 64)), (128, (64, 128)), (200, (100, 200)), (1, (1, 1))])

@@ -15,7 +15,7 @@ from polarsim.render.lamps import Lamp
 from polarsim.render.lighting import lighting, rotations, to_disc
 from polarsim.render.maps import compute_maps
 from polarsim.render.options import RenderOptions
-from polarsim.render.shadows import BY_RELIEF, BY_WALL, FACES_AWAY, LIT
+from polarsim.render.shadows import BY_RELIEF, BY_WALL, FACES_AWAY, LIT, NOTHING
 from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.run_files.scene import TerrainMesh
@@ -146,6 +146,14 @@ def test_the_code_of_a_dark_pixel_is_its_occluder(surfaces, hits):
         for name, pixels in zip(found, (*(on_rock & kind for kind in kinds), ~on_rock & by_rock), strict=True):
             found[name] += pixels.sum()
     assert min(found.values()) > 10, found
+
+
+def test_pixels_without_a_surface_have_neither_a_code_nor_a_lit_share(surfaces, hits):
+    maps = compute_maps(surfaces, Camera(CAMERA, LENS), {"sun": LOW}, OPTIONS).by_lamp["sun"]
+    seen = np.zeros(maps.shading.size, bool)
+    seen[hits.pixel] = True
+    np.testing.assert_array_equal(maps.shading.ravel() != NOTHING, seen)
+    np.testing.assert_array_equal(np.isnan(maps.lit).ravel(), ~seen)
 
 
 @pytest.mark.parametrize("lamp", [LOW, BEHIND])

@@ -65,6 +65,20 @@ def test_order_and_copies_of_rocks_and_points_do_not_matter(data, feet):
     np.testing.assert_array_equal(fit_ground(shuffled, GRID), fit_ground(rims, GRID))
 
 
+def test_a_rock_on_top_of_another_rock_does_not_lift_the_slope():
+    slope = lambda points: 0.03 * points[..., 0] - 0.02 * points[..., 1]  # noqa: E731
+    places = np.array([[x, y] for x in (-0.9, -0.3, 0.3, 0.9) for y in (-0.8, 0.0, 0.8)])
+    rims = [foot(x, y, 0) for x, y in places]
+    for number, own in enumerate(rims):
+        own[:, 2] = slope(own) + 0.15 * (number == 0)
+    ground = fit_ground(rims, GRID)
+    far = np.linalg.norm(GRID.centres() - places[0], axis=-1) > 0.9
+    assert np.abs(ground - slope(GRID.centres()))[far].max() < FOOT_SD / 2
+    gaps = np.array([np.abs(own[:, 2] - GRID.sample(ground, own)).max() for own in rims])
+    assert gaps[0] > FOOT_SD  # feet are soft constraints, without a cliff at the outlier
+    assert gaps[1:].max() < FOOT_SD / 2
+
+
 def test_a_slope_within_the_bound_is_kept():
     """The bound is only active near two contradicting feet: a distant gentle hill keeps nearly all of its height."""
     wide = FloorGrid(Extent(-2.1, -2.1, 2.1, 2.1), 0.02)

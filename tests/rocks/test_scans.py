@@ -45,5 +45,13 @@ def test_a_noisy_ball_keeps_its_radius(rng, radius):
     assert np.median(np.abs(error[well_seen])) < 0.0003
 
 
+def test_a_single_point_is_not_moved(rng):
+    patch = np.column_stack([rng.uniform(0, 0.05, (500, 2)), np.zeros(500)])
+    points = np.concatenate([patch, [[5.0, 5.0, 5.0]]])
+    cloud = surface_cloud(ScanPoints(points, np.tile([0.0, 0, 1], (501, 1)), np.ones(501)))
+    np.testing.assert_allclose(cloud.points[-1], points[-1], atol=1e-9)
+    assert np.isfinite([cloud.points, cloud.normals]).all()
+
+
 def test_too_few_points_make_an_empty_cloud():
     assert len(surface_cloud(ScanPoints(np.zeros((3, 3)), np.zeros((3, 3)), np.ones(3)))) == 0
