@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from pydantic import BaseModel
 
-from polarsim.acquire import archives
+from polarsim.acquire import archives, fetch
 from polarsim.annotate.import_labels import import_labels
 from polarsim.detect.detectors import files as detectors
 from polarsim.errors import PolarsimError
@@ -250,6 +250,7 @@ CASES = {
     "CSV": Case(written("a.csv", tables.write_csv, TABLE), lambda path: tables.read_csv(path, tables.LABEL_COLUMNS)),
     "detector": Case(make_detector, detectors.read_detector),
     "GeoTIFF": Case(make_geotiff, lambda path: geotiff.read_elevation(path, 2.0, 3.0)),
+    "checksums of archives": Case(folder_of(text(fetch.PINS, json.dumps({"a.zip": "0" * 64}))), fetch.read_pins),
     "JSON": Case(text("a.json", json.dumps({"a": [1, 2.5, None], "b": {"c": "d"}})), files.read_json),
     "class mask": Case(
         written("a.png", class_masks.write_class_mask, (PIXELS % 3).astype(np.uint8)), class_masks.read_class_mask
@@ -301,6 +302,11 @@ CASES = {
     ),
     "YAML": Case(text("a.yaml", YAML), lambda path: read_model(path, Options, "the file")),
     "YOLO": Case(text("a.txt", YOLO_BOXES), yolo.read_boxes, valid_boxes),
+    "YOLO detections": Case(
+        text("a.txt", YOLO_BOXES.replace("\n", " 0.5\n")),
+        yolo.read_detections,
+        lambda found: np.testing.assert_equal([len(part) for part in found], [len(found[0])] * 3),
+    ),
     "YOLO polygons": Case(text("a.txt", YOLO_RING * 2), yolo.read_boxes_or_polygons, valid_boxes),
     "YOLO folder": Case(
         folder_of(text(f"{KEY}.txt", YOLO_BOXES), text(yolo.CLASS_FILE, "rock\nshadow\n")),
