@@ -63,12 +63,6 @@ def test_a_rim_under_a_rock_does_not_widen_its_shadow():
     np.testing.assert_allclose(found, [100, 40, 180, 62], atol=4)
 
 
-def test_a_thin_shadow_has_a_box():
-    shadow = np.full((120, 240), NO_ROCK)
-    shadow[60:62, 20:180] = 4
-    np.testing.assert_array_equal(box_of_shadow(shadow, 4, None, 1), [20, 60, 180, 62])
-
-
 def test_an_invisible_shadow_has_no_box(world, ids):
     assert box_of_shadow(ids.shadow_of(world, lamp_position("30")), 99, None, 2) is None
 

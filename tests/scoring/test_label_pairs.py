@@ -41,12 +41,6 @@ def test_pairs_missed_boxes_and_unmatched_labels_have_a_row_each():
     assert np.isnan(extra["truth_px"])
 
 
-def test_an_overlap_below_the_threshold_is_in_the_mean_iou_but_no_pair():
-    near = paired({KEY: labels([0, 0, 10, 10])}, label_rows(KEY, [0, 0, 10, 4]))
-    assert near["hit"].tolist() == [False, False]
-    assert near["iou_best"].tolist() == pytest.approx([0.4, np.nan], nan_ok=True)
-
-
 def test_photos_without_task_are_excluded_and_the_table_may_be_empty():
     none = paired({KEY: labels([0, 0, 10, 10])}, [], task=None)
     assert len(none) == 0
