@@ -1,5 +1,6 @@
 """Columns are declared once: pages list them, and writers write them."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -38,6 +39,33 @@ def test_each_table_is_declared_once_and_has_each_column_once():
     assert len(set(paths)) == len(paths)
     with pytest.raises(ValueError, match=r"a\.csv"):
         Shared("kind | str | | Kind").table("a.csv: A row\nkey kind | str | | Names\n= kind")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "width | int | px | Width",
+        "width | Interval | px | Width",
+        "width | | px | Width",
+        "width | int64 | Width",
+        "width | int64 | px | Width | height",
+        "| int64 | px | Width",
+        "= kinds",
+        "=kind",
+        "kind",
+    ],
+)
+def test_a_line_that_declares_no_columns_is_refused(line):
+    shared = Shared("kind | str | | Kind")
+    with pytest.raises(ValueError, match=re.escape(repr(line))):
+        shared.table(f"a.csv: A row\n= kind\n{line}")
+    with pytest.raises(ValueError, match=re.escape(repr(line))):
+        Shared(line, shared)
+
+
+def test_a_table_without_the_meaning_of_a_row_is_refused():
+    with pytest.raises(ValueError, match=r"a\.csv"):
+        Shared("kind | str | | Kind").table("a.csv\nkind | str | | Kind")
 
 
 @pytest.mark.parametrize(

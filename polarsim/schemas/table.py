@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from textwrap import dedent
-from typing import Literal, cast
+from typing import Literal, cast, get_args
 
 Dtype = Literal["str", "int64", "float64", "bool"]
 
@@ -81,12 +81,22 @@ class Shared:
         """Return a table from a line `path: meaning of a row` and lines of columns."""
         head, *lines = _lines(text)
         path, _, row = head.partition(": ")
+        if not row:
+            raise ValueError(f"{head!r}: expected `path: meaning of a row`")
         return Table(path, row, tuple(columns for line in lines for columns in self._declared(line)))
 
     def _declared(self, line: str) -> tuple[Columns, ...]:
         if line.startswith("= "):
-            return tuple(columns for name in line.split()[1:] for columns in self._columns[name])
-        names, dtype, unit, description = (cell.strip() for cell in line.split("|"))
+            shared = line.split()[1:]
+            if unknown := [name for name in shared if name not in self._columns]:
+                raise ValueError(f"{line!r}: {unknown[0]!r} is not shared, expected some of {', '.join(self._columns)}")
+            return tuple(columns for name in shared for columns in self._columns[name])
+        cells = [cell.strip() for cell in line.split("|")]
+        if len(cells) != 4 or not cells[0]:
+            raise ValueError(f"{line!r}: expected `names | type | unit | description` or `= name name`")
+        names, dtype, unit, description = cells
+        if dtype not in (*get_args(Dtype), "interval"):
+            raise ValueError(f"{line!r}: type {dtype!r}, expected {', '.join(get_args(Dtype))} or interval")
         if dtype == "interval":
             names, dtype = f"{names} {names}_low {names}_high", "float64"
             description = f"{description} (with 95 % interval)"
