@@ -141,7 +141,8 @@ def ground_support(ground: Mesh, rims: Sequence[np.ndarray], half: float) -> lis
     metrics = []
     if rims:
         feet = np.concatenate(rims)
-        gap = np.abs(Surface(ground.vertices, ground.faces).height_below(feet))  # NaN outside the ground
+        gap = np.abs(Surface(ground.vertices, ground.faces).height_below(feet))
+        gap[np.isnan(gap)] = np.inf  # outside the ground; a median with NaN is NaN
         gaps = np.split(gap, np.cumsum([len(points) for points in rims])[:-1])
         off = float(np.mean([not np.median(gap) <= MAX_FOOT_GAP for gap in gaps]))
         metrics.append(Metric("fitted ground", "feet_off", off, "1", len(rims), "own"))
