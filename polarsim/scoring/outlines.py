@@ -21,8 +21,6 @@ from polarsim.scoring.score import MatchCounts, PhotoLabels, count_boxes, count_
 TASKS: dict[CameraSide, str] = {"L": "seeds' camera", "R": "Left to Right"}
 
 Polygons = list[tuple[int, np.ndarray]]  # class number, ring (n, 2) in pixels
-
-
 Mask = np.ndarray  # (n,) indices of the pixels in the flattened photo, row by row
 Item = TypeVar("Item")  # a polygon or an annotation
 
@@ -90,16 +88,8 @@ def _of_brackets(
 
 def _rasterised(polygons: Polygons, kind: str) -> list[Mask]:
     """Return the masks of the polygons of a class that cover at least a pixel."""
-    masks = [_mask_of(ring) for number, ring in polygons if number == POLYGON_CLASSES.index(kind)]
-    return [mask for mask in masks if len(mask)]
-
-
-def _mask_of(ring: np.ndarray) -> Mask:
-    low = np.clip(np.floor(ring.min(axis=0)), 0, [WIDTH, HEIGHT]).astype(int)
-    high = np.clip(np.ceil(ring.max(axis=0)), 0, [WIDTH, HEIGHT]).astype(int)
-    width, height = np.maximum(high - low, 1)
-    rows, columns = np.nonzero(rasterised(ring - low, (int(height), int(width))))
-    return (low[1] + rows) * WIDTH + low[0] + columns
+    masks = [rasterised(ring) for number, ring in polygons if number == POLYGON_CLASSES.index(kind)]
+    return [np.flatnonzero(mask) for mask in masks if mask.any()]
 
 
 def _masks(annotations: Sequence[Annotation], kind: str) -> list[Mask]:

@@ -4,7 +4,7 @@ import pytest
 from polarsim.formats import coco, rle, yolo
 from polarsim.formats.release import label_folder, polygon_folder
 from polarsim.formats.tables import read_csv
-from polarsim.photo import WIDTH, PhotoKey
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.scoring.metrics import COLUMNS
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.outlines import overlaps, score_outlines
@@ -61,6 +61,15 @@ def test_the_overlap_of_masks_is_that_of_their_pixels():
     shares = overlaps([square], [region(*other) for other in others])
     np.testing.assert_allclose(shares, [[1, 50 / 150, 0, 0.64]])
     np.testing.assert_allclose(overlaps([square], []), np.zeros((1, 0)))
+
+
+def test_the_part_of_a_polygon_outside_the_photo_is_ignored(scores):
+    at_corner = np.array([WIDTH - 40.0, HEIGHT - 30, WIDTH, HEIGHT])
+    outside = [at_corner + [40, 0, 40, 0], at_corner + [40, 30, 40, 30]]
+    annotated = [(ROCK_POLYGON, ring(box)) for box in (at_corner + [0, 0, 20, 20], *outside)]
+    metrics = scores({LEFT: annotated}, {LEFT: [annotation("rock", at_corner)]})
+    assert metrics["rock outline: seeds' camera", "miou"] == 1
+    assert metrics["rock outline: seeds' camera", "precision"] == 1
 
 
 def test_masks_equal_to_the_polygons_have_a_score_of_1(scores):
