@@ -65,8 +65,8 @@ def test_the_overlap_of_masks_is_that_of_their_pixels():
 
 def test_the_part_of_a_polygon_outside_the_photo_is_ignored(scores):
     at_corner = np.array([WIDTH - 40.0, HEIGHT - 30, WIDTH, HEIGHT])
-    outside = [at_corner + [40, 0, 40, 0], at_corner + [40, 30, 40, 30]]
-    annotated = [(ROCK_POLYGON, ring(box)) for box in (at_corner + [0, 0, 20, 20], *outside)]
+    moves = np.array([[0, 0, 20, 20], [40, 0, 40, 0], [40, 30, 40, 30]])  # the last two are entirely outside
+    annotated = [(ROCK_POLYGON, ring(box)) for box in at_corner + moves]
     metrics = scores({LEFT: annotated}, {LEFT: [annotation("rock", at_corner)]})
     assert metrics["rock outline: seeds' camera", "miou"] == 1
     assert metrics["rock outline: seeds' camera", "precision"] == 1
