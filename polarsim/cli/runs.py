@@ -154,7 +154,8 @@ def explore(
     from polarsim.explore.corrections import Corrections
     from polarsim.explore.server import server
 
-    with server(page_of_run(chosen, width), port, Corrections(chosen)) as served:
+    corrections = Corrections(chosen)
+    with server(page_of_run(chosen, width), port, corrections) as served:
         address = f"http://{served.server_address[0]!s}:{served.server_address[1]}/"
         typer.echo(f"{address}   stop with Ctrl-C")
         if browser:
@@ -162,6 +163,7 @@ def explore(
         try:
             served.serve_forever()
         except KeyboardInterrupt:
+            corrections.finish()
             typer.echo("stopped")
             sys.stdout.flush()
             os._exit(0)  # with all threads: a thread in a C++ library aborts a process that exits otherwise

@@ -17,6 +17,7 @@ from polarsim.labels.seeds import AnnotatedBoxes, matched_rocks, read_correction
 from polarsim.photo import BOX_CLASSES, HEIGHT, ROCK, SHADOW, WIDTH, PhotoKey
 from polarsim.run_files.run import PHOTO, Run
 
+END_S = 10.0  # maximum time that a change in progress has to end, if the disk does not respond
 MIN_SIDE_PX = 0.01  # minimum side of a box; label files have 6 decimals, relative to the width of the photo
 _SIZE = {"x0": WIDTH, "x1": WIDTH, "y0": HEIGHT, "y1": HEIGHT}
 
@@ -71,6 +72,10 @@ class Corrections:
         """
         with self._lock:
             self._file_of(self._keys[name]).unlink(missing_ok=True)
+
+    def finish(self) -> None:
+        """Wait for a change in progress and block further changes, before the process ends with all threads."""
+        self._lock.acquire(timeout=END_S)
 
     def _file_of(self, key: PhotoKey) -> Path:
         for path in sorted(self.folder.rglob("*.json")):

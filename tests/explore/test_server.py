@@ -347,6 +347,30 @@ polarsim.cli.main()
 """
 
 
+def test_a_change_in_progress_ends_before_the_server(run, monkeypatch):
+    """The command ends all threads at Ctrl-C; a temporary file would remain in the folder of corrections."""
+    corrections, write = Corrections(run), yolo.write_boxes
+    writing, proceed = threading.Event(), threading.Event()
+
+    def slow(*arguments):
+        writing.set()
+        proceed.wait(10)
+        write(*arguments)
+
+    monkeypatch.setattr(yolo, "write_boxes", slow)
+    saving = threading.Thread(target=corrections.save, args=(str(SEED), [box()]))
+    saving.start()
+    assert writing.wait(10)
+    ending = threading.Thread(target=corrections.finish)
+    ending.start()
+    ending.join(0.1)
+    assert ending.is_alive()
+    proceed.set()
+    ending.join(10)
+    assert not ending.is_alive()
+    assert [len(boxes) for boxes in Corrections(run).read().values()] == [1]
+
+
 def test_ctrl_c_during_loading_ends_without_a_crash(made):
     """Threads that decode images at interpreter exit would abort the process."""
     call = (sys.executable, "-u", "-c", SLOW, "explore", made.name, "--no-browser", "--results", made.parent)
