@@ -131,15 +131,13 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _change(self) -> None:
         """Save or remove the correction of a photo."""
-        self.close_connection = True  # the content of a refused request is not read
-        status = self._refusal()
+        self.close_connection = True  # some content of a refused request may not be read
+        name = self.path.removeprefix(_CORRECTION_PREFIX)
+        status = self._refusal(name)
         if status:
             self._refuse(status)
             return self._discard_content()
         assert self.saved is not None
-        name = self.path.removeprefix(_CORRECTION_PREFIX)
-        if not self.path.startswith(_CORRECTION_PREFIX) or name not in self.saved:
-            return self._refuse(HTTPStatus.NOT_FOUND)
         try:
             if self.command == "PUT":
                 self.saved.save(name, self._request_content())
@@ -152,8 +150,8 @@ class _Handler(BaseHTTPRequestHandler):
             return self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, str(error))
         return self._send(HTTPStatus.OK, b"{}", "json")
 
-    def _refusal(self) -> HTTPStatus | None:
-        """Return the status of a refused change, or None for a valid request of this server's page."""
+    def _refusal(self, name: str) -> HTTPStatus | None:
+        """Return the status of a refused change of a photo, or None for a valid request of this server's page."""
         if not self._is_local_host():
             return HTTPStatus.MISDIRECTED_REQUEST
         if self.saved is None:
@@ -164,6 +162,8 @@ class _Handler(BaseHTTPRequestHandler):
         token = self.headers.get(PROOF_HEADER, "").encode()
         if not same_origin or not secrets.compare_digest(token, self.token.encode()):
             return HTTPStatus.FORBIDDEN
+        if not self.path.startswith(_CORRECTION_PREFIX) or name not in self.saved:
+            return HTTPStatus.NOT_FOUND
         if self.command == "DELETE":
             return None
         if self.headers.get("Content-Type", "").partition(";")[0].strip().lower() != "application/json":

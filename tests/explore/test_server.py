@@ -263,7 +263,7 @@ def test_unknown_photos_and_requests_of_other_pages_are_refused(run):
     with correcting(run) as running:
         for key in UNKNOWN:
             for method in ("PUT", "DELETE"):
-                assert change(running, key, method, [box()])[0].status == 404, key
+                assert change(running, key, method, b" " * MAX_REQUEST_BYTES)[0].status == 404, key
         for status, headers in FOREIGN:
             assert change(running, boxes=[box()], **headers)[0].status == status, headers
             if status != 415:
