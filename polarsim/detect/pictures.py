@@ -17,6 +17,7 @@ from polarsim.detect.options import VIEWS, PicturesOptions
 from polarsim.errors import DetectError, PolarsimError, with_part, with_path
 from polarsim.formats import png, tables, yolo
 from polarsim.formats.files import read_json, write_json, writing_folder
+from polarsim.formats.readers import reason_of
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES, HEIGHT, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey
 from polarsim.progress import track
@@ -188,7 +189,8 @@ def _convert_one(
         classes, corners = labelled(source, size)
         mask = masked(source) if masked else None
     except (PolarsimError, OSError) as error:
-        log.warning("skipped: %s: %s", source.path, error)
+        reason = error if isinstance(error, PolarsimError) and error.path else f"{source.path}: {reason_of(error)}"
+        log.warning("skipped: %s", reason)
         return CORRUPT
     small = tone.shrink(picture, min(options.longer_side, max(picture.shape)))
     png.write_png(made / "images" / f"{source.key}.png", tone.to_8_bits(small))
