@@ -105,9 +105,10 @@ def score_boxes(
     total = {name: MatchCounts() for name in BOX_CLASSES}
     groups: dict[str, dict[str, dict[str, MatchCounts]]] = {group: {} for group in KEY_GROUPS}
     for key in sorted(truth):
+        parts = dict(zip(KEY_GROUPS, str(key).split("_"), strict=False)) if isinstance(key, PhotoKey) else {}
         for name, counts in count_photo(truth[key], labels.get(key, PhotoLabels.none()), threshold).items():
             total[name] += counts
-            for group, value in zip(KEY_GROUPS, str(key).split("_"), strict=False) if isinstance(key, PhotoKey) else ():
+            for group, value in parts.items():
                 groups[group].setdefault(value, {n: MatchCounts() for n in BOX_CLASSES})[name] += counts
     return {
         "threshold": threshold,
