@@ -63,7 +63,7 @@ def write_blocks(
 
     With an `origin`, the first columns and the last note name the run, the source and the configuration.
     """
-    if origin:
+    if origin is not None:
         table, notes = with_origin(table, origin), [*notes, ORIGIN_NOTE.format(**origin)]
     write_csv(_form(stem, ".csv"), table)
     write_parquet(_form(stem, ".parquet"), table)

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -88,3 +90,5 @@ def test_the_columns_of_the_origin_are_first_and_must_be_complete():
     assert set(table["source"]) == {"analog"}
     with pytest.raises(ConfigError, match="config"):
         layout.with_origin(TABLE, {"run": "demo", "source": "analog"})
+    with pytest.raises(ConfigError, match="run"):
+        layout.write_table(Path("unwritten"), TABLE, "Caption", origin={})
