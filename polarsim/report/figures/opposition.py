@@ -148,10 +148,13 @@ def _reason_for_none(spots: tuple[PhasePixel, PhasePixel] | None) -> str:
     """Return the reason for an empty figure, or "" if there are spots to show."""
     if spots is None:
         return "No photo of this run that has twins is lit by a single lamp, so no phase angle is defined"
-    text = (
-        f"The smallest phase angle in this run is {spots[0].phase_deg:.1f} degrees ({spots[0].key}), too large for the "
+    smallest = spots[0]
+    if smallest.phase_deg <= NEAR_DEG:
+        return ""
+    return (
+        f"The smallest phase angle in this run is {smallest.phase_deg:.1f} degrees ({smallest.key}), too large for the "
+        f"opposition surge (less than {NEAR_DEG:g} degrees)"
     )
-    return f"{text}opposition surge (less than {NEAR_DEG:g} degrees)" if spots[0].phase_deg > NEAR_DEG else ""
 
 
 def _best_terrain_spots(keys: Sequence[PhotoKey], cameras: Mapping[int, Path]) -> tuple[PhasePixel, PhasePixel] | None:
