@@ -75,7 +75,7 @@ def false_positives_of_photos(
 
 
 def mark_false_positives(labels: pd.DataFrame, predictions: pd.DataFrame) -> pd.DataFrame:
-    """Return `unlabelled` and `false_positive` of each prediction. Tables, explorer and FiftyOne share this definition.
+    """Return `unlabelled` and `false_positive` of each prediction. Tables and explorer share this definition.
 
     `unlabelled`: a predicted rock that intersects every rock label by less than `MIN_MATCH_SHARE` of the smaller box.
     Predictions inside or around a label are thus matched. `false_positive`: an unlabelled rock with its centre in a

@@ -39,8 +39,9 @@ def _log2(photo: np.ndarray, twin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def difference_of_cover(cover: np.ndarray, twin: np.ndarray, red: np.ndarray) -> np.ndarray:
     """Return an image (h, w, 3) uint8 of the tone difference, twin minus cover photo, after histogram matching.
 
-    The tone curves of published cover photos are not documented, so absolute brightness cannot be compared. `cover` (h,
-    w, 3) uint8, `twin` (h, w) uint16; the mask `red` (h, w) of lines and digits in the cover photo is grey.
+    The tone curves of published cover photos are not documented, so absolute brightness cannot be compared. Types are
+    uint8 of `cover` (h, w, 3), uint16 of `twin` (h, w) and bool of `red` (h, w), the red lines and digits of the cover
+    photo, which are grey in the result.
     """
     tones = cover.astype(np.float32).mean(axis=-1) / 255
     wanted = np.quantile(tones[~red], _LEVELS)
