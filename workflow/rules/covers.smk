@@ -289,8 +289,7 @@ rule report_covers:
             terrain=[f"{terrain:02d}" for terrain in COVERS.strewn],
         ),
     output:
-        table=shown("results/{run}/tables/covers.csv", "Tables", table="real cover photos"),
-        others=multiext("results/{run}/tables/covers", ".md", ".tex", ".parquet"),  # written through table
+        **table_files(covers="real cover photos"),
         covers_figure=shown("results/{run}/figures/covers.png", "Detection", figure="real cover photos"),
         scenes_figure=shown("results/{run}/figures/scenes.png", "Detection", figure="strewn scenes"),
     resources:
@@ -308,8 +307,7 @@ rule tabulate_masks:
     input:
         scores="results/{run}/covers/mask_scores.parquet",
     output:
-        table=shown("results/{run}/tables/masks.csv", "Tables", table="masks of real cover photos"),
-        others=multiext("results/{run}/tables/masks", ".md", ".tex", ".parquet"),  # written through table
+        **table_files(masks="masks of real cover photos"),
     resources:
         mem_mb=memory_per_attempt(500),
         runtime=5,

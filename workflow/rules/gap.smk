@@ -149,8 +149,7 @@ rule report_gap:
     input:
         ablation="results/{run}/gap/ablation.parquet",
     output:
-        table=shown("results/{run}/tables/gap.csv", "Tables", table="ablation"),
-        others=multiext("results/{run}/tables/gap", ".md", ".tex", ".parquet"),  # written through table
+        **table_files(gap="ablation"),
         figure=shown("results/{run}/figures/gap.png", "Detection", picture="ablation"),
     resources:
         mem_mb=memory_per_attempt(500),

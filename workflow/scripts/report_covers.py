@@ -11,7 +11,7 @@ from polarsim.reporting import reporting
 with reporting(log=snakemake.log[0]):
     tabulate_covers(
         scores=list_of_paths(snakemake.input.scores),
-        stem=Path(snakemake.output.table).with_suffix(""),
+        stem=Path(snakemake.output.covers).with_suffix(""),
         origin=snakemake.params.origin,
     )
     draw_covers(

@@ -9,7 +9,7 @@ from polarsim.reporting import reporting
 with reporting(log=snakemake.log[0]):
     tabulate_gap(
         ablation=Path(snakemake.input.ablation),
-        stem=Path(snakemake.output.table).with_suffix(""),
+        stem=Path(snakemake.output.gap).with_suffix(""),
         origin=snakemake.params.origin,
     )
     draw_gap(

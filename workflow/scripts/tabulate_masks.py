@@ -8,6 +8,6 @@ from polarsim.reporting import reporting
 with reporting(log=snakemake.log[0]):
     tabulate_masks(
         scores=Path(snakemake.input.scores),
-        stem=Path(snakemake.output.table).with_suffix(""),
+        stem=Path(snakemake.output.masks).with_suffix(""),
         origin=snakemake.params.origin,
     )
