@@ -25,9 +25,9 @@ from polarsim.schemas.photos import BOX
 from polarsim.tone import to_8bit
 
 ROCKS_PER_SIDE = 2  # rocks with larger IoU in the first domain of a pair, and in the second domain
-_LABEL, _PREDICTED = HEX_COLOURS[ROCK], "#00e5ff"
 PHOTOS = 2  # columns, of different terrains
 PREDICTED = (0, 229, 255)  # colour of predicted boxes
+_LABEL, _PREDICTED = HEX_COLOURS[ROCK], "#{:02x}{:02x}{:02x}".format(*PREDICTED)
 _TITLE_PX = 50
 
 
