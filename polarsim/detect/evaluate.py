@@ -33,6 +33,7 @@ from polarsim.detect.ipd import (
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.detect.predict import PREDICTION_COLUMNS
 from polarsim.detect.split import PHOTO, TEST, TRAIN, VAL, read_split, shared_units
+from polarsim.errors import DetectError
 from polarsim.formats import tables
 from polarsim.geometry import boxes
 from polarsim.photo import BOX_CLASSES
@@ -124,10 +125,13 @@ def gather_tables(
     """Concatenate the parts of each table, one for each split and training seed, and add columns `split` and `seed`."""
     for name, path in gathered.items():
         joined = []
-        for part, split, seed in zip(map(tables.read_parquet, parts[name]), splits, seeds, strict=True):
+        for file, split, seed in zip(parts[name], splits, seeds, strict=True):
+            part = tables.read_parquet(file)
             if "split" not in part.columns:
                 part.insert(0, "split", pd.Series([split] * len(part), dtype="str"))
             part.insert(list(part.columns).index("split") + 1, "seed", seed)
+            if joined and list(part.columns) != list(joined[0].columns):
+                raise DetectError(f"other columns than in {parts[name][0]}; evaluate again with one version", path=file)
             joined.append(part)
         tables.write_parquet(path, pd.concat(joined, ignore_index=True))
 

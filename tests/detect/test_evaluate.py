@@ -6,6 +6,7 @@ import pytest
 
 from polarsim.detect.evaluate import evaluate, gather_tables
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
+from polarsim.errors import DetectError
 from polarsim.formats import tables
 from polarsim.photo import PhotoKey
 from polarsim.schemas.detect import CURVES, INSTANCES
@@ -172,3 +173,13 @@ def test_an_existing_split_column_is_kept(tmp_path):
     parts = {"detection": [tmp_path / "a.parquet"]}
     gather_tables(parts=parts, gathered={"detection": tmp_path / "all.parquet"}, splits=["view"], seeds=[3])
     assert list(tables.read_parquet(tmp_path / "all.parquet").columns) == ["trained", "split", "seed", "map50"]
+
+
+def test_parts_with_other_columns_are_refused(tmp_path):
+    first, second = tmp_path / "a.parquet", tmp_path / "b.parquet"
+    tables.write_parquet(first, pd.DataFrame({"split": ["view"], "map50": [0.5]}))
+    tables.write_parquet(second, pd.DataFrame({"split": ["view"], "map50": [0.5], "map": [0.3]}))
+    written = {"detection": tmp_path / "all.parquet"}
+    with pytest.raises(DetectError, match=r"b\.parquet: other columns"):
+        gather_tables(parts={"detection": [first, second]}, gathered=written, splits=["view"] * 2, seeds=[0, 1])
+    assert not written["detection"].exists()
