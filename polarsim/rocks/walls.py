@@ -51,6 +51,8 @@ def _measure(points: np.ndarray, side: Side, half: float) -> Wall | None:
     outward, along = sign * points[:, axis], points[:, 1 - axis]
     near = (outward > half - MAX_OFFSET) & (np.abs(along) < half - CORNER)
     outward, along, height = outward[near], along[near], points[near, 2]
+    if not len(outward):
+        return None
     first = _per_strip(outward, along, FACE_STRIP, FACE_PERCENTILE, min_points=1)
     if len(first) < MIN_SUPPORT * 2 * half / FACE_STRIP:
         return None
