@@ -1,0 +1,73 @@
+"""Appearance: invariant to the tone curve, sensitive to structure."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from polarsim.photo import BLACK_LEVEL, HEIGHT, WIDTH
+from polarsim.scoring.appearance import compare_appearance, fit_tone, structural_similarity
+
+
+@pytest.fixture(scope="module")
+def photo() -> np.ndarray:
+    """Smooth relief under light from the side, with a dark block, 12 bits."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    light = 900 + 500 * np.sin(x / 61) * np.cos(y / 83) + 200 * np.sin((x + y) / 23)
+    light[400:600, 700:1000] = 80
+    return (BLACK_LEVEL + light).astype(np.uint16)
+
+
+def test_a_photo_looks_like_itself(photo):
+    result = compare_appearance(photo, photo)
+    assert result.psnr_db > 45
+    assert result.ssim > 0.995
+    assert result.correlation > 0.999
+    assert result.stops == 0
+
+
+@pytest.mark.parametrize("curve", [lambda v: 0.5 * v, lambda v: 4 * v**0.8, lambda v: 30 * np.sqrt(v)])
+def test_a_tone_curve_does_not_count(photo, curve):
+    light = photo.astype(float) - BLACK_LEVEL
+    result = compare_appearance(photo, (BLACK_LEVEL + curve(light)).astype(np.uint16))
+    assert result.psnr_db > 35
+    assert result.ssim > 0.98
+
+
+def test_brightness_without_its_median_is_measured_in_stops(photo):
+    light = photo.astype(float) - BLACK_LEVEL
+    assert compare_appearance(photo, (BLACK_LEVEL + light / 2).astype(np.uint16)).stops < 0.01
+    fading = light * 0.25 ** np.linspace(0, 1, WIDTH)  # 0.2 to 1.8 stops over the compared columns
+    assert compare_appearance(photo, (BLACK_LEVEL + fading).astype(np.uint16)).stops == pytest.approx(0.4, abs=0.05)
+
+
+@pytest.mark.parametrize("other", ["mirrored", "flat"])
+def test_other_structure_counts(photo, other):
+    twin = photo[:, ::-1] if other == "mirrored" else np.full_like(photo, 1000)
+    result = compare_appearance(photo, np.ascontiguousarray(twin))
+    assert result.psnr_db < 20
+    assert result.ssim < 0.75
+    assert result.correlation < 0.5
+
+
+@given(seed=st.integers(0, 2**31))
+def test_the_fitted_curve_increases_and_is_best(seed):
+    random = np.random.default_rng(seed)
+    twin = random.integers(0, 20, (8, 9)).astype(np.float32)
+    photo = random.normal(0, 1, (8, 9)) + 0.1 * twin
+    fitted = fit_tone(twin, photo)
+    order = np.argsort(twin.ravel(), kind="stable")
+    assert (np.diff(fitted.ravel()[order]) >= -1e-6).all()
+    shuffled = random.permutation(twin.size)
+    again = fit_tone(twin.ravel()[shuffled].reshape(8, 9), photo.ravel()[shuffled].reshape(8, 9))
+    np.testing.assert_allclose(again.ravel(), fitted.ravel()[shuffled], atol=1e-6)
+    line = np.polyfit(twin.ravel(), photo.ravel(), 1)
+    if line[0] >= 0:  # an increasing line is one of the curves
+        assert ((photo - fitted) ** 2).sum() <= ((photo - np.polyval(line, twin)) ** 2).sum() + 1e-4
+
+
+def test_structural_similarity_of_contrast_has_the_value_of_the_formula():
+    """Two constant images: only the luminance term remains, (2 a b + c1) / (a^2 + b^2 + c1)."""
+    first, second = np.full((32, 32), 100, np.float32), np.full((32, 32), 50, np.float32)
+    c1 = (0.01 * 255) ** 2
+    assert structural_similarity(first, second) == pytest.approx((2 * 5000 + c1) / (12500 + c1), rel=1e-4)
