@@ -12,13 +12,15 @@ import numpy as np
 from polarsim.errors import FormatError, with_path
 from polarsim.formats.files import read_json, write_json
 from polarsim.formats.readers import reader
-from polarsim.survey import half_width, wall_height
+from polarsim.survey import is_surveyed
 
 FILE = "walls.json"
 Side = Literal["-x", "+x", "-y", "+y"]
 SIDES: tuple[Side, ...] = get_args(Side)
 Origin = Literal["scans", "survey"]
 STRIP_M = 0.10  # width of the strips along a wall with one height each
+THICKNESS_M = 0.05
+NOMINAL_FACE_M, NOMINAL_TOP_M = 2.05, 0.28  # best of 12 pairs on five of six published cover photos
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,92 @@ class Walls:
     sides: Mapping[Side, Wall]
     origin: Origin
 
+    @property
+    def bounds(self) -> np.ndarray:
+        """(2, 2) minimum and maximum x, y of the floor between the inner faces."""
+        low_x, high_x, low_y, high_y = (self.sides[side].face_m for side in SIDES)
+        return np.array([[-low_x, -low_y], [high_x, high_y]])
+
+    @property
+    def highest_m(self) -> float:
+        """Maximum height of the top edges."""
+        return max(float(wall.top_m.max()) for wall in self.sides.values())
+
+    def clearance(self, points: np.ndarray, lamp: np.ndarray) -> np.ndarray:
+        """Return the height (n,) above the top edge at which rays from points (n, 3) to a lamp (3,) cross a wall.
+
+        Negative: the wall shades the point. Infinite: the ray crosses no wall.
+        """
+        to_lamp = lamp - points
+        low, high = self.bounds
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares = np.where(to_lamp[:, :2] > 0, high - points[:, :2], low - points[:, :2]) / to_lamp[:, :2]
+        shares = np.where(shares >= 0, shares, np.inf)
+        axis = shares.argmin(axis=1)
+        share = shares[np.arange(len(points)), axis]
+        crossed = np.flatnonzero(share < 1)
+        clear = np.full(len(points), np.inf)
+        at = points[crossed] + share[crossed, None] * to_lamp[crossed]
+        for number, side in enumerate(SIDES):
+            chosen = (axis[crossed] == number // 2) & ((to_lamp[crossed, number // 2] > 0) == (number % 2 == 1))
+            clear[crossed[chosen]] = at[chosen, 2] - self.sides[side].top(at[chosen, 1 - number // 2])
+        return clear
+
+    def mesh(self, foot: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return vertices (v, 3), faces (f, 3) and vertex normals (v, 3) of the walls, down to a height of `foot`.
+
+        Inner face, top and outer face share no vertices: edges are sharp.
+        """
+        low, high = self.bounds
+        ends = {"x": (low[1] - THICKNESS_M, high[1] + THICKNESS_M), "y": (low[0], high[0])}
+        parts = [_board(side, wall, ends[side[1]], foot) for side, wall in self.sides.items()]
+        starts = np.cumsum([0, *(len(vertices) for vertices, _, _ in parts)])
+        faces = [faces + start for (_, faces, _), start in zip(parts, starts, strict=False)]
+        return np.concatenate([part[0] for part in parts]), np.concatenate(faces), np.concatenate([p[2] for p in parts])
+
+
+def _board(side: Side, wall: Wall, ends: tuple[float, float], foot: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return vertices, faces and normals of one wall: inner face, top, outer face and both ends."""
+    axis, sign = "xy".index(side[1]), -1.0 if side[0] == "-" else 1.0
+    inner = wall.along_m[(wall.along_m > ends[0]) & (wall.along_m < ends[1])]
+    along = np.array([ends[0], *inner, ends[1]])
+    top, low = wall.top(along), np.full(len(along), foot)
+
+    def line(outward: float, at: np.ndarray, height: np.ndarray) -> np.ndarray:
+        points = np.empty((len(at), 3))
+        points[:, axis], points[:, 1 - axis], points[:, 2] = sign * outward, at, height
+        return points
+
+    face, back = wall.face_m, wall.face_m + THICKNESS_M
+    towards = sign * np.eye(3)[axis]
+    sheets = [
+        (line(face, along, low), line(face, along, top), -towards),
+        (line(face, along, top), line(back, along, top), np.array([0.0, 0.0, 1.0])),
+        (line(back, along, low), line(back, along, top), towards),
+    ]
+    for number, end in ((0, -1.0), (-1, 1.0)):
+        lower, upper = (
+            np.concatenate([line(x, along[[number]], z[[number]]) for x in (face, back)]) for z in (low, top)
+        )
+        sheets.append((lower, upper, end * np.eye(3)[1 - axis]))
+    vertices, faces, normals, count = [], [], [], 0
+    for first, second, normal in sheets:
+        start = np.arange(len(first) - 1)
+        quads = np.column_stack([start, start + 1, start + 1 + len(first), start + len(first)]) + count
+        if np.cross(first[1] - first[0], second[0] - first[0]) @ normal < 0:
+            quads = quads[:, ::-1]
+        faces += [quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]
+        vertices += [first, second]
+        normals.append(np.tile(normal, (2 * len(first), 1)))
+        count += 2 * len(first)
+    return np.concatenate(vertices), np.concatenate(faces), np.concatenate(normals)
+
+
+def level_walls(face_m: float, top_m: float, origin: Origin = "survey") -> Walls:
+    """Return walls around a square floor: distance of the inner faces from the origin, and height of the top edges."""
+    along = strips(face_m)
+    return Walls(dict.fromkeys(SIDES, Wall(face_m, along, np.full(len(along), top_m), 0.0)), origin)
+
 
 def strips(half: float) -> np.ndarray:
     """Return the centres (s,) of the strips along a wall of a sandbox with a half width, metres."""
@@ -50,13 +138,8 @@ def strips(half: float) -> np.ndarray:
 
 
 def surveyed_walls(terrain: int, level: float) -> Walls | None:
-    """Return NASA's nominal walls above sand at a height of `level` metres; None for a sandbox without survey."""
-    height, half = wall_height(terrain), half_width(terrain)
-    if not height:
-        return None
-    along = strips(half)
-    wall = Wall(half, along, np.full(len(along), level + height), 0.0)
-    return Walls(dict.fromkeys(SIDES, wall), "survey")
+    """Return nominal walls above sand at a height of `level` metres; None for a sandbox without survey."""
+    return level_walls(NOMINAL_FACE_M, level + NOMINAL_TOP_M) if is_surveyed(terrain) else None
 
 
 def write_walls(folder: str | Path, walls: Walls) -> None:

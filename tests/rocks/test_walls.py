@@ -93,8 +93,8 @@ def test_walls_are_read_as_written(rng, tmp_path):
         lambda text: text.replace('"-x"', '"west"'),
         lambda text: text.replace('"top_m"', '"top"'),
         lambda text: text.replace('"survey"', '"guess"'),
-        lambda text: text.replace("2.0,", "-2.0,", 1),
-        lambda text: text.replace("-1.95", "1.95", 1),
+        lambda text: text.replace("2.05,", "-2.05,", 1),
+        lambda text: text.replace("-1.9,", "1.9,", 1),
         lambda text: text[: len(text) // 2],
     ],
 )
