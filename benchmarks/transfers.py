@@ -57,7 +57,6 @@ from polarsim.rocks.adopt import adopt_rocks
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.scene import read_terrain
 from polarsim.scoring.score import MatchCounts, count_boxes
-from polarsim.survey import wall_height
 
 POSITIONS = "ABC"
 EDGES = ["x0", "y0", "x1", "y1"]
@@ -266,9 +265,7 @@ def both_cameras(run: Run, truth: Truth) -> TerrainRocks:
         if key.light == "off" and key.azimuth in SUNS:
             seeds.setdefault(key.position, {})[key.camera, key.azimuth] = AnnotatedBoxes(truth[key][ROCK], None)
     suns = lamps.read_suns(run.folder / "cameras", localised)
-    return associate_rocks(
-        read_terrain(run.folder / "meshes", run.terrain), localised, suns, seeds, wall_height(run.terrain)
-    )
+    return associate_rocks(read_terrain(run.folder / "meshes", run.terrain), localised, suns, seeds)
 
 
 def best_boxes(known: TerrainRocks, key: PhotoKey, annotated: np.ndarray, options: LabelsOptions) -> Drawing:

@@ -162,14 +162,13 @@ def associate_rocks(
     localised: dict[str, LocalisedRig],
     suns: Mapping[str, np.ndarray],
     seeds: Seeds,
-    wall_height: float,
 ) -> TerrainRocks:
     """Assign an id to every annotated rock: the id of the projected mesh, or the number of a dome.
 
     With an unverified pose, meshes project onto wrong rocks. The rocks of such a position are domes on the bare
     ground behind the boxes of the position, and are not used at other positions.
     """
-    world, bare = build_worlds(terrain, localised, suns, wall_height)
+    world, bare = build_worlds(terrain, localised, suns)
     located = {position: rig for position, rig in localised.items() if not rig.unproven}
     terrain_rocks = _gathered(terrain, world, located, seeds, FIRST_ID_WITHOUT_MESH)
     separate: dict[str, TerrainRocks] = {}

@@ -14,6 +14,7 @@ from polarsim.geometry.rays import Caster, CompositeScene
 from polarsim.photo import NO_ROCK
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
+from polarsim.run_files.walls import WALL_FOOT_M, Walls
 from polarsim.survey import SUN_LAMPS
 
 HIGH = 10.0  # metres: above all objects in the sandbox
@@ -79,9 +80,8 @@ class TerrainCasters:
     rocks: Caster  # faces of `standing` that count as rock
     rock_of_rocks_face: np.ndarray  # rock of each face of `rocks`, then `NO_ROCK` for index -1 (no hit)
     ground_level: float  # median height of the ground
-    ground_bounds: np.ndarray  # (2, 2) minimum and maximum x, y of the ground
-    wall_height: float  # height of the walls around the ground, metres; 0: no walls
-    walls: Caster | None
+    sandbox: Walls | None  # walls around the ground
+    walls: Caster | None  # the same walls
     suns: Mapping[str, np.ndarray]  # azimuth -> (3,) position of the Sun lamp
 
     @property
@@ -147,7 +147,7 @@ def _half_angle(towards: np.ndarray, radius: float) -> float:
 
 
 def build_worlds(
-    terrain: TerrainMesh, localised: Mapping[str, LocalisedRig], suns: Mapping[str, np.ndarray], wall_height: float
+    terrain: TerrainMesh, localised: Mapping[str, LocalisedRig], suns: Mapping[str, np.ndarray]
 ) -> tuple[TerrainCasters, TerrainCasters]:
     """Return the world of the terrain, and a world without rocks for positions with unverified poses.
 
@@ -155,20 +155,17 @@ def build_worlds(
     """
 
     def built(terrain: TerrainMesh) -> TerrainCasters:
-        return build_world(terrain, TRIM, suns, wall_height)
+        return build_world(terrain, TRIM, suns)
 
     world = built(terrain)
     return world, built(terrain.ground()) if any(rig.unproven for rig in localised.values()) else world
 
 
-def build_world(
-    terrain: TerrainMesh, trim: float, suns: Mapping[str, np.ndarray] = SUN_LAMPS, wall_height: float = 0.0
-) -> TerrainCasters:
+def build_world(terrain: TerrainMesh, trim: float, suns: Mapping[str, np.ndarray] = SUN_LAMPS) -> TerrainCasters:
     """Build the casters of the meshes of a terrain.
 
     `trim`: rock surface below this height above the ground counts as ground, metres.
     `suns`, azimuth -> (3,): positions of the Sun lamps.
-    `wall_height`: height of the walls around the ground, metres; 0: no walls.
     """
     ground_count = int((terrain.rock_of_face == NO_ROCK).sum())
     ground_faces, standing_faces = np.split(terrain.faces, [ground_count])
@@ -178,7 +175,6 @@ def build_world(
     is_of_ground[ground_faces] = True
     points = terrain.vertices[is_of_ground]
     level = float(np.median(points[:, 2]))
-    bounds = np.stack([points[:, :2].min(axis=0), points[:, :2].max(axis=0)])
     rock_of_face = terrain.rock_of_face.copy()
     bodies: dict[int, RockBody] = {}
     for rock in terrain.rocks:
@@ -199,9 +195,8 @@ def build_world(
         make_caster(terrain.vertices, terrain.faces[of_rock]),
         np.append(rock_of_face[of_rock], NO_ROCK),
         level,
-        bounds,
-        wall_height,
-        wall_caster(bounds, level, wall_height),
+        terrain.walls,
+        None if terrain.walls is None else make_caster(*terrain.walls.mesh(level - WALL_FOOT_M)[:2]),
         suns,
     )
 
@@ -236,21 +231,3 @@ def _height_above(ground: Caster, level: float, points: np.ndarray) -> np.ndarra
     starts = np.concatenate([points[:, :2], np.full((len(points), 1), HIGH)], axis=1)
     distance = ground.nearest(starts, np.broadcast_to([0.0, 0.0, -1.0], starts.shape))[0]
     return points[:, 2] - np.where(np.isfinite(distance), HIGH - distance, level)
-
-
-def wall_caster(bounds: np.ndarray, level: float, height: float) -> Caster | None:
-    """Return a caster of the four walls on the bounds (2, 2), `height` metres above the ground; None without walls."""
-    if height <= 0:
-        return None
-    low, high = bounds
-    corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
-    bottom = np.column_stack([corners, np.full(4, level - height)])
-    top = np.column_stack([corners, np.full(4, level + height)])
-    following = np.roll(np.arange(4), -1)
-    faces = np.concatenate(
-        [
-            np.column_stack([np.arange(4), following, following + 4]),
-            np.column_stack([np.arange(4), following + 4, np.arange(4) + 4]),
-        ]
-    )
-    return make_caster(np.concatenate([bottom, top]), faces)

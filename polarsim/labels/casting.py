@@ -1,7 +1,8 @@
 """Cast shadows of rocks and walls under a near lamp, and bounding boxes of these shadows in a photo.
 
-Positions of lamps and walls have errors of centimetres, which shift the edge of the shadow of a wall by decimetres at a
-low Sun. `fit_wall_height` fits an effective wall height to that edge in the photo, which compensates these errors.
+Positions of lamps and nominal walls have errors of centimetres, which shift the edge of the shadow of a wall by
+decimetres at a low Sun. `fit_wall_offset` fits an offset of the top edges to that edge in the photo, which compensates
+these errors.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from polarsim.labels.brightness import Brightness, noise_dn
 from polarsim.labels.projection import sightlines
 from polarsim.photo import NO_ROCK, Azimuth, Light
 from polarsim.run_files.rigs import LocalisedRig
+from polarsim.run_files.walls import Walls
 
 THIN_PX = 4.0  # parts of a shadow thinner than this, such as rims at the foot of a mesh, do not extend its box
 ROCK_ELLIPSE = 0.8  # diameter relative to the rock box of the ellipse that annotators regard as rock, not shadow
@@ -34,8 +36,8 @@ MAX_AREA_RATIO = 2.5  # maximum ratio of the areas of the dark region and the ca
 MIN_COVERED_SHARE = 0.15  # minimum share of a dark region covered by the cast shadow
 
 # Edge of the shadow of a wall.
-WALL_STEP = 0.01  # step of the tested wall heights, metres
-WALL_RANGE = (0.4, 1.8)  # range of the tested wall heights relative to the nominal height
+WALL_STEP = 0.01  # step of the tested offsets of the top edge of walls, metres
+WALL_RANGE = (-0.18, 0.24)  # range of the tested offsets, metres
 WALL_BAND = 0.04  # height of the bands below and above the edge that are compared, metres
 MIN_BAND_SAMPLES = 50  # minimum number of samples in a band
 MIN_WALL_RATIO = 1.6  # minimum ratio of the brightness above and below the edge
@@ -79,14 +81,13 @@ class VisibleIds:
         shadow[(self.rock != NO_ROCK) & (self.rock != shadow)] = NO_ROCK
         return shadow
 
-    def over_walls(self, world: TerrainCasters, lamp_position: np.ndarray) -> np.ndarray:
-        """Return the height (rows, columns) above the sand at which light from a lamp to the ground crosses a wall.
+    def clearance(self, walls: Walls, lamp_position: np.ndarray) -> np.ndarray:
+        """Return the height (rows, columns) above walls at which light from a lamp reaches the ground, metres.
 
-        Metres; infinite without a crossing or without visible ground.
+        Infinite if the light crosses no wall or no ground is visible.
         """
         heights = np.full(self.shape, np.inf)
-        passing = wall_crossing_heights(self.points, lamp_position, world.ground_bounds)
-        heights[self.ground] = passing - world.ground_level
+        heights[self.ground] = walls.clearance(self.points, lamp_position)
         return heights
 
 
@@ -166,31 +167,24 @@ def fit_to_dark_region(
     return dark_box + np.tile([x[0], y[0]], 2)
 
 
-def wall_crossing_heights(points: np.ndarray, lamp: np.ndarray, bounds: np.ndarray) -> np.ndarray:
-    """Return z (n,) at which rays from points (n, 3) to a lamp (3,) cross the walls on bounds (2, 2); inf: none."""
-    to_lamp = lamp - points
-    with np.errstate(divide="ignore", invalid="ignore"):
-        shares = np.where(to_lamp[:, :2] > 0, bounds[1] - points[:, :2], bounds[0] - points[:, :2]) / to_lamp[:, :2]
-    share = np.fmin.reduce(np.where(shares >= 0, shares, np.inf), axis=1)
-    return np.where(share < 1, points[:, 2] + share * to_lamp[:, 2], np.inf)
+def fit_wall_offset(clearance: np.ndarray, rate: np.ndarray) -> float:
+    """Return the offset of the top edge of walls that reproduces the shadow edge in a photo, metres; 0 without an edge.
 
-
-def fit_wall_height(passing: np.ndarray, rate: np.ndarray, stated: float) -> float:
-    """Return the wall height that reproduces the shadow edge in a photo; the nominal height without a visible edge.
-
-    `passing`, `rate` (n,): height above the ground at which light to bare ground crosses the walls, metres, and
-    brightness of that ground.
-    `stated`: nominal height of the walls, metres.
+    `clearance`, `rate` (n,): height above the walls at which light reaches bare ground, metres, and brightness of that
+    ground.
     """
-    order = np.argsort(passing, kind="stable")
-    passing, rate = passing[order], rate[order]
+    order = np.argsort(clearance, kind="stable")
+    clearance, rate = clearance[order], rate[order]
     faint = WALL_FAINT * float(np.percentile(rate, 90)) if len(rate) else 0.0
-    best, edge, half_lit = MIN_WALL_RATIO, stated, 0.0
-    for tried in np.arange(WALL_RANGE[0] * stated, WALL_RANGE[1] * stated, WALL_STEP):
-        dark, lit = _median(passing, rate, tried - WALL_BAND, tried), _median(passing, rate, tried, tried + WALL_BAND)
+    best, edge, half_lit = MIN_WALL_RATIO, 0.0, 0.0
+    for tried in np.arange(*WALL_RANGE, WALL_STEP):
+        dark, lit = (
+            _median(clearance, rate, tried - WALL_BAND, tried),
+            _median(clearance, rate, tried, tried + WALL_BAND),
+        )
         if lit + faint > best * (dark + faint):
             best, edge, half_lit = (lit + faint) / (dark + faint), tried, (dark + lit) / 2
-    while half_lit and _median(passing, rate, edge, edge + WALL_STEP) < half_lit:  # penumbra of the lamp disc
+    while half_lit and _median(clearance, rate, edge, edge + WALL_STEP) < half_lit:  # penumbra of the lamp disc
         edge += WALL_STEP
     return float(edge)
 

@@ -40,7 +40,6 @@ from polarsim.labels.visibility import MIN_ROVER_LIGHT_EXPOSURE_MS
 from polarsim.photo import ROCK, SHADOW, SUNS, CameraSide, PhotoKey
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.scene import read_terrain
-from polarsim.survey import wall_height
 
 log = logging.getLogger(__name__)
 
@@ -67,9 +66,7 @@ class TerrainFiles:
         drawings = read_seeds(self.seeds, self.terrain)
         seeds = choose_seeds(drawings, {}, MinExposures.of(drawings, options.shadow_start(self.terrain)))
         suns = lamps.read_suns(self.cameras, localised)
-        return associate_rocks(
-            read_terrain(self.meshes, self.terrain), localised, suns, seeds, wall_height(self.terrain)
-        )
+        return associate_rocks(read_terrain(self.meshes, self.terrain), localised, suns, seeds)
 
 
 def read_published(root: Path, terrain: int) -> dict[PhotoKey, AnnotatedBoxes]:

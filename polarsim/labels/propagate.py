@@ -39,7 +39,6 @@ from polarsim.photo import BOX_CLASSES, Azimuth, Bracket, CameraSide, Light, Pho
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.scene import read_terrain
-from polarsim.survey import wall_height
 
 log = logging.getLogger(__name__)
 
@@ -90,9 +89,7 @@ def labels_of_terrain(inputs: PropagationInputs, options: LabelsOptions) -> dict
     drawings = _left(drop_mislabelled(seeded, scene, localised), options)
     by_people = {**drawings, **corrections}
     min_exposures = MinExposures.of(by_people, options.shadow_start(terrain))
-    terrain_rocks = associate_rocks(
-        scene, localised, suns, choose_seeds(drawings, corrections, min_exposures), wall_height(terrain)
-    )
+    terrain_rocks = associate_rocks(scene, localised, suns, choose_seeds(drawings, corrections, min_exposures))
     return grid_labels(terrain_rocks, inputs, options, min_exposures, drawings, corrections)
 
 

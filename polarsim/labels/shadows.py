@@ -11,7 +11,7 @@ from polarsim.geometry.boxes import MATCH_GATE_PX, area, iou
 from polarsim.geometry.masks import Window, windows_of
 from polarsim.labels.association import match_ids
 from polarsim.labels.brightness import Brightness
-from polarsim.labels.casting import VisibleIds, active_lamp, fit_to_dark_region, fit_wall_height, shadow_box
+from polarsim.labels.casting import VisibleIds, active_lamp, fit_to_dark_region, fit_wall_offset, shadow_box
 from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.label import Label, make_label
 from polarsim.labels.options import LabelsOptions
@@ -165,14 +165,14 @@ class PositionShadows:
     def _shaded_by_walls(
         self, ids: VisibleIds, lamp_position: np.ndarray, shadow: np.ndarray, brightness: Brightness
     ) -> np.ndarray:
-        """Return a mask (rows, columns) of ground in the shadow of a wall, with wall heights fitted to the photo."""
-        step, height = self.options.ray_step_px, self.world.wall_height
-        if not height:
+        """Return a mask (rows, columns) of ground in the shadow of a wall, with top edges fitted to the photo."""
+        step, sandbox = self.options.ray_step_px, self.world.sandbox
+        if sandbox is None:
             return np.zeros(ids.shape, bool)
-        passing = ids.over_walls(self.world, lamp_position)
-        bare = np.isfinite(passing) & (ids.rock == NO_ROCK) & (shadow == NO_ROCK)
+        clearance = ids.clearance(sandbox, lamp_position)
+        bare = np.isfinite(clearance) & (ids.rock == NO_ROCK) & (shadow == NO_ROCK)
         rate = brightness.rate[step // 2 :: step, step // 2 :: step]
-        return passing < fit_wall_height(passing[bare], rate[bare], height)
+        return clearance < fit_wall_offset(clearance[bare], rate[bare])
 
     def _visible_shadows(
         self, camera: CameraSide, lamp_position: np.ndarray

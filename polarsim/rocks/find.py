@@ -28,10 +28,12 @@ from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids, write_positions
 from polarsim.rocks.regions import Cut, Limits, cut_by_shape, find_regions, scanned_points
 from polarsim.rocks.scans import Extent, ScanPoints, merge_scans, scan_in_sandbox
+from polarsim.rocks.walls import measure_walls
 from polarsim.run_files import rigs
 from polarsim.run_files.inventory import Inventory, read_inventory
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scans import read_scan
+from polarsim.run_files.walls import Walls, write_walls
 from polarsim.survey import half_width
 
 log = logging.getLogger("polarsim")
@@ -66,10 +68,10 @@ def find_rocks(
     scans = read_scans(read_inventory(inventory), localised)
     if not len(scans):
         log.warning("%s: terrain %02d has no scan, so that it gets no rocks and no ground", inventory, terrain)
-        _write(rocks, cuboids, ids, clouds, [], {}, {}, Cloud(np.zeros((0, 3)), np.zeros((0, 3))), {})
+        _write(rocks, cuboids, ids, clouds, [], {}, {}, Cloud(np.zeros((0, 3)), np.zeros((0, 3))), None, {})
         return
     extent = sand_extent(scans, half_width(terrain))
-    scans = scans.select(extent.contains(scans.points))
+    everything, scans = scans, scans.select(extent.contains(scans.points))
     sand = find_ground(scans, extent, GROUND_CELL, np.radians(options.max_sand_slope_deg))
     limits = Limits(
         foot=FOOT_HEIGHT,
@@ -96,7 +98,8 @@ def find_rocks(
         )
         for rock in cropped
     }
-    _write(rocks, cuboids, ids, clouds, rows, cropped, rock_clouds, ground_cloud(sand), localised)
+    walls = measure_walls(terrain, everything, float(np.median(sand.ground)))
+    _write(rocks, cuboids, ids, clouds, rows, cropped, rock_clouds, ground_cloud(sand), walls, localised)
 
 
 def _without_mislabelled(sand: SandSurface, limits: Limits, evidence: Evidence, cut: Cut) -> Evidence:
@@ -178,11 +181,14 @@ def _write(
     cropped: Mapping[int, CroppedRock],
     rock_clouds: Mapping[int, Cloud],
     ground: Cloud,
+    walls: Walls | None,
     localised: Mapping[str, LocalisedRig],
 ) -> None:
     tripods = [(position, *rig.sandbox_from_left.translation) for position, rig in localised.items()]
     with writing_folder(clouds) as folder:
         ply.write_ply(folder / "ground.ply", ground)
+        if walls is not None:
+            write_walls(folder, walls)
         for rock, cloud in rock_clouds.items():
             ply.write_ply(folder / f"rock{rock}.ply", cloud)
         tables.write_csv(folder / "scanners.csv", pd.DataFrame(tripods, columns=["position", "x", "y", "z"]))

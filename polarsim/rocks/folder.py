@@ -18,6 +18,7 @@ from polarsim.photo import NO_ROCK
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.solids import cluster_vertices, decimate_mesh, volume
 from polarsim.run_files.scene import MESH_TABLE
+from polarsim.run_files.walls import Walls, write_walls
 from polarsim.schemas.stages import MESHES
 
 MAX_VIEWER_VERTICES = 250_000  # maximum number of ground vertices in the file for viewers
@@ -75,8 +76,9 @@ def write_meshes(
     ground: Mesh,
     sources: Mapping[int, str],
     scanned: Mapping[int, Scanned] | None = None,
+    walls: Walls | None = None,
 ) -> None:
-    """Write a terrain's meshes under the release's names, a table of them, and a glTF file for viewers.
+    """Write a terrain's meshes under the release's names, a table of them, measured walls, and a glTF for viewers.
 
     `sources` is the source of each rock, and of the ground under `NO_ROCK`. If the points in `scanned` are given for
     rocks (and for the ground under `NO_ROCK`), a table of the vertices' support is written.
@@ -91,6 +93,8 @@ def write_meshes(
             named |= {names[rock]: mesh, thin: decimate_mesh(mesh, DECIMATED_SHARE)}
             made_from |= dict.fromkeys((names[rock], thin), sources[rock])
         write_named(folder, named, made_from)
+        if walls is not None:
+            write_walls(folder, walls)
         known = {rock: support(mesh.vertices, scanned[rock]) for rock, mesh in parts.items() if rock in scanned}
         if scanned:
             table = support_table({names[rock]: values for rock, values in known.items()})

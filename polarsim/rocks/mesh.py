@@ -19,6 +19,7 @@ from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.surfaces import closed_rock, ground_surface
 from polarsim.run_files.scene import SCANNED
+from polarsim.run_files.walls import read_walls
 from polarsim.survey import half_width
 
 log = logging.getLogger("polarsim")
@@ -26,7 +27,7 @@ WALL_REACH = 0.05  # width of the ground's mesh outside the surveyed sand, under
 
 
 def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options: RocksOptions) -> None:
-    """Reconstruct every rock and the ground of a terrain; write OBJ files, decimated copies, tables, glTF.
+    """Reconstruct every rock and the ground of a terrain; write OBJ files, decimated copies, tables, walls, glTF.
 
     If the points of a rock define no surface, the rock is skipped with a warning.
     """
@@ -49,7 +50,7 @@ def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options
     cell = options.ground_mesh_cell_mm / 1000
     surface = ground_surface(grid, ground, cell)
     sources = dict.fromkeys((NO_ROCK, *solids), SCANNED)
-    write_meshes(terrain, meshes, solids, surface, sources, scanned)
+    write_meshes(terrain, meshes, solids, surface, sources, scanned, read_walls(clouds))
 
 
 def ground_heights(cloud: Cloud, cell: float, half: float) -> tuple[FloorGrid, np.ndarray]:

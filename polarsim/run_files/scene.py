@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from polarsim.formats.files import existing_folder
 from polarsim.formats.readers import reader
 from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.photo import NO_ROCK
+from polarsim.run_files.walls import Walls, read_walls, surveyed_walls
 
 MESH_TABLE = "meshes.csv"  # in the folder of the meshes, with a row per mesh
 SCANNED, PUBLISHED, FITTED = "scan", "published", "fitted"  # origins of meshes; a fitted ground is an estimate
@@ -28,6 +29,7 @@ class TerrainMesh:
     faces: np.ndarray
     rock_of_face: np.ndarray  # (f,); NO_ROCK is the ground
     given_normals: np.ndarray | None = None  # (v, 3) unit normals; None: computed from the triangles
+    walls: Walls | None = None  # walls of the sandbox around the ground
 
     @cached_property
     def normals(self) -> np.ndarray:
@@ -55,7 +57,7 @@ class TerrainMesh:
     def ground(self) -> TerrainMesh:
         """Return the terrain without rocks."""
         is_ground = self.rock_of_face == NO_ROCK
-        return TerrainMesh(self.vertices, self.faces[is_ground], self.rock_of_face[is_ground], self.given_normals)
+        return replace(self, faces=self.faces[is_ground], rock_of_face=self.rock_of_face[is_ground])
 
     def rock_vertices(self, rock: int) -> np.ndarray:
         """Return the vertices (n, 3) of the faces of a rock."""
@@ -95,9 +97,11 @@ def mesh_origins(folder: str | Path) -> dict[str, str]:
 def read_terrain(folder: str | Path, terrain: int, pool: Executor | None = None) -> TerrainMesh:
     """Read `terrainNN_ground.obj` and every `terrainNN_rock<k>.obj`, in parallel if a pool is given.
 
-    A decimated mesh is read only if the full mesh is missing.
+    A decimated mesh is read only if the full mesh is missing. Without `walls.json`, the terrain has its nominal walls.
     """
     files = mesh_files(folder, terrain)
     meshes = list((pool.map if pool else map)(obj.read_obj, files.values()))
     whole = join_meshes(meshes)
-    return TerrainMesh(whole.vertices, whole.faces, np.repeat(list(files), [len(mesh.faces) for mesh in meshes]))
+    rocks = np.repeat(list(files), [len(mesh.faces) for mesh in meshes])
+    mesh = TerrainMesh(whole.vertices, whole.faces, rocks)
+    return replace(mesh, walls=read_walls(folder) or surveyed_walls(terrain, mesh.sand_level))

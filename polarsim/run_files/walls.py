@@ -20,6 +20,7 @@ SIDES: tuple[Side, ...] = get_args(Side)
 Origin = Literal["scans", "survey"]
 STRIP_M = 0.10  # width of the strips along a wall with one height each
 THICKNESS_M = 0.05
+WALL_FOOT_M = 0.5  # depth of the walls below the median sand, metres
 NOMINAL_FACE_M, NOMINAL_TOP_M = 2.05, 0.28  # best of 12 pairs on five of six published cover photos
 
 
