@@ -86,8 +86,8 @@ def add_olat_images(olat_images, samples_lit, surroundings, surfaces, camera, la
     directions = ti.Vector.ndarray(3, ti.f32, count)
     rotation = ti.Matrix(camera.world_from_camera.rotation.tolist(), ti.f32)
     origin = ti.Vector(camera.centre.tolist(), ti.f32)
-    plain_id = _NO_ID if options.rim_albedo is None else BACKGROUND
-    plain = (options.rim_albedo or 0.0) / math.pi
+    plain_id = _NO_ID if options.wall_albedo is None else BACKGROUND
+    plain = (options.wall_albedo or 0.0) / math.pi
     for offset in offsets:
         _fill_directions(directions, lens, offset)
         _intersect(

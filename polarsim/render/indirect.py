@@ -1,6 +1,6 @@
 """Indirect light: path tracing with one to n bounces.
 
-Surfaces scatter by their reflectance model; walls with `rim_albedo` are diffuse. The light of the lamps is added at
+Surfaces scatter by their reflectance model; walls with `wall_albedo` are diffuse. The light of the lamps is added at
 every bounce by shadow rays (next-event estimation, Kajiya, SIGGRAPH 1986). All lamps and models share a set of paths.
 
 Most of the hemisphere above a sandbox is black sky, and the walls and rocks that reflect light are near the horizon.

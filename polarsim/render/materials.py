@@ -57,8 +57,8 @@ class Materials:
                     vectors = (vector.take(of_kind, axis=0) for vector in (normal, to_lamp, to_viewer))
                     values[of_kind] = self.engine(parameters, *vectors)
         self._multiply_albedo(values, model, hits, chosen)
-        if self.options.rim_albedo is not None:
-            values[self.plain(hits.face.take(chosen)) & (values > 0)] = self.options.rim_albedo / np.pi
+        if self.options.wall_albedo is not None:
+            values[self.plain(hits.face.take(chosen)) & (values > 0)] = self.options.wall_albedo / np.pi
         return values
 
     def albedo(self, model: Model, hits: Hits) -> np.ndarray:
@@ -70,8 +70,8 @@ class Materials:
         else:
             values = albedos.take(kinds.of_id.take(self.surfaces.id_of_face.take(hits.face)))
         self._multiply_albedo(values, model, hits, None)
-        if self.options.rim_albedo is not None:
-            values[self.plain(hits.face)] = self.options.rim_albedo
+        if self.options.wall_albedo is not None:
+            values[self.plain(hits.face)] = self.options.wall_albedo
         return values
 
     def same_everywhere(self, model: Model) -> float | None:
@@ -82,8 +82,8 @@ class Materials:
         return _diffuse_albedo(model, kinds.parameters[0])
 
     def plain(self, face: np.ndarray) -> np.ndarray:
-        """Return which faces (n,) are diffuse walls, with the albedo `rim_albedo`."""
-        if self.options.rim_albedo is None:
+        """Return which faces (n,) are diffuse walls, with the albedo `wall_albedo`."""
+        if self.options.wall_albedo is None:
             return np.zeros(len(face), bool)
         return np.asarray(self.surfaces.id_of_face[face] == BACKGROUND)
 

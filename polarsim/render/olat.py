@@ -45,7 +45,7 @@ class DiffuseLight:
         albedos = {model: materials.same_everywhere(model) for model in models}
         self._even = {model: albedo for model, albedo in albedos.items() if albedo is not None}
         self._varied = [model for model, albedo in albedos.items() if albedo is None]
-        plain = (False,) if options.rim_albedo is None else (False, True)
+        plain = (False,) if options.wall_albedo is None else (False, True)
         pairs = [(kind, of) for kind in self._amounts for of in plain] if self._even else []
         self._shares = {pair: np.zeros(size, np.float32) for pair in pairs}
         self._sent = {(kind, model): np.zeros(size, np.float32) for kind in self._amounts for model in self._varied}
@@ -53,7 +53,7 @@ class DiffuseLight:
     @property
     def even(self) -> bool:
         """Return whether all surfaces have the same albedo, so that `accumulate` is sufficient."""
-        return not self._varied and (self._options.rim_albedo is None or not self._amounts)
+        return not self._varied and (self._options.wall_albedo is None or not self._amounts)
 
     def accumulate(self, faced: Mapping[str, np.ndarray]) -> None:
         """Add the shares (h, w) of each kind of light that pixels face, means over the samples of a pixel."""
@@ -64,7 +64,7 @@ class DiffuseLight:
         """Add the hits of one sample per pixel; `samples` is the number of samples per pixel."""
         if not self._amounts:
             return
-        plain = self._materials.plain(hits.face) if self._options.rim_albedo is not None else None
+        plain = self._materials.plain(hits.face) if self._options.wall_albedo is not None else None
         albedos = {model: self._materials.albedo(model, hits) for model in self._varied}
         for kind in self._amounts:
             faced = _FACED_SHARE[kind](hits.normal) / np.float32(samples)
@@ -81,7 +81,7 @@ class DiffuseLight:
                 irradiance = amount * lamps[name].intensity
                 if model in self._even:
                     for plain in (plain for other, plain in self._shares if other == kind):
-                        albedo = self._options.rim_albedo if plain else self._even[model]
+                        albedo = self._options.wall_albedo if plain else self._even[model]
                         olat_image += np.float32(irradiance * (albedo or 0.0) / np.pi) * self._shares[kind, plain]
                 elif model in self._varied:
                     olat_image += np.float32(irradiance / np.pi) * self._sent[kind, model]

@@ -12,7 +12,6 @@ from polarsim.photo import ELECTRONS_PER_DN, READ_NOISE_ELECTRONS
 from polarsim.render.models import CHRONO as CHRONO
 from polarsim.render.models import MODELS as MODELS
 from polarsim.render.models import Model as Model
-from polarsim.survey import SURELY_WALL, wall_height
 
 MapName = Literal["depth", "depth_float", "normal", "angles", "shading", "lit"]
 
@@ -262,11 +261,8 @@ class RenderOptions(SensorOptions):
         4, ge=1, le=16, description="Step between pixels whose indirect light is traced; 1: every pixel."
     )
     skirt_m: float = Field(0.05, ge=0, description="Length by which open rock meshes are extended downwards, m.")
-    rim: bool = Field(True, description="Walls of the sandbox cast shadows and are visible, except on terrain 13.")
-    rim_half_width_m: float = Field(2.05, gt=0, description="Half of the inner width of the sandbox, metres.")
-    # The lowest wall height: too high a wall would add shade that hides real shadows.
-    rim_height_m: float = Field(SURELY_WALL, gt=0, description="Height of the walls above the median ground, metres.")
-    rim_albedo: float | None = Field(
+    walls: bool = Field(True, description="Walls of the sandbox (`walls.json`) cast shadows and are visible.")
+    wall_albedo: float | None = Field(
         None, ge=0, le=1, description="Albedo of diffuse walls (cloth: 0.5); none: the `walls` material."
     )
 
@@ -298,10 +294,6 @@ class RenderOptions(SensorOptions):
         if self.device != "cpu" and self.engine != "taichi":
             raise ValueError(f"device {self.device!r} requires engine 'taichi', got {self.engine!r}")
         return self
-
-    def of(self, terrain: int) -> Self:
-        """Return these options, without walls for terrains whose walls were not surveyed."""
-        return self if wall_height(terrain) else self.model_copy(update={"rim": False})
 
     @property
     def rays(self) -> RayEngine:

@@ -24,7 +24,7 @@ class Scene:
 
     def __init__(self, meshes: Path, terrain: int, options: RenderOptions) -> None:
         """`meshes`: folder with `terrainNN_ground.obj` and `terrainNN_rock<k>.obj`."""
-        self.meshes, self.terrain, self.options = meshes, terrain, options.of(terrain)
+        self.meshes, self.terrain, self.options = meshes, terrain, options
         self._mesh = read_terrain(meshes, terrain)
 
     @cached_property

@@ -21,9 +21,8 @@ from polarsim.photo import NO_ROCK
 from polarsim.render.options import Model, RenderOptions
 from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS
 from polarsim.run_files.scene import TerrainMesh
+from polarsim.run_files.walls import WALL_FOOT_M, Walls
 
-_WALL_THICKNESS = 0.05  # metres
-_WALL_FOOT = 0.5  # metres by which walls extend below the median ground
 _LOWER_PART = 0.5  # share of the height of a rock: open edges above it are holes in the back, not the base
 FARTHEST_M = 1000.0  # maximum distance of a camera or near lamp: float32 loses millimetres at larger distances
 _WELD_DISTANCE = 1e-6  # metres: vertices closer than this are merged, so that seams are not treated as open edges
@@ -40,6 +39,7 @@ class Surfaces:
     rays: RayEngine = "embree"
     albedo: Mapping[Model, np.ndarray] = field(default_factory=dict)  # (v,) float32 factors of the reflectance
     device: Device = "cpu"
+    walls: Walls | None = None  # walls among the triangles
 
     @cached_property
     def all(self) -> Intersector:
@@ -115,23 +115,21 @@ def check_position(surfaces: Surfaces, position: np.ndarray, what: str) -> None:
 def build_surfaces(
     mesh: TerrainMesh, options: RenderOptions, albedo: Mapping[Model, np.ndarray] | None = None
 ) -> Surfaces:
-    """Build the surfaces of a terrain: rocks with skirts that extend into the sand, and walls if `rim` is set.
+    """Build the surfaces of a terrain: rocks with skirts that extend into the sand, and walls if `walls` is set.
 
     `albedo`: reflectance factors (v,) of the mesh vertices, by model.
     """
     original, mesh = mesh, add_skirts(mesh, options.skirt_m) if options.skirt_m else mesh
     id_of_face = np.where(mesh.rock_of_face == NO_ROCK, GROUND, ROCK_IDS + mesh.rock_of_face).astype(np.int32)
     vertices, faces, normals = mesh.vertices, mesh.faces, mesh.normals
-    if options.rim:
-        level = mesh.sand_level
-        wall_vertices, wall_faces, wall_normals = walls(
-            options.rim_half_width_m, level - _WALL_FOOT, level + options.rim_height_m
-        )
+    walls = mesh.walls if options.walls else None
+    if walls is not None:
+        wall_vertices, wall_faces, wall_normals = walls.mesh(mesh.sand_level - WALL_FOOT_M)
         faces = np.concatenate([faces, wall_faces + len(vertices)])
         vertices, normals = np.concatenate([vertices, wall_vertices]), np.concatenate([normals, wall_normals])
         id_of_face = np.concatenate([id_of_face, np.full(len(wall_faces), BACKGROUND, np.int32)])
     albedo = {model: _extended(factors, original, mesh, len(vertices)) for model, factors in (albedo or {}).items()}
-    return Surfaces(vertices, faces, normals, id_of_face, options.rays, albedo, options.device)
+    return Surfaces(vertices, faces, normals, id_of_face, options.rays, albedo, options.device, walls)
 
 
 def _extended(factors: np.ndarray, original: TerrainMesh, mesh: TerrainMesh, count: int) -> np.ndarray:
@@ -145,20 +143,6 @@ def _extended(factors: np.ndarray, original: TerrainMesh, mesh: TerrainMesh, cou
         scanned = used < len(original.vertices)
         extended[used[~scanned]] = factors[used[scanned]].mean()
     return extended
-
-
-def walls(half_width: float, low: float, high: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return vertices, faces and normals of four walls around a square of `half_width`, from `low` to `high`."""
-    outer = half_width + _WALL_THICKNESS
-    boards = [
-        ((half_width, -outer), (outer, outer)),
-        ((-outer, -outer), (-half_width, outer)),
-        ((-half_width, half_width), (half_width, outer)),
-        ((-half_width, -outer), (half_width, -half_width)),
-    ]
-    parts = [box_mesh(np.array([*a, low]), np.array([*b, high])) for a, b in boards]
-    faces = np.concatenate([part[1] + number * len(parts[0][0]) for number, part in enumerate(parts)])
-    return np.concatenate([part[0] for part in parts]), faces, np.concatenate([part[2] for part in parts])
 
 
 def box_mesh(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -192,7 +176,8 @@ def add_skirts(mesh: TerrainMesh, depth: float) -> TerrainMesh:
         normals.append(skirt_normals)
         rocks.append(np.full(len(skirt_faces), rock))
         count += len(skirt)
-    return TerrainMesh(*(np.concatenate(parts) for parts in (vertices, faces, rocks, normals)))
+    joined = [np.concatenate(parts) for parts in (vertices, faces, rocks, normals)]
+    return TerrainMesh(joined[0], joined[1], joined[2], joined[3], mesh.walls)
 
 
 def low_open_edges(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:

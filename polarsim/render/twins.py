@@ -97,7 +97,6 @@ def render_twins(
         mesh = read_terrain(meshes, terrain, pool)
         sources = sourced.result()
     fitted = None if materials is None else read_materials(materials, mesh)
-    options = options.of(terrain)
     options, albedo = (options, {}) if fitted is None else with_fit(options, fitted)
     surfaces = build_surfaces(mesh, options, albedo)
     located = list(chain.from_iterable(views.values()))

@@ -6,7 +6,7 @@ Every scene has a new layout, so that a detector learns the appearance of rocks 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -18,6 +18,7 @@ from polarsim.photo import NO_ROCK
 from polarsim.render.options import HapkeParameters, Material, Model, PrincipledParameters, RenderOptions
 from polarsim.rocks.solids import decimate_mesh
 from polarsim.run_files.scene import TerrainMesh
+from polarsim.run_files.walls import level_walls
 from polarsim.scenes.options import Range, SceneRanges
 from polarsim.scenes.viewpoints import draw_camera
 
@@ -86,9 +87,10 @@ class RockShape:
 
 def draw_scene(shapes: Sequence[RockShape], ranges: SceneRanges, random: np.random.Generator) -> RandomScene:
     """Return a random scene of rocks with the given shapes."""
-    options = draw_render_options(ranges, random)
-    camera, visible = draw_camera(options, ranges, random)
-    grid = _grid_around(visible, options.rim_half_width_m, ranges)
+    options, wall_height = draw_render_options(ranges, random)
+    half = _WALLED_M if options.walls else _OPEN_M
+    camera, visible = draw_camera(half, wall_height if options.walls else 0.0, ranges, random)
+    grid = _grid_around(visible, half, ranges)
     relief = draw_relief(*grid, ranges, random)
     ground = grid_mesh(*grid, relief)
     vertices, faces, rock_of_face = [ground.vertices], [ground.faces], [np.full(len(ground.faces), NO_ROCK)]
@@ -103,6 +105,7 @@ def draw_scene(shapes: Sequence[RockShape], ranges: SceneRanges, random: np.rand
         albedo.append(np.full(len(mesh.vertices), rock_albedo, np.float32))
         count += len(mesh.vertices)
     terrain_mesh = TerrainMesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(rock_of_face))
+    terrain_mesh = replace(terrain_mesh, walls=level_walls(half, terrain_mesh.sand_level + wall_height))
     return RandomScene(terrain_mesh, np.concatenate(albedo).astype(np.float32), camera, options)
 
 
@@ -192,33 +195,31 @@ def patches(shape: tuple[int, int], sd: float, random: np.random.Generator) -> n
     return np.clip(1 + sd * noise.ravel(), 0.3, 2)
 
 
-def draw_render_options(ranges: SceneRanges, random: np.random.Generator) -> RenderOptions:
-    """Return random render options of a scene: reflectance, walls, ambient light, lens and sensor."""
+def draw_render_options(ranges: SceneRanges, random: np.random.Generator) -> tuple[RenderOptions, float]:
+    """Return random render options of a scene, and the height of the walls above the sand, metres."""
     model: Model = ranges.models[int(random.random() * len(ranges.models))]
     walled = bool(random.random() < ranges.walled_share)
 
     def draw(limits: Range) -> float:
         return float(random.uniform(*limits))
 
-    return RenderOptions(
+    material = Material(
+        hapke=HapkeParameters(
+            w=draw(ranges.hapke_w),
+            b=draw(_HAPKE_B),
+            c=draw(_HAPKE_C),
+            b_s0=draw((0, 2)),
+            h_s=draw((0.03, 0.1)),
+            theta_bar_deg=draw(_HAPKE_THETA_DEG),
+        ),
+        principled=PrincipledParameters(roughness=draw(ranges.roughness), specular=draw(ranges.specular)),
+    )
+    wall_albedo, wall_height = draw(_WALL_ALBEDO), draw(_WALL_HEIGHT_M)
+    options = RenderOptions(
         models=(model,),
-        materials={
-            "default": Material(
-                hapke=HapkeParameters(
-                    w=draw(ranges.hapke_w),
-                    b=draw(_HAPKE_B),
-                    c=draw(_HAPKE_C),
-                    b_s0=draw((0, 2)),
-                    h_s=draw((0.03, 0.1)),
-                    theta_bar_deg=draw(_HAPKE_THETA_DEG),
-                ),
-                principled=PrincipledParameters(roughness=draw(ranges.roughness), specular=draw(ranges.specular)),
-            )
-        },
-        rim=walled,
-        rim_albedo=draw(_WALL_ALBEDO),
-        rim_height_m=draw(_WALL_HEIGHT_M),
-        rim_half_width_m=_WALLED_M if walled else _OPEN_M,
+        materials={"default": material},
+        walls=walled,
+        wall_albedo=wall_albedo,
         skirt_m=0,  # the rocks are closed
         ambient=draw(_AMBIENT),
         blur_px=draw(ranges.blur_px),
@@ -230,6 +231,7 @@ def draw_render_options(ranges: SceneRanges, random: np.random.Generator) -> Ren
         min_shadow_width_px=max(1, round(3 * ranges.scale)),
         min_part_area_px=max(1, round(20 * ranges.scale**2)),
     )
+    return options, wall_height
 
 
 def _choose_shape(shapes: Sequence[RockShape], size: float, scale: Range, random: np.random.Generator) -> RockShape:

@@ -11,7 +11,6 @@ from polarsim.geometry.poses import camera_pose
 from polarsim.photo import HEIGHT, WIDTH
 from polarsim.render.hits import Hits, cast_strip
 from polarsim.render.lamps import Lamp
-from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import Surfaces
 from polarsim.run_files.instances import GROUND
 from polarsim.scenes.options import SceneRanges
@@ -26,7 +25,9 @@ _RIG_HEIGHT_M, _RIG_DISTANCE_M, _RIG_FOCAL_PX, _RIG_AIMED = (1.2, 1.9), (2.4, 4.
 _DISTORTION_SD, _MAX_DISTORTION = 0.08, 0.15  # standard deviation and limit of k1; NASA's rig: -0.11
 
 
-def draw_camera(options: RenderOptions, ranges: SceneRanges, random: np.random.Generator) -> tuple[Camera, np.ndarray]:
+def draw_camera(
+    half: float, wall_height: float, ranges: SceneRanges, random: np.random.Generator
+) -> tuple[Camera, np.ndarray]:
     """Return a random camera with at least `ranges.min_sand_share` of sand, and visible points (n, 2) of sand, metres.
 
     The points correspond to the pixels of a coarse image of level sand. The camera is scaled by `ranges.scale`. If no
@@ -35,9 +36,9 @@ def draw_camera(options: RenderOptions, ranges: SceneRanges, random: np.random.G
     best, visible = None, np.zeros((0, 2))
     of_rig = random.random() < ranges.rig_share
     for _ in range(_TRIES):
-        camera = _any_camera(options, ranges, of_rig, random)
+        camera = _any_camera(half, ranges, of_rig, random)
         view = camera.scaled(_COARSE)
-        points = level_sand(view, options)
+        points = level_sand(view, half, wall_height)
         if len(points) > len(visible):
             best, visible = camera, points
         if len(points) >= ranges.min_sand_share * view.lens.width * view.lens.height:
@@ -47,18 +48,21 @@ def draw_camera(options: RenderOptions, ranges: SceneRanges, random: np.random.G
     return best.scaled(ranges.scale), visible
 
 
-def level_sand(view: Camera, options: RenderOptions) -> np.ndarray:
-    """Return the points (n, 2) of level sand at the pixels of a camera that are not occluded by walls."""
+def level_sand(view: Camera, half: float, wall_height: float) -> np.ndarray:
+    """Return the points (n, 2) of level sand at the pixels of a camera that are not occluded by walls.
+
+    `half`: half the width of the sand, metres. `wall_height`: metres above the sand, 0 without walls.
+    """
     directions = view.pixel_directions().reshape(-1, 3)
     down = directions[directions[:, 2] < 0]
-    centre, half = view.centre, options.rim_half_width_m
+    centre = view.centre
     points = centre[:2] - down[:, :2] * (centre[2] / down[:, 2:])
     inside = np.abs(points).max(axis=1) < half
-    if options.rim:
+    if wall_height:
         back = centre[:2] - points
         with np.errstate(divide="ignore", invalid="ignore"):
             leaves = np.nanmin((half * np.sign(back) - points) / back, axis=1)  # ray parameter; 1 is the camera
-        inside &= (leaves >= 1) | (leaves * centre[2] > options.rim_height_m)
+        inside &= (leaves >= 1) | (leaves * centre[2] > wall_height)
     return np.asarray(points[inside])
 
 
@@ -87,7 +91,7 @@ def coarse_sand(surfaces: Surfaces, camera: Camera, ranges: SceneRanges) -> Hits
     return hits.part(np.flatnonzero(surfaces.id_of_face.take(hits.face) == GROUND))
 
 
-def _any_camera(options: RenderOptions, ranges: SceneRanges, of_rig: bool, random: np.random.Generator) -> Camera:
+def _any_camera(half: float, ranges: SceneRanges, of_rig: bool, random: np.random.Generator) -> Camera:
     focal = random.uniform(*(_RIG_FOCAL_PX if of_rig else ranges.focal_px))
     k1 = float(np.clip(_DISTORTION_SD * random.standard_normal(), -_MAX_DISTORTION, _MAX_DISTORTION))
     cx, cy = (np.array([WIDTH, HEIGHT]) * (0.5 + _PRINCIPAL_SD * random.standard_normal(2))).tolist()
@@ -96,7 +100,7 @@ def _any_camera(options: RenderOptions, ranges: SceneRanges, of_rig: bool, rando
     height = random.uniform(*(_RIG_HEIGHT_M if of_rig else ranges.camera_height_m))
     distance = random.uniform(*(_RIG_DISTANCE_M if of_rig else ranges.camera_distance_m))
     aimed = _RIG_AIMED if of_rig else _AIMED
-    aim = random.uniform(-aimed, aimed, 2) * options.rim_half_width_m
+    aim = random.uniform(-aimed, aimed, 2) * half
     centre = np.array([*(aim - distance * np.array([np.cos(yaw), np.sin(yaw)])), height])
     roll = np.radians(_ROLL_SD_DEG) * random.standard_normal()
     return Camera(camera_pose(centre, yaw, float(np.arctan2(height, distance)), float(roll)), lens)

@@ -43,7 +43,7 @@ def test_device_and_numpy_render_equal_olat_images_and_ids(blocks, camera, lens,
 def test_the_device_supports_materials_vertex_albedo_and_diffuse_walls(blocks, camera, lens):
     mesh = blocks((1, 2), ((0.0, 0.0), (0.7, 0.6)))
     materials = {"ground": Material(albedo=0.7), "2": Material(hapke="curtis_apollo11_rough", albedo=1.3)}
-    options = RenderOptions(materials=materials, rim_albedo=0.5)
+    options = RenderOptions(materials=materials, wall_albedo=0.5)
     rng = np.random.default_rng(0)
     albedo = {"hapke": rng.uniform(0.5, 1.5, len(mesh.vertices)).astype(np.float32)}
     reference, device = both(mesh, camera, lens, options, ["hapke", "lambert"], albedo)

@@ -86,7 +86,7 @@ def test_the_shadow_of_a_lit_block_side_gets_light_from_walls(blocks, above, len
     options = TRACED.model_copy(update={"rim": True, "rim_half_width_m": 1.3})
     position = shadow(above, lens)
     dark, pale = (
-        traced(build_surfaces(blocks(), options), above, lens, options.model_copy(update={"rim_albedo": albedo}))
+        traced(build_surfaces(blocks(), options), above, lens, options.model_copy(update={"wall_albedo": albedo}))
         for albedo in (0.1, 0.8)
     )
     assert dark.olat_images["lambert", "lamp"][position] == 0
@@ -103,7 +103,7 @@ def test_the_wall_albedo_affects_only_the_walls(blocks, camera, lens):
         traced(walled, camera, lens, options.model_copy(update=changes), model).olat_images[model, "lamp"].ravel()
         for model, changes in (
             ("hapke", {}),
-            ("hapke", {"rim_albedo": 0.6}),
+            ("hapke", {"wall_albedo": 0.6}),
             ("lambert", {"materials": {"default": Material(lambert=LambertParameters(albedo=0.6))}}),
         )
     )
@@ -134,7 +134,7 @@ def test_ambient_light_in_a_closed_sphere_is_scaled_by_every_bounce(lens):
 
 
 def test_coarse_and_exact_indirect_light_agree(blocks, camera, lens):
-    options = TRACED.model_copy(update={"rim": True, "rim_half_width_m": 1.3, "rim_albedo": 0.6, "bounce_rays": 48})
+    options = TRACED.model_copy(update={"rim": True, "rim_half_width_m": 1.3, "wall_albedo": 0.6, "bounce_rays": 48})
     walled = build_surfaces(blocks(), options)
     exact, coarse = (
         traced(walled, camera, lens, options.model_copy(update=changes)).indirect["lambert", "lamp"]
@@ -175,7 +175,7 @@ def test_chronos_models_have_no_indirect_light(surfaces, camera, lens, model):
 def test_traced_light_replaces_the_constant_light(folders, above, lens):
     shot = Shot(Camera(above, lens), {"mine": LAMP}, 4000.0, "lambert")
     position = shadow(above, lens)
-    options = RenderOptions(rim_half_width_m=1.3, rim_albedo=0.6, bounce_scale=1, bounce_rays=16)
+    options = RenderOptions(rim_half_width_m=1.3, wall_albedo=0.6, bounce_scale=1, bounce_rays=16)
     constant, traced_light, off = (
         Scene(folders / "meshes", 1, options.model_copy(update=changes)).picture(shot)
         for changes in ({"bounce": 0.05}, {"bounce": 0.05, "bounces": 1}, {"bounce": 0.0})

@@ -129,9 +129,9 @@ def test_direct_light_agrees_with_mitsuba(model):
     ("model", "bounces", "changes"),
     [
         ("lambert", 1, {}),
-        ("principled", 1, {"rim_albedo": 0.5}),
-        ("principled", 3, {"rim_albedo": 0.5}),
-        ("principled", 1, {"rim_albedo": 0.5, "bounce_scale": 4, "bounce_rays": 512}),
+        ("principled", 1, {"wall_albedo": 0.5}),
+        ("principled", 3, {"wall_albedo": 0.5}),
+        ("principled", 1, {"wall_albedo": 0.5, "bounce_scale": 4, "bounce_rays": 512}),
     ],
 )
 def test_indirect_light_agrees_with_mitsubas_path_tracer(model, bounces, changes):
@@ -139,9 +139,9 @@ def test_indirect_light_agrees_with_mitsubas_path_tracer(model, bounces, changes
     surfaces = build_surfaces(sandbox(), options)
     view = render_view(surfaces, Camera(CAMERA, LENS), {"lamp": LAMP}, [model], None, options)
     view_of = (surfaces, CAMERA, LENS, LAMP, options.parameters(model))
-    traced = mitsuba_scene(*view_of, rim_albedo=options.rim_albedo, integrator="path", bounces=bounces)
+    traced = mitsuba_scene(*view_of, wall_albedo=options.wall_albedo, integrator="path", bounces=bounces)
     path = render(traced, samples=256)
-    direct = render(mitsuba_scene(*view_of, rim_albedo=options.rim_albedo), samples=256)
+    direct = render(mitsuba_scene(*view_of, wall_albedo=options.wall_albedo), samples=256)
     ours, theirs = blocks(view.whole[model, "lamp"]), blocks(path)
     bright = theirs > 0.3 * np.median(theirs)
     assert bright.mean() > 0.7

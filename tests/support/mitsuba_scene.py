@@ -46,7 +46,7 @@ def mitsuba_scene(
     lamp: Lamp,
     parameters: Parameters,
     *,
-    rim_albedo: float | None = None,
+    wall_albedo: float | None = None,
     integrator: Integrator = "direct",
     bounces: int = 0,
 ) -> dict[str, Any]:
@@ -58,7 +58,7 @@ def mitsuba_scene(
         Without distortion, its pixels square.
     lamp : Lamp
         A point with the inverse square of the distance (`falloff`), or a distant one, then a parallel beam.
-    rim_albedo : float or None
+    wall_albedo : float or None
         Of walls that are plain diffuse; None: they are like the ground.
     bounces : int
         Of the path integrator: reflections between the lamp's light and the surface that the camera sees.
@@ -71,7 +71,7 @@ def mitsuba_scene(
     walls = surfaces.id_of_face == BACKGROUND
     parts = {"sand": (~walls, bsdf(parameters))}
     if walls.any():
-        plain = parameters if rim_albedo is None else LambertParameters(albedo=rim_albedo)
+        plain = parameters if wall_albedo is None else LambertParameters(albedo=wall_albedo)
         parts["walls"] = (walls, bsdf(plain))
     depth = {"max_depth": bounces + 2, "rr_depth": 1000} if integrator == "path" else {"bsdf_samples": 0}
     return {

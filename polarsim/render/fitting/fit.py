@@ -47,7 +47,7 @@ def fit_materials(
 
     `cameras`, `meshes`: folders of the terrain. `photos`: `photos.parquet`, may be empty.
     """
-    mesh, options = read_terrain(meshes, terrain), options.of(terrain)
+    mesh = read_terrain(meshes, terrain)
     samples = _samples_of_terrain(terrain, cameras, mesh, photos, options, threads)
     engine = reflectance_engine(options, threads)
     fitted = None if samples is None else fit(samples, mesh, models, engine, options)
@@ -138,7 +138,7 @@ def _samples_of_terrain(
         rig = rigs[view[0]]
         camera, lamps = rig.camera(view[1]), lamps_of_rig(suns, rig)
         photos_of_lamp = single_lamps(paths[view], camera.lens)
-        parts += samples_of_view(surfaces, number, camera, lamps, photos_of_lamp, LAMPS, options, threads)
+        parts += samples_of_view(surfaces, number, camera, lamps, photos_of_lamp, LAMPS, threads)
     parts = [part.part(part.face < len(mesh.faces)) for part in parts]  # excludes skirts
     samples = FitSamples.joined(parts) if parts else None
     return samples if samples is not None and len(samples) else None

@@ -18,10 +18,11 @@ from polarsim.render.materials import Reflectance, hemispherical_albedo
 from polarsim.render.optics import vignette
 from polarsim.render.options import CHRONO, Model, Parameters, RenderOptions
 from polarsim.render.surfaces import Surfaces
-from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS
+from polarsim.run_files.instances import GROUND, ROCK_IDS
+from polarsim.run_files.walls import Walls
 
 _MIN_COSINE = 0.06  # minimum cosine of incidence: at grazing light small errors of normals have a large effect
-_RIM_M = 0.15  # margin of walls: points that walls closer and higher by this much would hide or shade are excluded
+_WALL_ERROR_M = {"scans": 0.03, "survey": 0.15}  # points that walls with this error could hide or shade are excluded
 STEP_PX = 2  # every second pixel of a row and of a column of the ground is a sample; every pixel of rocks
 BORDER_PX = 3  # pixels closer than this to the edge of an object or shadow are excluded: their light is mixed
 _NOISE = 0.2  # maximum relative noise (standard deviation) of a sample
@@ -98,7 +99,6 @@ def samples_of_view(
     lamps: Mapping[str, Lamp],
     photos: Mapping[str, Linear],
     names: Sequence[str],
-    options: RenderOptions,
     threads: int = 1,
 ) -> list[FitSamples]:
     """Select the samples of a view by lamp: lit pixels away from edges, with low noise and not clipped.
@@ -120,14 +120,14 @@ def samples_of_view(
         row, column = np.divmod(pixel, lens.width)
         on_grid = (row % STEP_PX == 0) & (column % STEP_PX == 0)
         on_grid |= ids[rows].reshape(-1)[hits.pixel] >= ROCK_IDS  # rocks are small
-        on_grid &= clear_of_rim(hits.point, camera.centre, surfaces, options)
+        on_grid &= clear_of_walls(hits.point, camera.centre, surfaces.walls)
         for name in photos:
             lamp = lamps[name]
             unit_lamp = Lamp(lamp.position)
             numbers, to_lamp, cosine = lighting(surfaces, hits, unit_lamp, falloff=False)
             lit[name][rows].reshape(-1)[hits.pixel[numbers]] = True
             kept = np.flatnonzero(on_grid[numbers] & (cosine > _MIN_COSINE))
-            kept = kept[clear_of_rim(hits.point[numbers[kept]], lamp.position, surfaces, options)]
+            kept = kept[clear_of_walls(hits.point[numbers[kept]], lamp.position, surfaces.walls)]
             part, at, count = hits.part(numbers[kept]), pixel[numbers[kept]], len(kept)
             samples = FitSamples(
                 np.full(count, names.index(name), np.int16),
@@ -159,19 +159,11 @@ def samples_of_view(
     return parts
 
 
-def clear_of_rim(points: np.ndarray, towards: np.ndarray, surfaces: Surfaces, options: RenderOptions) -> np.ndarray:
+def clear_of_walls(points: np.ndarray, towards: np.ndarray, walls: Walls | None) -> np.ndarray:
     """Return which points (n,) are inside the sandbox and have a path to a point (3,) well above the walls."""
-    if not options.rim:
+    if walls is None:
         return np.ones(len(points), bool)
-    half, margin = options.rim_half_width_m - _RIM_M, _RIM_M
-    walls = surfaces.vertices[np.unique(surfaces.faces[surfaces.id_of_face == BACKGROUND]), 2]
-    top = walls.max() + margin
-    clear = (np.abs(points[:, :2]) < half).all(axis=1)
-    way = towards.astype(np.float32) - points
-    for axis in range(2):
-        side = half * np.sign(way[:, axis])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = (side - points[:, axis]) / way[:, axis]
-        height = points[:, 2] + share * way[:, 2]
-        clear &= ~((share > 0) & (share < 1) & (height < top))
-    return clear
+    margin = _WALL_ERROR_M[walls.origin]
+    low, high = walls.bounds
+    inside = ((points[:, :2] > low + margin) & (points[:, :2] < high - margin)).all(axis=1)
+    return np.asarray(inside & (walls.clearance(points, towards) > margin))

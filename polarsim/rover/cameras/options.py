@@ -29,7 +29,7 @@ PackagedName = Literal["packaged", "packaged_rover"]
 ROVER_RENDER = {"bounce": 0.0, "falloff": True, "lamp_probe_px": 16, "lamp_samples": 8}
 _NO_EFFECT = {  # options of the section `render` that do not change the rover's pictures and labels
     "models", "maps", "materials_from_photos", "fitting", "lamp_radius_m",
-    "rim", "rim_half_width_m", "rim_height_m", "rim_albedo", *ROVER_RENDER,
+    "walls", "wall_albedo", *ROVER_RENDER,
 }  # fmt: skip
 # Weights shipped with polarsim.
 PACKAGED_FILES: dict[str, Path] = {"packaged": PACKAGED, "packaged_rover": PACKAGED_ROVER}
