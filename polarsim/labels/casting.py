@@ -167,17 +167,17 @@ def fit_to_dark_region(
     return dark_box + np.tile([x[0], y[0]], 2)
 
 
-def fit_wall_offset(clearance: np.ndarray, rate: np.ndarray) -> float:
+def fit_wall_offset(clearance: np.ndarray, rate: np.ndarray, *, measured: bool = False) -> float:
     """Return the offset of the top edge of walls that reproduces the shadow edge in a photo, metres; 0 without an edge.
 
     `clearance`, `rate` (n,): height above the walls at which light reaches bare ground, metres, and brightness of that
-    ground.
+    ground. `measured`: the walls were scanned, so that only the penumbra is fitted.
     """
     order = np.argsort(clearance, kind="stable")
     clearance, rate = clearance[order], rate[order]
     faint = WALL_FAINT * float(np.percentile(rate, 90)) if len(rate) else 0.0
     best, edge, half_lit = MIN_WALL_RATIO, 0.0, 0.0
-    for tried in np.arange(*WALL_RANGE, WALL_STEP):
+    for tried in [0.0] if measured else np.arange(*WALL_RANGE, WALL_STEP):
         dark, lit = (
             _median(clearance, rate, tried - WALL_BAND, tried),
             _median(clearance, rate, tried, tried + WALL_BAND),

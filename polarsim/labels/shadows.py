@@ -172,7 +172,7 @@ class PositionShadows:
         clearance = ids.clearance(sandbox, lamp_position)
         bare = np.isfinite(clearance) & (ids.rock == NO_ROCK) & (shadow == NO_ROCK)
         rate = brightness.rate[step // 2 :: step, step // 2 :: step]
-        return clearance < fit_wall_offset(clearance[bare], rate[bare])
+        return clearance < fit_wall_offset(clearance[bare], rate[bare], measured=sandbox.origin == "scans")
 
     def _visible_shadows(
         self, camera: CameraSide, lamp_position: np.ndarray

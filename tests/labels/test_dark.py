@@ -12,6 +12,7 @@ from polarsim.labels.propagate import PositionLabels
 from polarsim.labels.seeds import AnnotatedBoxes
 from polarsim.labels.visibility import is_dark, omitted_in_dark
 from polarsim.photo import ROCK
+from polarsim.run_files.walls import level_walls
 from polarsim.survey import SUN_LAMPS
 
 from .conftest import localised, terrain_of
@@ -42,7 +43,7 @@ def labelled(terrain, annotated_at, options, azimuth="180"):
     boxes = np.array([project_rock(world, rig.camera("L"), rock).box for rock in ROCKS])
     drawings = {("L", other): AnnotatedBoxes(boxes, None) for other in annotated_at}
     seeds = {"A": drawings} if drawings else {}
-    known = associate_rocks(terrain, {"A": rig}, SUN_LAMPS, seeds, 0.0)
+    known = associate_rocks(terrain, {"A": rig}, SUN_LAMPS, seeds)
     labels = PositionLabels(known, "A", options).labels("L", "off", azimuth)
     return {label.rock for label in labels if label.kind == ROCK}
 
@@ -67,7 +68,7 @@ def test_a_rock_lit_from_any_possible_lamp_position_is_not_dark(world, above, da
 
 
 def test_walls_shade_the_ground_next_to_them(terrain):
-    walled = build_world(terrain, TRIM, wall_height=2.0)
+    walled = build_world(replace(terrain, walls=level_walls(2.0, 2.0)), TRIM)
     assert is_dark(walled, OPEN, "30")
 
 

@@ -39,7 +39,7 @@ def rocks_at(position, annotated, blocks=BLOCKS, options=OPTIONS):
         for name, drawings in annotated.items()
     }
     rigs = {name: localised(name) for name in "AC"}
-    return PositionRocks(associate_rocks(terrain_of(blocks), rigs, SUN_LAMPS, seeds, 0.0), position, options)
+    return PositionRocks(associate_rocks(terrain_of(blocks), rigs, SUN_LAMPS, seeds), position, options)
 
 
 def test_an_annotation_under_the_same_lamp_has_double_weight():

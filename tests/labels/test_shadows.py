@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.labels.shadows import CastShadow, PositionShadows, mean_shadow
 from polarsim.photo import NO_ROCK
 from polarsim.run_files.scene import read_terrain
+from polarsim.run_files.walls import level_walls
 from polarsim.survey import lamp_position
 
 from .conftest import BLOCKS, TERRAIN, localised
@@ -18,7 +21,7 @@ from .conftest import BLOCKS, TERRAIN, localised
 
 @pytest.fixture(scope="module")
 def world(untouched_scene):
-    return build_world(read_terrain(untouched_scene.meshes, TERRAIN), 0.004)
+    return build_world(replace(read_terrain(untouched_scene.meshes, TERRAIN), walls=None), 0.004)
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +86,8 @@ def test_lamp_positions_come_from_the_calibration(untouched_scene):
 
 @pytest.fixture(scope="module")
 def walled(untouched_scene):
-    return build_world(read_terrain(untouched_scene.meshes, TERRAIN), 0.004, wall_height=0.3)
+    terrain = read_terrain(untouched_scene.meshes, TERRAIN)
+    return build_world(replace(terrain, walls=level_walls(2.1, terrain.sand_level + 0.3)), 0.004)
 
 
 def seen_at(world, position):
@@ -103,8 +107,8 @@ def test_the_near_wall_hides_the_ground_behind_it(world, walled):
 
 def test_a_wall_shades_the_adjacent_ground(walled):
     position = lamp_position("30")  # low, outside the wall at x = 2.1
-    assert (seen_at(walled, [1.6, 0.9, 0.0]).over_walls(walled, position) < 0.3).all()
-    assert (seen_at(walled, [-1.0, -0.4, 0.0]).over_walls(walled, position) > 0.3).all()
+    assert (seen_at(walled, [1.6, 0.9, 0.0]).clearance(walled.sandbox, position) < 0).all()
+    assert (seen_at(walled, [-1.0, -0.4, 0.0]).clearance(walled.sandbox, position) > 0).all()
 
 
 def test_the_near_wall_hides_the_foot_of_a_rock_and_all_of_a_low_rock(world, walled):
@@ -146,9 +150,11 @@ def test_a_shadow_ends_at_the_wall_shadow_in_the_photo(untouched_scene):
     rig = {"A": localised("A")}
     photo_of = {}
     for height in (0.3, 0.42):
-        known = associate_rocks(terrain, rig, {"30": lamp_position}, {}, height)
+        walls = level_walls(2.1, terrain.sand_level + height)
+        known = associate_rocks(replace(terrain, walls=walls), rig, {"30": lamp_position}, {})
         photo_of[height] = OlatBrightness(known).brightness((3, "A", "off", "30", "L"))
-    known = associate_rocks(terrain, rig, {"30": lamp_position}, {}, 0.3)
+    walls = level_walls(2.1, terrain.sand_level + 0.3)
+    known = associate_rocks(replace(terrain, walls=walls), rig, {"30": lamp_position}, {})
     shadows = PositionShadows(PositionRocks(known, "A", LabelsOptions()), LabelsOptions())
     low, high = (shadows.cast("L", "off", "30", {4: None}, photo_of[height])[4].box for height in (0.3, 0.42))
     assert high[3] < low[3] - 20  # the shadow of the near wall covers the lower part

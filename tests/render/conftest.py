@@ -1,5 +1,7 @@
 """Small terrain that can be checked by hand: level ground, a block as rock 1, a camera above."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -16,10 +18,16 @@ from polarsim.render.surfaces import box_mesh, build_surfaces
 from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.run_files import rigs
 from polarsim.run_files.scene import TerrainMesh
+from polarsim.run_files.walls import level_walls
 
 SIDE, HEIGHT = 0.4, 0.2  # metres, of the block
 SMALL = Lens(220.0, 220.0, 100.0, 70.0, (-0.1, 0.15, 0.0005, -0.001, 0.0), 200, 140)
-PLAIN = RenderOptions(rim=False, bounce=0, falloff=True)
+PLAIN = RenderOptions(walls=False, bounce=0, falloff=True)
+
+
+def walled(mesh, half, height=0.28):
+    """Return the terrain with walls around a square of half the width `half`, `height` above the sand."""
+    return replace(mesh, walls=level_walls(half, mesh.sand_level + height))
 
 
 def block(rock_ids=(1,), points=((0.0, 0.0),)):

@@ -12,11 +12,11 @@ from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.scene import TerrainMesh
 
-from .conftest import PLAIN, SMALL, block
+from .conftest import PLAIN, SMALL, block, walled
 
 ROCKS, PLACES = (4, 7, 9, 12), ((1.1, 0.1), (0.55, 0.2), (0.45, 0.45), (-0.6, -0.8))
 LOW = camera_pose(np.array([2.4, 0.2, 0.45]), np.pi, np.radians(8))  # rocks hide each other
-WALLED = RenderOptions(rim=True, rim_half_width_m=1.4, rim_height_m=0.15, bounce=0)
+WALLED = RenderOptions(bounce=0)
 
 
 def alone(mesh, rock):
@@ -50,7 +50,7 @@ def assert_equal_but_where_rocks_meet(mask, expected):
 @pytest.mark.parametrize("options", [PLAIN, WALLED], ids=["open", "walled"])
 @pytest.mark.parametrize("pose", [LOW, camera_pose(np.array([0.9, 1.9, 0.6]), -2.0, 0.4)], ids=["low", "close"])
 def test_amodal_masks_equal_renderings_of_single_rocks(ids_of, pose, options, lifts):
-    mesh = block(ROCKS, PLACES)
+    mesh = walled(block(ROCKS, PLACES), 1.4, 0.15)
     for rock, lift in zip(ROCKS, lifts, strict=True):
         mesh.vertices[np.unique(mesh.faces[mesh.rock_of_face == rock]), 2] += lift
     surfaces = build_surfaces(mesh, options)

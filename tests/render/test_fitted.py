@@ -19,7 +19,7 @@ from polarsim.run_files.scene import read_terrain
 
 from .conftest import render_into
 
-OPTIONS = RenderOptions(models=("lambert",), rim=False, bounce=0, fitting=FittingOptions(parameters={}))
+OPTIONS = RenderOptions(models=("lambert",), walls=False, bounce=0, fitting=FittingOptions(parameters={}))
 KEYS = [PhotoKey.parse(f"01_A_{name}_L_{ms:04d}") for name in ("off_30", "off_180", "on_no") for ms in (32, 128, 512)]
 LIT = 60  # DN above black
 

@@ -93,7 +93,7 @@ def labelled(folders, lens, monkeypatch):
     monkeypatch.setattr(yolo, "_SIZE", np.array([lens.width, lens.height], float))  # size of photos with the small lens
     for path in (folders / "meshes").iterdir():
         path.rename(path.with_name(path.name.replace("terrain01", "terrain03")))
-    render_into(folders, {"lambert": folders / "twins"}, KEYS, RenderOptions(rim=False), labels=".", terrain=3)
+    render_into(folders, {"lambert": folders / "twins"}, KEYS, RenderOptions(walls=False), labels=".", terrain=3)
     return folders
 
 

@@ -16,10 +16,13 @@ from polarsim.render.options import CHRONO, LambertParameters, Material, RenderO
 from polarsim.render.scene import Scene, Shot
 from polarsim.render.surfaces import Surfaces, build_surfaces
 from polarsim.run_files.instances import BACKGROUND, GROUND
+from polarsim.run_files.walls import level_walls, write_walls
+
+from .conftest import walled
 
 RADIUS, ALBEDO = 2.0, 0.5  # of the integrating sphere
 LAMP = Lamp(np.array([3.0, 0.0, 1.0]))  # low, so that the block casts a long shadow
-TRACED = RenderOptions(rim=False, falloff=True, bounces=1, bounce_rays=32, bounce_scale=1)
+TRACED = RenderOptions(walls=False, falloff=True, bounces=1, bounce_rays=32, bounce_scale=1)
 
 
 def sphere():
@@ -83,10 +86,15 @@ def test_a_level_plane_has_no_indirect_light(blocks, above, lens):
 
 
 def test_the_shadow_of_a_lit_block_side_gets_light_from_walls(blocks, above, lens):
-    options = TRACED.model_copy(update={"rim": True, "rim_half_width_m": 1.3})
+    options = TRACED.model_copy(update={"walls": True})
     position = shadow(above, lens)
     dark, pale = (
-        traced(build_surfaces(blocks(), options), above, lens, options.model_copy(update={"wall_albedo": albedo}))
+        traced(
+            build_surfaces(walled(blocks(), 1.3), options),
+            above,
+            lens,
+            options.model_copy(update={"wall_albedo": albedo}),
+        )
         for albedo in (0.1, 0.8)
     )
     assert dark.olat_images["lambert", "lamp"][position] == 0
@@ -94,13 +102,13 @@ def test_the_shadow_of_a_lit_block_side_gets_light_from_walls(blocks, above, len
 
 
 def test_the_wall_albedo_affects_only_the_walls(blocks, camera, lens):
-    options = RenderOptions(bounce=0, ambient=0.01, rim_half_width_m=1.3)
-    walled = build_surfaces(blocks(), options)
-    hits = cast_strip(walled, Camera(camera, lens), slice(0, lens.height))
-    wall = hits.pixel[walled.id_of_face[hits.face] == BACKGROUND]
-    sand = hits.pixel[walled.id_of_face[hits.face] != BACKGROUND]
+    options = RenderOptions(bounce=0, ambient=0.01)
+    surfaces = build_surfaces(walled(blocks(), 1.3), options)
+    hits = cast_strip(surfaces, Camera(camera, lens), slice(0, lens.height))
+    wall = hits.pixel[surfaces.id_of_face[hits.face] == BACKGROUND]
+    sand = hits.pixel[surfaces.id_of_face[hits.face] != BACKGROUND]
     own, plain, as_lambert = (
-        traced(walled, camera, lens, options.model_copy(update=changes), model).olat_images[model, "lamp"].ravel()
+        traced(surfaces, camera, lens, options.model_copy(update=changes), model).olat_images[model, "lamp"].ravel()
         for model, changes in (
             ("hapke", {}),
             ("hapke", {"wall_albedo": 0.6}),
@@ -134,10 +142,10 @@ def test_ambient_light_in_a_closed_sphere_is_scaled_by_every_bounce(lens):
 
 
 def test_coarse_and_exact_indirect_light_agree(blocks, camera, lens):
-    options = TRACED.model_copy(update={"rim": True, "rim_half_width_m": 1.3, "wall_albedo": 0.6, "bounce_rays": 48})
-    walled = build_surfaces(blocks(), options)
+    options = TRACED.model_copy(update={"walls": True, "wall_albedo": 0.6, "bounce_rays": 48})
+    surfaces = build_surfaces(walled(blocks(), 1.3), options)
     exact, coarse = (
-        traced(walled, camera, lens, options.model_copy(update=changes)).indirect["lambert", "lamp"]
+        traced(surfaces, camera, lens, options.model_copy(update=changes)).indirect["lambert", "lamp"]
         for changes in ({}, {"bounce_rays": 256, "bounce_scale": 4})
     )
     assert coarse.mean() == pytest.approx(exact.mean(), rel=0.02)
@@ -175,7 +183,8 @@ def test_chronos_models_have_no_indirect_light(surfaces, camera, lens, model):
 def test_traced_light_replaces_the_constant_light(folders, above, lens):
     shot = Shot(Camera(above, lens), {"mine": LAMP}, 4000.0, "lambert")
     position = shadow(above, lens)
-    options = RenderOptions(rim_half_width_m=1.3, wall_albedo=0.6, bounce_scale=1, bounce_rays=16)
+    write_walls(folders / "meshes", level_walls(1.3, 0.28))
+    options = RenderOptions(wall_albedo=0.6, bounce_scale=1, bounce_rays=16)
     constant, traced_light, off = (
         Scene(folders / "meshes", 1, options.model_copy(update=changes)).picture(shot)
         for changes in ({"bounce": 0.05}, {"bounce": 0.05, "bounces": 1}, {"bounce": 0.0})

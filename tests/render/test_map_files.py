@@ -20,7 +20,7 @@ SETS = ["01_A_off_30_L.png", "01_A_on_30_L.png"]
 
 
 def make(folders, names, keys=KEYS, threads=1):
-    options = RenderOptions(rim=False, maps=names)
+    options = RenderOptions(walls=False, maps=names)
     render_into(folders, {"hapke": folders / "twins"}, keys, options, threads=threads)
     return folders / "labels" / "maps"
 

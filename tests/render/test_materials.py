@@ -12,6 +12,8 @@ from polarsim.render.options import LambertParameters, Material, RenderOptions
 from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS
 
+from .conftest import walled
+
 LAMP = Lamp(np.array([1.2, 0.9, 1.1]))
 TWO = ((1, 2), ((0.3, 0.0), (-0.4, 0.3)))  # blocks
 
@@ -41,7 +43,7 @@ def with_(options, **changed):
         ("ground", [GROUND], {"ambient": 0.05}),
         ("rocks", [ROCK_IDS + 1, ROCK_IDS + 2], {"bounce": 0.05}),
         ("2", [ROCK_IDS + 2], {}),
-        ("walls", [BACKGROUND], {"rim": True, "rim_half_width_m": 1.0}),
+        ("walls", [BACKGROUND], {"walls": True}),
     ],
 )
 def test_an_albedo_factor_scales_only_the_named_objects(mesh, camera, lens, plain, engine, surround, name, shown):
@@ -128,9 +130,9 @@ def test_skirts_have_the_mean_albedo_of_the_rock_and_walls_have_1(blocks, plain)
     kept = np.isin(mesh.faces, open_below).all(axis=1) & (
         ~(mesh.vertices[mesh.faces][:, :, 2] == 0).all(axis=1) | (mesh.rock_of_face < 0)
     )
-    mesh = type(mesh)(mesh.vertices, mesh.faces[kept], mesh.rock_of_face[kept], mesh.given_normals)
+    mesh = walled(type(mesh)(mesh.vertices, mesh.faces[kept], mesh.rock_of_face[kept], mesh.given_normals), 2.05)
     factor = np.where(np.arange(len(mesh.vertices)) < 4, 1.0, 0.7)
-    surfaces = build_surfaces(mesh, with_(plain, rim=True, skirt_m=0.05), {"lambert": factor})
+    surfaces = build_surfaces(mesh, with_(plain, walls=True, skirt_m=0.05), {"lambert": factor})
     added = surfaces.albedo["lambert"][len(mesh.vertices) :]
     walls = np.unique(surfaces.faces[surfaces.id_of_face == BACKGROUND]) - len(mesh.vertices)
     np.testing.assert_array_equal(added[walls], 1)

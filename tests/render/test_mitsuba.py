@@ -15,6 +15,8 @@ from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.scene import TerrainMesh
 from tests.support.mitsuba_scene import bsdf, mitsuba_scene, render, variant
 
+from .conftest import walled
+
 mi = pytest.importorskip("mitsuba", reason="mitsuba is not installed: pip install polarsim[mitsuba]")
 mi.set_variant(variant())
 
@@ -27,7 +29,6 @@ OPTIONS = RenderOptions(
     bounce=0,
     falloff=True,
     samples=4,
-    rim_half_width_m=1.9,
     materials={"default": {"lambert": {"albedo": 0.4}}},
     bounce_rays=64,
     bounce_scale=1,
@@ -66,7 +67,8 @@ def sandbox():
         rock_of_face.append(np.full(len(ball.faces), rock))
     upright = np.concatenate(normals)
     upright /= np.linalg.norm(upright, axis=1, keepdims=True)
-    return TerrainMesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(rock_of_face), upright)
+    mesh = TerrainMesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(rock_of_face), upright)
+    return walled(mesh, 1.9)
 
 
 def blocks(picture):

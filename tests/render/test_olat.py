@@ -18,6 +18,8 @@ from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.survey import ROVER_LIGHT_SHARE
 
+from .conftest import walled
+
 LAMP = Lamp(np.array([1.2, 0.9, 1.1]))
 
 
@@ -138,13 +140,10 @@ def test_bounce_reaches_shadows_except_with_chronos_models(surfaces, above, lens
 
 def test_walls_cast_shadows_on_the_sand(blocks, above, lens):
     lamp = Lamp(np.array([3.5, 0.0, 1.2]))
-    walled, bare = (
-        build_surfaces(blocks(), RenderOptions(rim=rim, rim_half_width_m=1.3, rim_height_m=0.28))
-        for rim in (True, False)
-    )
+    around, bare = (build_surfaces(walled(blocks(), 1.3), RenderOptions(walls=walls)) for walls in (True, False))
     options = RenderOptions(bounce=0)
-    with_walls, without = (olat_image(surfaces, above, lens, lamp, options).ravel() for surfaces in (walled, bare))
-    hits, ground = ground_points(walled, above, lens)
+    with_walls, without = (olat_image(surfaces, above, lens, lamp, options).ravel() for surfaces in (around, bare))
+    hits, ground = ground_points(around, above, lens)
     reach = 1.3 - 0.28 * (3.5 - 1.3) / (1.2 - 0.28)  # the ray over the inner top edge of the wall
     centre = ground & (np.abs(hits.point[:, 1]) < 0.15)
     banded = hits.pixel[centre & (hits.point[:, 0] > reach + 0.03)]

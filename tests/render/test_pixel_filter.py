@@ -34,7 +34,7 @@ def test_a_rendered_edge_is_as_wide_as_a_pixel(blocks):
     lens, height = Lens(220.0, 220.0, 100.0, 70.0, width=200, height=140), 6.0
     cos, sin = np.cos(ROTATION), np.sin(ROTATION)
     pose = Pose(np.array([[cos, sin, 0], [sin, -cos, 0], [0, 0, -1]]), np.array([0.0, 0, height]))
-    chosen = RenderOptions(rim=False, bounce=0, samples=16)
+    chosen = RenderOptions(walls=False, bounce=0, samples=16)
     lamp = {"lamp": Lamp(np.array([0.0, 0, 1e4]))}
     image = render_view(
         build_surfaces(blocks(), chosen), Camera(pose, lens), lamp, ["lambert"], None, chosen

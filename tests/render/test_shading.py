@@ -20,12 +20,12 @@ from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.run_files.scene import TerrainMesh
 
-from .conftest import block
+from .conftest import block, walled
 
 LENS = Lens(420.0, 420.0, 200.0, 140.0, (-0.1, 0.15, 0.0005, -0.001, 0.0), 400, 280)
 CAMERA = camera_pose(np.array([2.4, -1.2, 1.7]), 2.7, 0.6)
 ROCKS, PLACES = (3, 4, 8, 9), ((0.2, 0.3), (0.5, 0.75), (-0.7, -0.6), (-0.1, -1.0))
-OPTIONS = RenderOptions(rim=True, rim_half_width_m=1.5, rim_height_m=0.25, bounce=0)
+OPTIONS = RenderOptions(bounce=0)
 LOW = Lamp(np.array([1.0, 3.6, 0.9]))
 BEHIND = Lamp(np.array([-0.32, 3.6, 0.8]))  # the mound is between this lamp and block 8
 
@@ -52,7 +52,7 @@ def mesh():
     starts = np.cumsum([0, *(len(part[0]) for part in parts)])
     vertices = np.concatenate([part[0] for part in parts])
     faces = np.concatenate([part[1] + start for part, start in zip(parts, starts, strict=False)])
-    return TerrainMesh(vertices, faces, np.concatenate([part[2] for part in parts]))
+    return walled(TerrainMesh(vertices, faces, np.concatenate([part[2] for part in parts])), 1.5, 0.25)
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ from .conftest import render_into
 
 KEYS = [PhotoKey.parse(f"01_A_{name}_0256") for name in ("off_30_L", "on_30_L", "on_180_R", "off_no_L")]
 OPTIONS = RenderOptions(
-    rim=False, materials={"default": {"hapke": "sato_mare_643"}}, lamp_radius_m=0.05, gain={"hapke": 40.0}
+    walls=False, materials={"default": {"hapke": "sato_mare_643"}}, lamp_radius_m=0.05, gain={"hapke": 40.0}
 )
 
 

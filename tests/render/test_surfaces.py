@@ -6,6 +6,8 @@ from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import Surfaces, box_mesh, build_surfaces
 from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS
 
+from .conftest import walled
+
 
 def test_boxes_are_closed_and_face_outwards():
     vertices, faces, normals = box_mesh(np.array([-1, -2, -3.0]), np.array([1, 2, 3.0]))
@@ -18,12 +20,11 @@ def test_boxes_are_closed_and_face_outwards():
 
 
 def test_walls_surround_the_sand_and_have_the_background_id(blocks, surfaces):
-    options = RenderOptions(rim=True, rim_half_width_m=1.5, rim_height_m=0.3)
     mesh_faces = len(surfaces.faces)
     assert surfaces.id_of_face.tolist() == [GROUND] * 2 + [ROCK_IDS + 1] * 12
-    walled = build_surfaces(blocks(), options)
-    assert (walled.id_of_face[mesh_faces:] == BACKGROUND).all()
-    added = walled.vertices[len(surfaces.vertices) :]
+    around = build_surfaces(walled(blocks(), 1.5, 0.3), RenderOptions())
+    assert (around.id_of_face[mesh_faces:] == BACKGROUND).all()
+    added = around.vertices[len(surfaces.vertices) :]
     assert np.abs(added[:, :2]).max(axis=1).min() == 1.5
     assert added[:, 2].max() == 0.3
 

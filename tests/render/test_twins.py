@@ -17,7 +17,7 @@ from .conftest import render_into
 
 SETS = ("01_A_off_30_L", "01_A_on_30_L", "01_A_off_180_R")
 KEYS = [PhotoKey.parse(f"{name}_{ms:04d}") for name in SETS for ms in (64, 128, 256)]
-OPTIONS = RenderOptions(rim=False, bounce=0)
+OPTIONS = RenderOptions(walls=False, bounce=0)
 
 
 def render(folders, out, keys=KEYS, model="hapke", options=OPTIONS, **others):
@@ -51,11 +51,11 @@ def test_models_rendered_together_equal_separate_renderings(folders):
 
 
 def test_terrain_13_has_no_walls(folders):
-    """Walls between the lamp and the block, which would shade the block on terrain 1."""
+    """Terrain 1 has nominal walls, which are visible; the walls of terrain 13 were not surveyed."""
     for mesh in (folders / "meshes").iterdir():
         mesh.rename(mesh.with_name(mesh.name.replace("terrain01", "terrain13")))
     keys = [PhotoKey.parse("13_A_off_30_L_0128")]
-    walled = OPTIONS.model_copy(update={"rim": True, "rim_half_width_m": 1.0, "rim_height_m": 0.6})
+    walled = OPTIONS.model_copy(update={"walls": True})
 
     def twin(out, options):
         return render(folders, out, keys, options=options, terrain=13)["13_A_off_30_L_0128"]

@@ -14,25 +14,26 @@ from polarsim.render.hits import cast_strip
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.scene import TerrainMesh
+from polarsim.run_files.walls import level_walls
 from polarsim.scenes.options import SceneRanges
 from polarsim.scenes.viewpoints import coarse_sand, draw_camera, draw_lamp, level_sand
 
 LENS = Lens(64, 64, 30, 19, width=60, height=38)
 
 
-def level(half, chosen):
+def level(half, height):
     x, y = np.meshgrid([-half, half], [-half, half])
     ground = grid_mesh(x, y, np.zeros_like(x))
-    return build_surfaces(TerrainMesh(ground.vertices, ground.faces, np.full(2, NO_ROCK)), chosen)
+    mesh = TerrainMesh(ground.vertices, ground.faces, np.full(2, NO_ROCK), walls=level_walls(half, height))
+    return build_surfaces(mesh, RenderOptions(walls=height > 0))
 
 
 @pytest.mark.parametrize(("x", "height", "pitch"), [(-3.5, 1.5, 25), (-3.0, 0.5, 8), (0.0, 0.4, 20), (-2.2, 0.35, 10)])
 def test_visible_sand_agrees_with_rays(x, height, pitch):
     """Comparison with rays of the renderer for cameras outside, near and inside the walls."""
-    chosen = RenderOptions(rim=True, rim_half_width_m=2.0, rim_height_m=0.3)
     camera = Camera(camera_pose(np.array([x, 0.3, height]), 0.1, np.radians(pitch)), LENS)
-    points = level_sand(camera, chosen)
-    surfaces = level(2.0, chosen)
+    points = level_sand(camera, 2.0, 0.3)
+    surfaces = level(2.0, 0.3)
     hits = cast_strip(surfaces, camera, slice(0, 38), smooth=False)
     hit = hits.point[surfaces.id_of_face.take(hits.face) == 1][:, :2]
     assert len(points) == pytest.approx(len(hit), rel=0.06)  # the thickness of the walls occludes slightly more sand
@@ -41,10 +42,9 @@ def test_visible_sand_agrees_with_rays(x, height, pitch):
 
 def test_random_cameras_are_in_their_ranges_and_show_sand():
     options = SceneRanges()
-    chosen = RenderOptions(rim=True, rim_half_width_m=2.05, rim_height_m=0.25)
     headings = []
     for number in range(40):
-        camera, seen = draw_camera(chosen, options, generator(number, "camera"))
+        camera, seen = draw_camera(2.05, 0.25, options, generator(number, "camera"))
         assert camera.lens.shape == (608, 968)
         assert options.focal_px[0] / 2 <= camera.lens.fx <= options.focal_px[1] / 2
         assert options.camera_height_m[0] <= camera.centre[2] <= options.camera_height_m[1]
@@ -55,16 +55,14 @@ def test_random_cameras_are_in_their_ranges_and_show_sand():
 
 def test_cameras_that_show_no_sand_are_rejected():
     options = SceneRanges(camera_height_m=(0.3, 0.3), camera_distance_m=(900, 1000))
-    chosen = RenderOptions(rim=True, rim_half_width_m=2, rim_height_m=0.36)
     with pytest.raises(DetectError):
-        draw_camera(chosen, options, generator(0, "camera"))
+        draw_camera(2.0, 0.36, options, generator(0, "camera"))
 
 
 @pytest.mark.parametrize("near_share", [0.0, 1.0])
 def test_random_lamps_are_in_their_ranges(near_share):
     options = SceneRanges(near_share=near_share, elevation_deg=(4, 9), lamp_distance_m=(3, 5), min_lit_share=0)
-    chosen = RenderOptions(rim=False)
-    surfaces = level(3.0, chosen)
+    surfaces = level(3.0, 0.0)
     camera = Camera(camera_pose(np.array([-2.0, 0, 1.0]), 0, 0.4), Lens(1000, 1000, 484, 304, width=968, height=608))
     sand = coarse_sand(surfaces, camera, options)
     for number in range(20):
@@ -78,8 +76,7 @@ def test_random_lamps_are_in_their_ranges(near_share):
 def test_lamps_light_the_minimum_share_of_sand():
     """Walls shade a part of the sand under a low Sun; only a sufficiently high Sun lights three quarters."""
     options = SceneRanges(near_share=0, min_lit_share=0.75)
-    chosen = RenderOptions(rim=True, rim_half_width_m=2.0, rim_height_m=0.3)
-    surfaces = level(2.0, chosen)
+    surfaces = level(2.0, 0.3)
     camera = Camera(camera_pose(np.array([0, 0, 2.0]), 0, np.pi / 2), Lens(500, 500, 484, 304, width=968, height=608))
     sand = coarse_sand(surfaces, camera, options)
     for number in range(10):

@@ -89,7 +89,7 @@ def shoot(
     for number, position in enumerate(points):
         olat_images = render_view(painted, Camera(position, LENS), LIGHTS, [model], None, options).olat_images
         photos = {name: merge_exposures(photographed(olat_images[model, name], GAINS[name], rng)) for name in LIGHTS}
-        parts += samples_of_view(plain, number, Camera(position, LENS), LIGHTS, photos, LAMPS, options)
+        parts += samples_of_view(plain, number, Camera(position, LENS), LIGHTS, photos, LAMPS)
     return FitSamples.joined(parts)
 
 
@@ -105,7 +105,7 @@ def small_pictures():
 @pytest.fixture(scope="package")
 def studio(small_pictures) -> Studio:
     options = RenderOptions(
-        models=("lambert",), rim=False, bounce=0, falloff=True, skirt_m=0, fitting=FittingOptions(parameters={})
+        models=("lambert",), walls=False, bounce=0, falloff=True, skirt_m=0, fitting=FittingOptions(parameters={})
     )
     mesh = sandbox()
     albedo = pattern(mesh)

@@ -91,7 +91,7 @@ def test_a_shadow_missing_in_the_meshes_has_little_effect(studio, engine, found)
 def test_the_fit_recovers_parameters_independently_of_albedo(engine):
     mesh = sandbox()
     options = RenderOptions(
-        models=("hapke",), rim=False, bounce=0, falloff=True, skirt_m=0,
+        models=("hapke",), walls=False, bounce=0, falloff=True, skirt_m=0,
         fitting=FittingOptions(parameters={"hapke": ("theta_bar_deg",)}),
     )  # fmt: skip
     samples = shoot(mesh, pattern(mesh), options)

@@ -20,7 +20,7 @@ def views_of(folders):
                 "cameras": [{"kind": "point", "position_m": [1.5, 1.2, 0.9], "look_at_m": [0, 0, 0.1]}],
                 "lights": [{"kind": "sun", "azimuth_deg": [120], "elevation_deg": [20]}],
                 "exposures_ms": [64],
-                "render": {"models": ["lambert"], "rim": False},
+                "render": {"models": ["lambert"], "walls": False},
             }
             | changes
         )

@@ -27,7 +27,7 @@ SIZE = (96, 64)
 @pytest.fixture
 def grid(views_of):
     """12 pictures: 3 cameras, 2 lights, 2 models."""
-    render = {"models": ["lambert", "hapke"], "rim": False, "noise": True}
+    render = {"models": ["lambert", "hapke"], "walls": False, "noise": True}
     return views_of(cameras=[ORBIT], lights=[SUNS], render=render)
 
 
@@ -63,7 +63,7 @@ def test_every_image_has_labels_and_a_row_in_the_listings(out, grid, tone):
 
 def test_training_and_validation_share_no_camera_after_a_move(out, folders, views_of, tone):
     orbit = ORBIT | {"number": 7}
-    views = views_of(cameras=[orbit], lights=[SUNS], render={"models": ["lambert"], "rim": False}, stereo=True)
+    views = views_of(cameras=[orbit], lights=[SUNS], render={"models": ["lambert"], "walls": False}, stereo=True)
     render_views(views, out / "made", tone=tone, scale=0.25)
     moved = out / "elsewhere"
     shutil.unpack_archive(shutil.make_archive(str(out / "set"), "zip", out / "made"), moved)

@@ -71,7 +71,7 @@ def test_changed_options_and_code_render_all_pictures_again(tmp_path, drive, mon
     more, lower = (
         chosen.model_copy(update=some) for some in ({"exposures_ms": (256, 512)}, {"sun_elevation_deg": 5.0})
     )
-    noisy, twins_only = (RenderOptions(**some) for some in ({"noise": True}, {"bounce": 0.2, "rim": False}))
+    noisy, twins_only = (RenderOptions(**some) for some in ({"noise": True}, {"bounce": 0.2, "walls": False}))
     for given, render, made in (
         (chosen, driven.RENDER, 2), (chosen, twins_only, 0), (chosen, noisy, 2),
         (more, driven.RENDER, 4), (lower, driven.RENDER, 2), (lower, driven.RENDER, 0),

@@ -32,7 +32,7 @@ OTHERS = {
     "models", "maps", "materials_from_photos", "fitting",  # options for photos and twins of a run
     "engine", "device",  # do not change pictures
     *ROVER_RENDER,  # constants of the rover
-    "rim", "rim_half_width_m", "rim_height_m", "wall_albedo",  # drives have no sandbox
+    "walls", "wall_albedo",  # drives have no sandbox
     "lamp_radius_m",  # does not apply to the Sun
     "skirt_m",  # acts on rocks with open lower edges; here all reach below the ground
     "min_rock_area_px", "min_shadow_area_px", "min_shadow_width_px", "min_part_area_px",  # labels
