@@ -19,8 +19,8 @@ def test_measured_walls_are_moved_by_the_penumbra_only(rng):
     assert fit_wall_offset(*ground(rng, 0.11), measured=True) == 0
     assert fit_wall_offset(*ground(rng, 0.0), measured=True) == pytest.approx(0, abs=0.011)
     clearance, rate = ground(rng, 0.0)
-    half_lit = np.where((clearance > 0) & (clearance < 0.02), 4.0, rate)
-    assert fit_wall_offset(clearance, half_lit, measured=True) == pytest.approx(0.02, abs=0.011)
+    half_lit = np.where((clearance > 0) & (clearance < 0.01), 4.0, rate)
+    assert fit_wall_offset(clearance, half_lit, measured=True) == pytest.approx(0.01)
 
 
 def test_without_a_shadow_edge_the_walls_are_not_moved(rng):

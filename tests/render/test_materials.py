@@ -47,7 +47,7 @@ def with_(options, **changed):
     ],
 )
 def test_an_albedo_factor_scales_only_the_named_objects(mesh, camera, lens, plain, engine, surround, name, shown):
-    options = with_(plain, engine=engine, **surround)
+    mesh, options = walled(mesh, 1.0), with_(plain, engine=engine, **surround)
     plainly, ids = olat_image(mesh, camera, lens, options, "hapke")
     brighter, _ = olat_image(mesh, camera, lens, with_(options, materials={name: Material(albedo=1.5)}), "hapke")
     named = np.isin(ids, shown) & (plainly > 0)

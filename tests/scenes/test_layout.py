@@ -126,4 +126,5 @@ def _ball(count):
 
 def _camera(options):
     random = generator(4, "camera")
-    return draw_camera(draw_render_options(options, random), options, random)
+    chosen, wall_height = draw_render_options(options, random)
+    return draw_camera(2.05 if chosen.walls else 3.0, wall_height if chosen.walls else 0.0, options, random)
