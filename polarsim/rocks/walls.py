@@ -11,7 +11,7 @@ import logging
 import numpy as np
 
 from polarsim.rocks.scans import MIN_WALL_HEIGHT, ScanPoints
-from polarsim.run_files.walls import SIDES, STRIP_M, Side, Wall, Walls, strips, surveyed_walls
+from polarsim.run_files.walls import SIDES, STRIP_M, Side, Wall, Walls, surveyed_walls, wall_strips
 from polarsim.survey import half_width, is_surveyed
 
 log = logging.getLogger("polarsim")
@@ -61,7 +61,7 @@ def _measure(points: np.ndarray, side: Side, half: float) -> Wall | None:
     tops = _per_strip(height[is_top], along[is_top] + half, STRIP_M, TOP_PERCENTILE, MIN_POINTS)
     usual = np.median(list(tops.values())) if tops else 0.0
     tops = {strip: top for strip, top in tops.items() if top > usual - MAX_DROP}
-    centres = strips(half)
+    centres = wall_strips(half)
     if len(tops) < MIN_SUPPORT * len(centres):
         return None
     measured = np.array(sorted(tops))

@@ -128,11 +128,11 @@ def _board(side: Side, wall: Wall, ends: tuple[float, float], foot: float) -> tu
 
 def level_walls(face_m: float, top_m: float, origin: Origin = "survey") -> Walls:
     """Return walls around a square floor: distance of the inner faces from the origin, and height of the top edges."""
-    along = strips(face_m)
+    along = wall_strips(face_m)
     return Walls(dict.fromkeys(SIDES, Wall(face_m, along, np.full(len(along), top_m), 0.0)), origin)
 
 
-def strips(half: float) -> np.ndarray:
+def wall_strips(half: float) -> np.ndarray:
     """Return the centres (s,) of the strips along a wall of a sandbox with a half width, metres."""
     count = round(2 * half / STRIP_M)
     return (np.arange(count) + 0.5) * STRIP_M - count * STRIP_M / 2

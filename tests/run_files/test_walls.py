@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.casters import make_caster
-from polarsim.run_files.walls import SIDES, Wall, Walls, level_walls, strips
+from polarsim.run_files.walls import SIDES, Wall, Walls, level_walls, wall_strips
 
 LEVEL = level_walls(2.0, 0.3)
 
 
 def sloping(rng) -> Walls:
     """Return walls of different faces whose tops rise and fall."""
-    along = strips(2.0)
+    along = wall_strips(2.0)
     return Walls(
         {
             side: Wall(rng.uniform(1.9, 2.1), along, 0.3 + 0.02 * np.sin(3 * along + number), 1.0)
