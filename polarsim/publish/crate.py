@@ -13,6 +13,7 @@ from polarsim.publish import records, terms
 from polarsim.publish.bundle import SUMS, Bundle
 from polarsim.publish.card import CARD, DATASHEET
 from polarsim.publish.catalogue import MAPS, Catalogue
+from polarsim.run_files import walls
 
 FILE = "ro-crate-metadata.json"
 _CHECKOUT = Path(__file__).parents[2]
@@ -45,6 +46,11 @@ def _write_files(catalogue: Catalogue, bundle: Bundle) -> dict[str, str]:
             bundle.copy(f"meshes/{terrain.name}/{path.name}", path)
             part = "ground" if rock == NO_ROCK else f"rock {rock}"
             descriptions[f"meshes/{terrain.name}/{path.name}"] = f"Mesh of {part}, metres, sandbox frame; fitted"
+        for path in sorted((catalogue.run / "meshes" / terrain.name).glob(walls.FILE)):
+            bundle.copy(f"meshes/{terrain.name}/{path.name}", path)
+            descriptions[f"meshes/{terrain.name}/{path.name}"] = (
+                "Inner faces and top edges of the walls, metres; fitted"
+            )
         for path in sorted((catalogue.run / "cameras" / terrain.name).glob("*.json")):
             bundle.copy(f"cameras/{terrain.name}/{path.name}", path)
             descriptions[f"cameras/{terrain.name}/{path.name}"] = "Poses and lenses of a rig, or positions of lamps"

@@ -18,6 +18,7 @@ from polarsim.photo import NO_ROCK, SUNS
 from polarsim.run_files.lamps import write_suns
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised, write_localised
 from polarsim.run_files.scene import mesh_files, read_terrain
+from polarsim.run_files.walls import read_walls, write_walls
 from polarsim.scoring.rock_pairs import pair_rocks
 from polarsim.scoring.true_surface import compare_surfaces
 
@@ -38,8 +39,9 @@ def write_true_scene(
     """Write the true `PosX.json`, `lamps.json` and meshes of a terrain in the frame of the run.
 
     The frame aligns the meshes of the run with the true surface (`true_surface.compare_surfaces`). True rocks have the
-    id of the matched rock of the run, so that they can be matched with labels; unmatched rocks have new ids. `located`
-    has the poses for which the meshes were reconstructed, `truth` is the folder truth/TerrainTT of the analog.
+    id of the matched rock of the run, so that they can be matched with labels; unmatched rocks have new ids. The walls
+    are those of the run. `located` has the poses for which the meshes were reconstructed, `truth` is the folder
+    truth/TerrainTT of the analog.
     """
     scene = read_terrain(meshes, terrain)
     truth_from_sandbox = compare_surfaces(terrain, scene, located, truth, inventory).truth_from_sandbox
@@ -62,12 +64,21 @@ def write_true_scene(
             mesh = obj.read_obj(path)
             moved = Mesh(sandbox_from_truth.apply(mesh.vertices), mesh.faces)
             obj.write_obj(folder / name, moved, Path(name).stem)
+        _copy_walls(meshes, folder)
 
 
 def thin_meshes(*, terrain: int, meshes: Path, thinned: Path) -> None:
-    """Write a folder with the ground and only the decimated copies of the rocks of a run."""
+    """Write a folder with the ground, the walls and only the decimated copies of the rocks of a run."""
     with writing_folder(thinned) as folder:
         for rock, path in mesh_files(meshes, terrain).items():
             copy = path if rock == NO_ROCK else meshes / obj.rock_name(terrain, rock, decimated=True)
             source = copy if copy.exists() else path  # some published rocks have no decimated copy
             shutil.copyfile(source, folder / source.name)
+        _copy_walls(meshes, folder)
+
+
+def _copy_walls(meshes: Path, folder: Path) -> None:
+    """Copy the walls of a run, so that the ablation replaces the meshes only."""
+    walls = read_walls(meshes)
+    if walls is not None:
+        write_walls(folder, walls)

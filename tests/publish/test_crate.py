@@ -21,6 +21,7 @@ def test_entities_are_read_back_and_files_have_the_stated_checksums(published, c
             assert hashlib.sha256((folder / name).read_bytes()).hexdigest() == entity["sha256"]
     assert {f"data/{name}.parquet" for name in records.all_tables(catalogue)} <= set(files)
     assert {"meshes/Terrain01/terrain01_rock4.obj", "cameras/Terrain01/PosA.json", "SHA256SUMS"} <= set(files)
+    assert "meshes/Terrain01/walls.json" in files
     for domain in catalogue.domains:
         assert len(list((folder / f"pictures/{domain}").glob("*.png"))) == len(catalogue.of_domain(domain))
 

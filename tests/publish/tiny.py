@@ -15,6 +15,7 @@ from polarsim.geometry.stereo import StereoRig, default_rig
 from polarsim.photo import NO_ROCK, ROCK, SHADOW, PhotoKey
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.inventory import Inventory, write_inventory
+from polarsim.run_files.walls import level_walls, write_walls
 from polarsim.schemas.stages import ROCKS
 
 SIZE = (484, 304)  # a quarter of the rig's
@@ -118,6 +119,7 @@ def write_meshes(folder: Path) -> None:
     support = pd.DataFrame({"mesh": obj.rock_name(1, 4), "vertex": range(162), "support": np.linspace(0, 1, 162)})
     write_parquet(folder / "support.parquet", support)
     write_csv(folder / "meshes.csv", pd.DataFrame({"mesh": names, "made_from": "scan"}))
+    write_walls(folder, level_walls(2.0, 0.3, "scans"))
 
 
 def write_maps(renders: Path, terrain: str, rng: np.random.Generator) -> None:

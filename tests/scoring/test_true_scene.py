@@ -5,9 +5,11 @@ from polarsim.formats import obj
 from polarsim.formats.files import read_json, write_json
 from polarsim.formats.tables import read_parquet, write_parquet
 from polarsim.geometry.poses import Pose, angle_between
+from polarsim.run_files import walls
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.lamps import read_localised_suns
 from polarsim.run_files.rigs import read_all_localised
+from polarsim.run_files.walls import level_walls, write_walls
 from polarsim.scoring.true_scene import thin_meshes, write_true_scene
 
 SANDBOX_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0.1, -0.05, 0.02]))
@@ -22,6 +24,7 @@ def laid(world, tmp_path):
     meshes = tmp_path / "run/meshes"  # runs have independent rock ids
     (meshes / obj.rock_name(world.terrain, 2)).rename(meshes / obj.rock_name(world.terrain, 9))
     write_parquet(tmp_path / "run/rocks.parquet", read_parquet(tmp_path / "run/rocks.parquet").assign(rock=9))
+    write_walls(tmp_path / "run/meshes", level_walls(2.02, 0.31, "scans"))
     write_inventory(tmp_path / "inventory.json", Inventory(world.terrain, "analog"))
     write_true_scene(
         terrain=world.terrain,
@@ -52,7 +55,9 @@ def test_true_cameras_and_lamps_are_in_the_frame_of_the_run(laid, sun_lamps):
 def test_true_meshes_match_the_meshes_and_ids_of_the_run(laid, world):
     names = sorted(path.name for path in (laid / "laid/meshes").iterdir())
     ground, rock, unknown = obj.ground_name(world.terrain), obj.rock_name(world.terrain, 9), 10
-    assert names == sorted([ground, rock, obj.rock_name(world.terrain, unknown)])  # a rock that the run did not find
+    # A rock that the run did not find; the walls are those of the run.
+    assert names == sorted([ground, rock, obj.rock_name(world.terrain, unknown), walls.FILE])
+    assert (laid / "laid/meshes" / walls.FILE).read_bytes() == (laid / "run/meshes" / walls.FILE).read_bytes()
     for name in (ground, rock):
         true, own = (obj.read_obj(laid / folder / "meshes" / name) for folder in ("laid", "run"))
         np.testing.assert_allclose(true.vertices, own.vertices, atol=5e-4)
@@ -62,7 +67,8 @@ def test_thinned_meshes_are_decimated_meshes_if_available(world, tmp_path, cube)
     world.write(tmp_path)
     thin = obj.rock_name(world.terrain, 1, decimated=True)
     obj.write_obj(tmp_path / "meshes" / thin, cube((0.5, 0.4, 0.05), 0.19), "thin")
+    write_walls(tmp_path / "meshes", level_walls(2.02, 0.31, "scans"))
     thin_meshes(terrain=world.terrain, meshes=tmp_path / "meshes", thinned=tmp_path / "thinned")
-    expected = {obj.ground_name(world.terrain), thin, obj.rock_name(world.terrain, 2)}
+    expected = {obj.ground_name(world.terrain), thin, obj.rock_name(world.terrain, 2), walls.FILE}
     assert {path.name for path in (tmp_path / "thinned").iterdir()} == expected
     assert (tmp_path / "thinned" / thin).read_bytes() == (tmp_path / "meshes" / thin).read_bytes()
