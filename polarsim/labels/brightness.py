@@ -13,8 +13,6 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.errors import PolarsimError
-from polarsim.formats import png
 from polarsim.labels.association import TerrainRocks
 from polarsim.labels.projection import sightlines
 from polarsim.photo import (
@@ -28,6 +26,7 @@ from polarsim.photo import (
     CameraSide,
     by_bracket,
 )
+from polarsim.run_files.brackets import read_rate
 from polarsim.run_files.pictures import pictures_at
 from polarsim.survey import ROVER_LIGHT_SHARE, SUN_LAMPS
 
@@ -35,7 +34,6 @@ log = logging.getLogger("polarsim")
 
 READ_NOISE_DN = READ_NOISE_ELECTRONS / ELECTRONS_PER_DN
 CACHED_BRACKETS = 4  # number of brackets in memory, 10 MB each
-CLIPPED_DN = WHITE_LEVEL - BLACK_LEVEL - 100.0  # signal above which a pixel may be clipped
 LEVEL_COSINE = float(SUN_LAMPS["30"][2] / np.linalg.norm(SUN_LAMPS["30"]))  # cosine of incidence at the centre
 SKY_SHARE = 0.01  # share of the light of a lamp that arrives uniformly from the sky
 STEP_PX = 2  # pixel step of OLAT images, fine enough for the contrast of boxes
@@ -72,18 +70,9 @@ class PhotoBrightness:
         self.brightness = lru_cache(maxsize=CACHED_BRACKETS)(self._brightness)
 
     def _brightness(self, bracket: Bracket) -> Brightness | None:
-        """Return each pixel from the longest exposure in which it is not clipped; None without a readable photo."""
-        rate: np.ndarray | None = None
-        exposures = []
-        for exposure, path in self._brackets.get(bracket, ()):
-            try:
-                signal = png.read_photo(path).astype(np.float32) - BLACK_LEVEL
-            except PolarsimError as error:
-                log.warning("%s: photo skipped in the propagation of labels", error)
-                continue
-            rate = signal / exposure if rate is None else np.where(signal < CLIPPED_DN, signal / exposure, rate)
-            exposures.append(exposure)
-        return None if rate is None else Brightness(rate, tuple(exposures))
+        """Return the rates and exposures of a bracket; None without a readable photo."""
+        rate, exposures = read_rate(self._brackets.get(bracket, ()), "skipped in the propagation of labels")
+        return None if rate is None else Brightness(rate, exposures)
 
 
 @dataclass(frozen=True)
