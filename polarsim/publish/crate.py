@@ -48,9 +48,7 @@ def _write_files(catalogue: Catalogue, bundle: Bundle) -> dict[str, str]:
             descriptions[f"meshes/{terrain.name}/{path.name}"] = f"Mesh of {part}, metres, sandbox frame; fitted"
         for path in sorted((catalogue.run / "meshes" / terrain.name).glob(walls.FILE)):
             bundle.copy(f"meshes/{terrain.name}/{path.name}", path)
-            descriptions[f"meshes/{terrain.name}/{path.name}"] = (
-                "Inner faces and top edges of the walls, metres; fitted"
-            )
+            descriptions[f"meshes/{terrain.name}/{path.name}"] = "Inner faces and tops of the walls, metres; fitted"
         for path in sorted((catalogue.run / "cameras" / terrain.name).glob("*.json")):
             bundle.copy(f"cameras/{terrain.name}/{path.name}", path)
             descriptions[f"cameras/{terrain.name}/{path.name}"] = "Poses and lenses of a rig, or positions of lamps"
