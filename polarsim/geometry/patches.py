@@ -166,7 +166,7 @@ def match_stereo_windows(
     windows = match_windows(np.maximum(left - BLACK_LEVEL, 0).astype(np.float32), laid, usable, window)
     column, row = windows.pixel.astype(int).T
     expected = seen.in_right[row, column].astype(float)
-    peak = _between_pixels(seen.in_right, windows.seen)
+    peak = between_pixels(seen.in_right, windows.seen)
     moved = np.where(np.isfinite(peak), peak, expected + windows.seen - windows.pixel)  # unchanged outside common parts
     return StereoMatches(
         seen.points_left[row, column],
@@ -178,7 +178,7 @@ def match_stereo_windows(
     )
 
 
-def _between_pixels(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+def between_pixels(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     """Return values (n, k) of an image (h, w, k) at pixels (n, 2), bilinear between four pixels inside."""
     at = np.clip(pixels - HALF_PIXEL, 0, np.array(image.shape[1::-1]) - 1.001)
     (x, y), (a, b) = at.astype(int).T, (at % 1).T[:, :, None]

@@ -81,6 +81,7 @@ _STAGE_METRICS = (
     ("cameras", "", "median_off_px", "Offset of photos from meshes", 1, 2, " px", "median over image windows"),
     ("render", "hapke", "log2_difference", "Brightness error of twins", 1, 2, " stops", "median, twin against photo"),
     ("consistency", "left and right", "across_rows", "Vertical stereo offset", 1, 2, " px", "left and right photos"),
+    ("consistency", "shadow edges of walls", "edge_mm_median", "Shadow edges of walls", 1, 0, " mm", "on sand"),
     ("consistency", "", "iou_lost", "IoU lost between boxes and meshes", 1, 3, "", "left to right camera"),
     ("rocks", "rock meshes", "watertight_share", "Watertight rock meshes", 100, 0, " %", "share of the meshes"),
 )  # fmt: skip

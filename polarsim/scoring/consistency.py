@@ -5,6 +5,7 @@
   remaining motion is the metric.
 - Cameras after refinement are compared with the cameras for which the meshes were reconstructed.
 - Projected meshes are compared with the boxes that localised the cameras.
+- Shadow edges of walls, predicted from walls, lamps and ground, are compared with the photos (`wall_shadows`).
 
 Values above the limits of `consistency_warnings` are reported as warnings.
 """
@@ -29,15 +30,18 @@ from polarsim.geometry.poses import Pose, angle_between
 from polarsim.photo import NO_ROCK
 from polarsim.run_files.best_photos import best_pictures
 from polarsim.run_files.inventory import read_inventory
+from polarsim.run_files.lamps import read_suns
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.run_files.scans import read_scan
 from polarsim.run_files.scene import FITTED, TerrainMesh, mesh_origins, read_terrain
+from polarsim.run_files.wall_edges import OpenGround, measure_edges
 from polarsim.scoring.alignment import align_rigs, refine_alignment
 from polarsim.scoring.consistency_warnings import STAGE, metric_warning
 from polarsim.scoring.labels import read_sound_boxes
 from polarsim.scoring.left_right import boxes_of_both, photos_of_both
 from polarsim.scoring.metrics import Metric, metrics_of, write_metrics
 from polarsim.scoring.surface import Surface
+from polarsim.scoring.wall_shadows import wall_shadow_metrics
 from polarsim.survey import half_width
 
 log = logging.getLogger("polarsim")
@@ -91,6 +95,9 @@ def check_consistency(
         outlines = outlines_of({rock: obj.read_obj(path) for rock, path in obj.rock_files(meshes).items()})
         both = boxes_of_both(last, outlines, read_sound_boxes(annotated, terrain))
     metrics += both
+    if photos is not None and scene.walls is not None:
+        suns = read_suns(cameras, last)
+        metrics += wall_shadow_metrics(measure_edges(terrain, OpenGround.of(scene), scene.walls, photos, last, suns))
     for metric in metrics:
         for sentence in metric_warning(metric.subject, metric.metric, metric.value):
             log.warning("terrain %02d: %s", terrain, sentence)

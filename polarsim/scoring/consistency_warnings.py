@@ -52,6 +52,9 @@ LIMITS = {
     "far_from_feet": _Limit(
         0.5, "{value:.0%} of the ground is farther than 0.5 m from all rocks, where the height is uncertain"
     ),
+    "edge_mm_median": _Limit(
+        90, "the shadow edges in photos are {value:.0f} mm from the predicted edges, median: check walls and lamps"
+    ),
     "surveyed": _Limit(0.5, "the pose of the camera is unconfirmed, with possible errors of decimetres and degrees"),
 }
 

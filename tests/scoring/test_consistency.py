@@ -16,12 +16,14 @@ from polarsim.geometry.stereo import default_rig
 from polarsim.photo import BLACK_LEVEL, NO_ROCK, PhotoKey
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
+from polarsim.run_files.wall_edges import EdgeSamples
 from polarsim.scoring.consistency import box_overlaps, cameras_together, ground_support, scans_on_meshes
 from polarsim.scoring.consistency_warnings import LIMITS, metric_warning, warnings_of
 from polarsim.scoring.left_right import boxes_of_both, photos_of_both
 from polarsim.scoring.metrics import Metric, metrics_table
 from polarsim.scoring.score import PhotoLabels
 from polarsim.scoring.surface import Surface
+from polarsim.scoring.wall_shadows import wall_shadow_metrics
 
 
 @pytest.fixture
@@ -242,3 +244,21 @@ def test_a_fitted_ground_that_does_not_support_its_rocks_is_reported():
         assert {metric.metric: metric.value for metric in at_edge}["feet_off"] == share
     (bare,) = ground_support(ground, [], 1.7)
     assert (bare.metric, bare.value) == ("far_from_feet", 1.0)
+
+
+def test_shadow_edges_of_walls_are_summarised_by_median_and_sun():
+    def samples(offsets_m):
+        count = len(offsets_m)
+        offset = np.array(offsets_m, float)
+        return EdgeSamples(np.zeros(count, int), np.zeros((count, 3)), offset, 100 * np.abs(offset))
+
+    metrics = wall_shadow_metrics({"30": samples([0.1, -0.2, 0.3]), "180": samples([-0.01]), "270": samples([])})
+    values = {(m.subject, m.metric): (m.value, m.unit, m.n) for m in metrics}
+    subject = "shadow edges of walls"
+    assert values[subject, "edge_mm_median"] == (pytest.approx(150), "mm", 4)
+    assert values[subject, "edge_px_median"] == (pytest.approx(15), "px", 4)
+    assert values[f"Sun 30, {subject}", "edge_mm_median"] == (pytest.approx(200), "mm", 3)
+    assert values[f"Sun 180, {subject}", "edge_mm_median"] == (pytest.approx(10), "mm", 1)
+    assert not any("270" in of for of, _ in values)
+    assert exceeded(metrics) == {(subject, "edge_mm_median"), (f"Sun 30, {subject}", "edge_mm_median")}
+    assert wall_shadow_metrics({"30": samples([])}) == []
