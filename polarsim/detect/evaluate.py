@@ -84,29 +84,53 @@ def evaluate(
             tables.read_parquet(path, PREDICTION_COLUMNS),
             options,
         )
+    left_out = {
+        (trained, evaluated): count_left_out(datasets[trained], (TRAIN, VAL))
+        + count_left_out(datasets[evaluated], (TEST,))
+        for trained, evaluated in evaluations
+    }
+    facts = {"split": by, "shares_views": leaked, **detector_facts(training, imgsz)}
+    write_evaluations(evaluations, facts=facts, left_out=left_out, tables_of=tables_of, options=options)
+
+
+def write_evaluations(
+    evaluations: Mapping[Sides, DomainEvaluation],
+    *,
+    facts: Mapping[str, Any],
+    left_out: Mapping[Sides, int],
+    tables_of: Mapping[str, Path],
+    options: ComparisonOptions,
+) -> None:
+    """Write the tables of `evaluate` that are in `tables_of`.
+
+    Parameters
+    ----------
+    facts
+        Values of the columns of `DETECTION_COLUMNS` on split and training, equal for all detectors.
+    left_out
+        Number of corrupt images of training and test.
+    """
     evaluations = dict(sorted(evaluations.items()))
     parts: dict[str, list[pd.DataFrame]] = {"breakdown": [], "curves": [], "false_positives": [], "instances": []}
     for sides, evaluation in track(list(evaluations.items()), "evaluate"):
         for name, table in _tables_of_domain(evaluation).items():
             parts[name].append(_named(table, SIDE_COLUMNS, sides))
     matched = _joined(parts["breakdown"], (*SIDE_COLUMNS, *BREAKDOWN_COLUMNS))
-    _write(tables_of["breakdown"], matched)
-    left_out = {
-        sides: count_left_out(datasets[sides[0]], (TRAIN, VAL)) + count_left_out(datasets[sides[1]], (TEST,))
-        for sides in evaluations
-    }
-    facts = {"split": by, "shares_views": leaked, **detector_facts(training, imgsz), "unit": options.resampled}
-    _write(tables_of["detection"], _detection_table(matched, left_out, facts))
-    _write(tables_of["curves"], _joined(parts["curves"], CURVES.columns))
-    _write(tables_of["false_positives"], _joined(parts["false_positives"], (*SIDE_COLUMNS, *FALSE_POSITIVE_COLUMNS)))
     performances = {sides: evaluation.performance for sides, evaluation in evaluations.items()}
-    _write(tables_of["ipd"], _ipd_table(performances, options))
-    _write(tables_of["rocks"], _rock_table(performances))
     common = sorted(set.intersection(*(set(evaluation.keys) for evaluation in evaluations.values())))
     of_common = {sides: replace(evaluation, keys=common) for sides, evaluation in evaluations.items()}
-    differences = paired_differences(of_common) if common else pd.DataFrame(columns=list(DIFFERENCE_COLUMNS))
-    _write(tables_of["differences"], differences)
-    _write(tables_of["instances"], _joined(parts["instances"], INSTANCES.columns))
+    made = {
+        "breakdown": matched,
+        "detection": _detection_table(matched, left_out, {**facts, "unit": options.resampled}),
+        "curves": _joined(parts["curves"], CURVES.columns),
+        "false_positives": _joined(parts["false_positives"], (*SIDE_COLUMNS, *FALSE_POSITIVE_COLUMNS)),
+        "ipd": _ipd_table(performances, options),
+        "rocks": _rock_table(performances),
+        "differences": paired_differences(of_common) if common else pd.DataFrame(columns=list(DIFFERENCE_COLUMNS)),
+        "instances": _joined(parts["instances"], INSTANCES.columns),
+    }
+    for name, path in tables_of.items():
+        _write(path, made[name])
 
 
 def detector_facts(training: TrainingOptions, imgsz: int) -> dict[str, Any]:
