@@ -460,6 +460,12 @@ class CoverPaths:
         self.trainings = [RENDERED, *([FINE_TUNED] if covers.fine_tuning.windows else [])]  # the last is the best
         self.first_seed = run.seeds[0]
         self.best = f"{{fold}}/seed{self.first_seed}/{self.trainings[-1]}"
+        self.domains = [config.photo_domain, *run.models]  # compared in `real_tables`
+
+    @property
+    def start(self) -> str:
+        """Name in tables of the initial weights of the first training."""
+        return "carved rocks" if self.covers.carved_scenes else self.config.detect.training.start
 
     def rocks(self, wildcards: Wildcards) -> str:
         """Return the folder of a terrain's closed rocks: repaired ones of a release, else the run's meshes."""

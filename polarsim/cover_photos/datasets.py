@@ -1,9 +1,11 @@
-"""Data sets of detectors for cover photos: randomised scenes for training, cover photos for the test."""
+"""Data sets of detectors for cover photos: scenes or windows of photos and twins for training, photos for the test."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+
+import numpy as np
 
 from polarsim.cover_photos.options import SCENE_PICTURES, VAL_SHARE
 from polarsim.cover_photos.windows import terrain_of_window
@@ -48,10 +50,32 @@ def make_fine_tuning_dataset(
     """Write a data set of windows of cover photos (`cut_windows`) without test terrains, and of images of scenes."""
     pictures = _all_scenes(scenes, test, seed)
     random = generator(seed, "covers", "fine tuning", *sorted(test))
-    names = [path.stem for path in sorted((windows / "images").glob("*.png")) if terrain_of_window(path) not in test]
-    entries = [image_entry(windows, name, VAL if random.random() < VAL_SHARE else TRAIN) for name in names]
+    entries = _windows(windows, test, random)
     entries += [pictures[number] for number in random.permutation(len(pictures))[:SCENE_PICTURES]]
     _write(scenes, test, dataset, entries, (TRAIN, VAL))
+
+
+def make_twin_dataset(
+    *, domain: str, pictures: Path, windows: Path, test: Sequence[int], dataset: Path, seed: int
+) -> None:
+    """Write a data set of a domain of `pair_covers_with_twins`, with entire images without labels for the test.
+
+    Windows (`cut_windows`) of the same images are in the training part or the validation part, except windows of test
+    terrains. The parts of a window are equal in all domains.
+    """
+    entries = _windows(windows, test, generator(seed, "covers", "fine tuning", *sorted(test)))
+    for path in sorted(pictures.glob("*.png")):
+        with with_path(path):
+            if PhotoKey.parse(path.stem).terrain in test:
+                entries.append(Entry(path.stem, TEST, path, None))
+    with writing_folder(dataset) as folder:
+        write_yolo_dataset(domain, dataset, entries, folder, {"test": sorted(test)})
+
+
+def _windows(windows: Path, test: Sequence[int], random: np.random.Generator) -> list[Entry]:
+    """Return the windows without test terrains; a random share is for validation."""
+    names = [path.stem for path in sorted((windows / "images").glob("*.png")) if terrain_of_window(path) not in test]
+    return [image_entry(windows, name, VAL if random.random() < VAL_SHARE else TRAIN) for name in names]
 
 
 def _write(

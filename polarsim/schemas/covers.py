@@ -44,3 +44,12 @@ MASK_SCORES = SHARED.table("""
     pixels | int64 | px | Annotated pixels of the class
     iou | interval | 1 | IoU of masks and polygons; empty if both lack the class
 """)
+PHOTO_IPD = SHARED.table("""
+    covers/domains/photos.parquet: A detector, domain of twins, photo and kind
+    = split seed trained
+    twin | str | | Domain of the twins
+    = key_name kind pairs
+    iou_photo iou_twin | float64 | 1 | Mean IoU over these pairs in the photo and in the twin
+    difference | float64 | 1 | `iou_photo` minus `iou_twin`; positive if the twin is harder
+    ipd_abs | float64 | 1 | Mean of the absolute differences of IoU
+""")

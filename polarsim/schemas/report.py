@@ -116,6 +116,12 @@ IPD_ROCKS = Table("tables/ipd_rocks", "A detector, pair of domains, terrain and 
 DIFFERENCES = Table("tables/differences", "A comparison of two detectors or domains", detect.DIFFERENCES.declared)
 GAP = Table("tables/gap", "A component, detector and kind", detect.ABLATION.declared)
 COVERS = Table("tables/covers", "A terrain, kind and training", covers.COVER_SCORES.declared)
+REAL_DETECTION = Table("tables/real_detection", "A detector, evaluated domain and kind", DETECTION.declared)
+REAL_IPD = Table("tables/real_ipd", "A detector, pair of domains and kind", IPD.declared)
+REAL_DIFFERENCES = Table(
+    "tables/real_differences", "A comparison of two detectors or domains", detect.DIFFERENCES.declared
+)
+REAL_PHOTOS = Table("tables/real_photos", "A detector, domain of twins, photo and kind", covers.PHOTO_IPD.declared)
 MASKS = Table("tables/masks", "A region, photo and class", covers.MASK_SCORES.declared)
 EVALUATION = Table("tables/evaluation", "A metric and terrain", evaluation.EVALUATION.declared)
 ROVER_DRIVES = Table("tables/rover", "A controller, metric and wheel", rover.DRIVES.declared)

@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from polarsim.cover_photos.datasets import make_cover_dataset
-from polarsim.detect.dataset import dataset_images
+from polarsim.cover_photos.datasets import make_cover_dataset, make_twin_dataset
+from polarsim.detect.dataset import dataset_images, read_parts
 from polarsim.errors import DetectError, LabelError
 from polarsim.formats import png, yolo
 from tests.cover_photos.conftest import KEY
@@ -72,3 +72,43 @@ def test_invalid_data_sets_are_an_error(tmp_path, covers, shown, scenes, test, e
     folder = make_scenes(tmp_path / "T3", shown, scenes)
     with pytest.raises(error):
         make_cover_dataset(scenes={3: folder}, covers=covers, test=test, dataset=tmp_path / "d", seed=0)
+
+
+def make_domain(folder):
+    """Write pictures and windows of two terrains."""
+    keys = ("01_A_off_30_L_0256", "03_A_off_30_R_0256", "04_C_off_350_L_0256")
+    for key in keys:
+        png.write_png(folder / "pictures" / f"{key}.png", np.zeros((80, 128), np.uint8))
+        for number in range(20):
+            name = f"{key}_w{number:02d}"
+            png.write_png(folder / "windows/images" / f"{name}.png", np.full((80, 128), number, np.uint8))
+            yolo.write_boxes(folder / "windows/labels" / f"{name}.txt", [0], [[20, 20, 40, 40]], (128, 80))
+    return folder
+
+
+def test_windows_of_a_domain_exclude_test_terrains_and_have_equal_parts_in_all_domains(tmp_path):
+    parts = []
+    for domain in ("real", "hapke"):
+        made, dataset = make_domain(tmp_path / domain), tmp_path / f"dataset_{domain}"
+        make_twin_dataset(
+            domain=domain, pictures=made / "pictures", windows=made / "windows", test=[1, 4], dataset=dataset, seed=0
+        )
+        parts.append(read_parts(dataset))
+    assert parts[0] == parts[1]
+    assert parts[0]["test"] == ["01_A_off_30_L_0256", "04_C_off_350_L_0256"]
+    assert {name[:2] for part in ("train", "val") for name in parts[0][part]} == {"03"}
+    assert len(parts[0]["train"]) + len(parts[0]["val"]) == 20
+    assert not list((tmp_path / "dataset_real/labels/test").iterdir())
+
+
+def test_a_domain_without_photos_of_the_test_terrains_is_an_error(tmp_path):
+    made = make_domain(tmp_path / "real")
+    with pytest.raises(DetectError):
+        make_twin_dataset(
+            domain="real",
+            pictures=made / "pictures",
+            windows=made / "windows",
+            test=[2],
+            dataset=tmp_path / "d",
+            seed=0,
+        )

@@ -250,7 +250,7 @@ rule score_covers:
         folds=list(COVERS.folds),
         seeds=SEEDS,
         training=COVERS.last_training,
-        start="carved rocks" if CONFIG.covers.carved_scenes else CONFIG.detect.training.start,
+        start=COVERS.start,
         options=options("detect.comparison"),
     script:
         "../scripts/score_covers.py"

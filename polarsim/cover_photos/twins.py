@@ -1,0 +1,101 @@
+"""Cover photos and their twins as 8-bit images with labels, for detectors trained on each domain."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.detect import tone
+from polarsim.detect.grouping import BOX_COLUMNS, rows_by, values_by
+from polarsim.detect.pictures import picture_paths
+from polarsim.errors import DetectError
+from polarsim.formats import png, tables
+from polarsim.formats.files import share_file, writing_folder
+from polarsim.geometry.boxes import iou, match_by_iou
+from polarsim.photo import FIRST_ID_WITHOUT_MESH, HEIGHT, NO_ROCK, ROCK, WIDTH, PhotoKey
+
+_PHOTO = ["key", "kind"]
+log = logging.getLogger("polarsim")
+
+
+def pair_covers_with_twins(
+    *,
+    photos: Path,
+    annotated: Path,
+    propagated: Path,
+    twins: Mapping[str, Path],
+    rendered: Path,
+    photo_domain: str,
+    pictures: Mapping[str, Path],
+    labels: Mapping[str, Path],
+) -> None:
+    """Write the images and labels of each domain for the cover photos with a twin of every model.
+
+    Twins are converted with the tone curve of detectors. Cover photos without a twin are skipped with a warning.
+
+    Parameters
+    ----------
+    photos, annotated : Path
+        Folder of cover photos and table of human boxes, written by `read_covers`.
+    propagated : Path
+        Label table of the run. The human boxes get the rock ids of overlapping boxes.
+    twins : mapping of str to Path
+        Folders above `TerrainTT/KEY.png`, by reflectance model.
+    rendered : Path
+        Table of the exact labels of the twins.
+    pictures, labels : mapping of str to Path
+        Folder of `KEY.png` and label table to write, for `photo_domain` and every model.
+    """
+    keys = [PhotoKey.parse(path.stem) for path in sorted(photos.glob("*.png"))]
+    paths = {model: picture_paths(folder, keys) for model, folder in twins.items()}
+    paired = [key for key in keys if all(key in found for found in paths.values())]
+    for key in sorted(set(keys) - set(paired)):
+        model = next(model for model, found in paths.items() if key not in found)
+        log.warning("%s: cover photo without a %s twin, skipped", key, model)
+    if len({key.terrain for key in paired}) < 2:
+        raise DetectError(
+            f"{len(paired)} of {len(keys)} cover photos have twins, expected photos of at least 2 terrains", path=photos
+        )
+    names = [str(key) for key in paired]
+    human, own, exact = (
+        table[table["key"].isin(names)].reset_index(drop=True)
+        for table in (tables.read_parquet(path, tables.LABEL_COLUMNS) for path in (annotated, propagated, rendered))
+    )
+    human = with_rock_ids(human, own)
+    rocks = human[human["kind"] == ROCK]
+    log.info("%d of %d annotated rocks have a mesh", int(_has_mesh(rocks["rock"]).sum()), len(rocks))
+    with writing_folder(pictures[photo_domain]) as folder:
+        for name in names:
+            share_file(photos / f"{name}.png", folder / f"{name}.png")
+    tables.write_parquet(labels[photo_domain], tables.label_table(human))
+    for model, found in paths.items():
+        with writing_folder(pictures[model]) as folder:
+            for key in paired:
+                twin = tone.to_8_bits(png.read_photo(found[key], (WIDTH, HEIGHT)))
+                png.write_png(folder / f"{key}.png", twin)
+        tables.write_parquet(labels[model], tables.label_table(exact))
+
+
+def with_rock_ids(boxes: pd.DataFrame, identified: pd.DataFrame) -> pd.DataFrame:
+    """Return the label table `boxes` with the rock ids of the boxes of `identified` in the same photo and of its kind.
+
+    Boxes are matched one to one at an IoU of at least 0.5. Unmatched boxes have no rock id.
+    """
+    known = rows_by(identified, _PHOTO)
+    corners = values_by(identified, _PHOTO, BOX_COLUMNS)
+    ids = identified["rock"].to_numpy(int)
+    rocks = np.full(len(boxes), NO_ROCK)
+    for group, rows in rows_by(boxes, _PHOTO).items():
+        if group in known:
+            overlap = iou(boxes[list(BOX_COLUMNS)].to_numpy(float)[rows], corners[group])
+            matched, others = match_by_iou(overlap)
+            rocks[rows[matched]] = ids[known[group][others]]
+    return boxes.assign(rock=rocks)
+
+
+def _has_mesh(rocks: pd.Series) -> pd.Series:
+    return (rocks != NO_ROCK) & (rocks < FIRST_ID_WITHOUT_MESH)
