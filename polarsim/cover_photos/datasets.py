@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from polarsim.cover_photos.options import SCENE_PICTURES, VAL_SHARE
 from polarsim.cover_photos.windows import terrain_of_window
 from polarsim.detect.dataset import Entry, image_entry, write_yolo_dataset
@@ -50,7 +48,8 @@ def make_fine_tuning_dataset(
     """Write a data set of windows of cover photos (`cut_windows`) without test terrains, and of images of scenes."""
     pictures = _all_scenes(scenes, test, seed)
     random = generator(seed, "covers", "fine tuning", *sorted(test))
-    entries = _windows(windows, test, random)
+    names = _windows_without(windows, test)
+    entries = [image_entry(windows, name, VAL if random.random() < VAL_SHARE else TRAIN) for name in names]
     entries += [pictures[number] for number in random.permutation(len(pictures))[:SCENE_PICTURES]]
     _write(scenes, test, dataset, entries, (TRAIN, VAL))
 
@@ -61,9 +60,12 @@ def make_twin_dataset(
     """Write a data set of a domain of `pair_covers_with_twins`, with entire images without labels for the test.
 
     Windows (`cut_windows`) of the same images are in the training part or the validation part, except windows of test
-    terrains. The parts of a window are equal in all domains.
+    terrains. The part of a window is equal in all domains.
     """
-    entries = _windows(windows, test, generator(seed, "covers", "fine tuning", *sorted(test)))
+    names = _windows_without(windows, test)
+    order = generator(seed, "covers", "domains", *sorted(test)).permutation(len(names))
+    val = set(order[: max(1, round(VAL_SHARE * len(names)))].tolist())
+    entries = [image_entry(windows, name, VAL if number in val else TRAIN) for number, name in enumerate(names)]
     for path in sorted(pictures.glob("*.png")):
         with with_path(path):
             if PhotoKey.parse(path.stem).terrain in test:
@@ -72,10 +74,9 @@ def make_twin_dataset(
         write_yolo_dataset(domain, dataset, entries, folder, {"test": sorted(test)})
 
 
-def _windows(windows: Path, test: Sequence[int], random: np.random.Generator) -> list[Entry]:
-    """Return the windows without test terrains; a random share is for validation."""
-    names = [path.stem for path in sorted((windows / "images").glob("*.png")) if terrain_of_window(path) not in test]
-    return [image_entry(windows, name, VAL if random.random() < VAL_SHARE else TRAIN) for name in names]
+def _windows_without(windows: Path, test: Sequence[int]) -> list[str]:
+    """Return the sorted names of the windows without windows of test terrains."""
+    return [path.stem for path in sorted((windows / "images").glob("*.png")) if terrain_of_window(path) not in test]
 
 
 def _write(

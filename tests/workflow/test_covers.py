@@ -6,16 +6,22 @@ import pytest
 import yaml
 
 from polarsim.detect.detectors import read_detector
-from polarsim.formats import obj, png, yolo
+from polarsim.formats import obj, png, tables, yolo
 from polarsim.formats.release import polygon_folder
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import HEIGHT, POLYGON_CLASSES, WIDTH
 from polarsim.render.surfaces import box_mesh
 from polarsim.run_files import class_masks
 from polarsim.scenes.strokes import COLOURS, draw_strokes
+from tests.support.label_rows import label_row
 
 ROCK, SHADOW = [900.0, 500, 1000, 620], [1000.0, 520, 1200, 600]
 TERRAINS = (1, 3)
+REAL_RULES = (
+    "real_tables", "read_covers", "carve_rocks", "render_scenes", "make_cover_dataset", "train_cover_detector",
+    "pair_covers_with_twins", "cut_domain_windows", "make_twin_dataset", "train_domain_detector", "predict_domains",
+    "compare_domains", "gather_domains", "report_real_tables",
+)  # fmt: skip
 RULES = (
     "cover_photos", "read_covers", "carve_rocks", "render_scenes", "make_cover_dataset", "train_cover_detector",
     "cut_windows", "make_fine_tuning_dataset", "fine_tune_cover_detector",
@@ -112,3 +118,49 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
     assert "Real cover photos of held-out terrains" in page
     assert "IoU of class masks" in page
     assert "<h2>Domains</h2>" not in page  # this run has no domains
+
+
+@pytest.mark.slow
+def test_covers_and_twins_become_the_tables_of_the_paper(checkout, snakemake, release):
+    run = checkout / "results/real_tables"
+    keys = [f"{terrain:02d}_A_off_30_L_0256" for terrain in TERRAINS]
+    for terrain, key in zip(TERRAINS, keys, strict=True):
+        name = f"Terrain{terrain:02d}"
+        vertices, faces, _ = box_mesh(np.zeros(3), np.array([0.2, 0.15, 0.1]))
+        obj.write_obj(run / f"meshes/{name}/terrain{terrain:02d}_ground.obj", Mesh(vertices, faces), "ground")
+        (run / f"cameras/located/{name}").mkdir(parents=True)  # without located positions
+        for model in ("principled", "hapke"):
+            twin = np.full((HEIGHT, WIDTH), 900, np.uint16)
+            twin[500:620, 900:1000], twin[520:600, 1000:1200] = 3000, 20
+            png.write_png(run / f"renders/{model}/{name}/{key}.png", twin)
+    rows = [label_row(key, kind, rock=2, box=box) for key in keys for kind, box in (("rock", ROCK), ("shadow", SHADOW))]
+    for stage in ("labels", "renders"):
+        tables.write_parquet(run / stage / "labels.parquet", tables.label_table(rows))
+    content = yaml.safe_load((checkout / "config/real_tables.yaml").read_text()) | {"terrains": list(TERRAINS)}
+    content["covers"] |= {"folds": [], "carved_scenes": 4, "carved_epochs": 1, "scenes": {"lamps": 2, "scale": 0.1}}
+    content["covers"]["fine_tuning"] = {"windows": 10, "epochs": 1}
+    content["detect"] |= {"seeds": [0], "pictures": {"imgsz": 96}}
+    content["detect"]["prediction"] = {"widths": [96], "confidence": 0.01}
+    content["detect"]["comparison"] = {"resampled": "photo", "resamples": 100}
+    (checkout / "small.yaml").write_text(yaml.safe_dump(content))
+    done = snakemake(
+        checkout, "real_tables", "--configfile", "small.yaml", "--rerun-triggers", "mtime", "--allowed-rules",
+        *REAL_RULES, POLAR_SIM_ROOT=str(release),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    detection = pd.read_csv(run / "tables/real_detection.csv")
+    domains = {"real", "principled", "hapke"}
+    rocks = detection[detection["kind"] == "rock"]
+    assert set(zip(rocks["trained"], rocks["evaluated"], strict=True)) == {(a, b) for a in domains for b in domains}
+    assert set(detection["images"]) == {2}
+    assert set(detection["start"]) == {"carved rocks"}
+    ipd = pd.read_csv(run / "tables/real_ipd.csv")
+    assert set(ipd.loc[ipd["kind"] == "rock", "pairs"]) == {2}
+    assert ipd.groupby("trained").size().to_dict() == dict.fromkeys(domains, 6)  # three pairs of domains, two kinds
+    assert set(pd.read_csv(run / "tables/real_photos.csv")["key"]) == set(keys)
+    labels = tables.read_parquet(run / "covers/domains/labels/real.parquet")
+    assert set(zip(labels["source"], labels["rock"], strict=True)) == {("annotated", 2)}
+    for fold, other in (("01", "03"), ("03", "01")):
+        for domain in domains:
+            trained = (run / f"covers/folds/{fold}/domains/{domain}/images").glob("t*/*_w*.png")
+            assert {path.name[:2] for path in trained} == {other}
