@@ -178,6 +178,27 @@ def release_with_covers(release_like, tmp_path_factory) -> Path:
     return root
 
 
+@pytest.mark.parametrize("models", [("principled", "hapke"), ("hapke",)], ids=" ".join)
+def test_tables_of_real_photos_have_a_detector_of_each_domain_fold_and_seed(dry_run, release_with_covers, models):
+    files = ("--configfile", "config/real_tables.yaml", "--config", f"render={{models: [{', '.join(models)}]}}")
+    done = dry_run("real_tables", *files, POLAR_SIM_ROOT=str(release_with_covers))
+    jobs, domains = planned(done), 1 + len(models)
+    assert jobs["cut_domain_windows"] == domains
+    assert jobs["make_twin_dataset"] == 3 * domains  # folds
+    assert jobs["train_domain_detector"] == jobs["predict_domains"] == 3 * 2 * domains  # folds and seeds
+    assert jobs["train_cover_detector"] == 1  # carved rocks, the start of all detectors
+    assert (jobs["pair_covers_with_twins"], jobs["compare_domains"], jobs["report_real_tables"]) == (1, 2, 1)
+    for domain in ("real", *models):
+        (job,) = jobs_with(done.stdout + done.stderr, f"folds/03_08/seed1/domains/{domain}.csv")
+        assert f"folds/03_08/domains/{domain}" in job
+        assert "folds/carved/seed0/rendered/detector.pt" in job
+
+
+def test_tables_of_real_photos_are_not_part_of_a_complete_run(dry_run, release_with_covers):
+    jobs = planned(dry_run("--configfile", "config/release.yaml", POLAR_SIM_ROOT=str(release_with_covers)))
+    assert "pair_covers_with_twins" not in jobs
+
+
 def test_each_terrain_with_cover_photos_is_left_out_in_turn(dry_run, release_with_covers):
     done = dry_run(
         "cover_photos", "--configfile", "config/covers.yaml", "--config", "covers={folds: []}", "detect={seeds: [0]}",
