@@ -29,7 +29,7 @@ from polarsim.photo import positions
 from polarsim.rover.cameras.options import rover_render
 from polarsim.rover.planning.cases import MODES_WITHOUT_PICTURES, cases
 from polarsim.rover.vehicle.mounts import FRONT
-from polarsim.schemas.covers import FINE_TUNED, RENDERED
+from polarsim.schemas.covers import CONTROL, FINE_TUNED, RENDERED
 
 TABLES_OF_DETECTORS = ("detection", "differences", "detection_breakdown", "false_positives", "ipd")
 
@@ -460,7 +460,8 @@ class CoverPaths:
         self.trainings = [RENDERED, *([FINE_TUNED] if covers.fine_tuning.windows else [])]  # the last is the best
         self.first_seed = run.seeds[0]
         self.best = f"{{fold}}/seed{self.first_seed}/{self.trainings[-1]}"
-        self.domains = [config.photo_domain, *run.models]  # compared in `real_tables`
+        self.domains = [config.photo_domain, *run.models]  # of the detectors of `real_tables`
+        self.evaluated = [*self.domains, CONTROL]
 
     @property
     def start(self) -> str:

@@ -50,11 +50,11 @@ def pair_covers_with_twins(
     pictures, labels : mapping of str to Path
         Folder of `KEY.png` and label table to write, for `photo_domain` and every model.
     """
-    keys = [PhotoKey.parse(path.stem) for path in sorted(photos.glob("*.png"))]
-    paths = {model: picture_paths(folder, keys) for model, folder in twins.items()}
-    paired = [key for key in keys if all(key in found for found in paths.values())]
+    keys = photo_keys(photos)
+    found = {model: picture_paths(folder, keys) for model, folder in twins.items()}
+    paired = [key for key in keys if all(key in paths for paths in found.values())]
     for key in sorted(set(keys) - set(paired)):
-        model = next(model for model, found in paths.items() if key not in found)
+        model = next(model for model, paths in found.items() if key not in paths)
         log.warning("%s: cover photo without a %s twin, skipped", key, model)
     if len({key.terrain for key in paired}) < 2:
         raise DetectError(
@@ -72,12 +72,41 @@ def pair_covers_with_twins(
         for name in names:
             share_file(photos / f"{name}.png", folder / f"{name}.png")
     tables.write_parquet(labels[photo_domain], tables.label_table(human))
-    for model, found in paths.items():
-        with writing_folder(pictures[model]) as folder:
-            for key in paired:
-                twin = tone.to_8_bits(png.read_photo(found[key], (WIDTH, HEIGHT)))
-                png.write_png(folder / f"{key}.png", twin)
-        tables.write_parquet(labels[model], tables.label_table(exact))
+    for model, paths in found.items():
+        _write_twins({key: paths[key] for key in paired}, exact, pictures[model], labels[model])
+
+
+def convert_control(*, photos: Path, twins: Path, rendered: Path, pictures: Path, labels: Path) -> None:
+    """Write the images and labels of the control for the photos of `pair_covers_with_twins`.
+
+    Parameters
+    ----------
+    photos : Path
+        Folder of the paired cover photos.
+    twins : Path
+        Folder above `TerrainTT/KEY.png`. A photo without a twin is an error.
+    rendered : Path
+        Table of the exact labels of these twins.
+    """
+    keys = photo_keys(photos)
+    found = picture_paths(twins, keys)
+    if missing := sorted(set(keys) - set(found)):
+        raise DetectError(f"no twin of {missing[0]}, expected a twin of each cover photo", path=twins)
+    exact = tables.read_parquet(rendered, tables.LABEL_COLUMNS)
+    _write_twins(found, exact[exact["key"].isin(map(str, keys))], pictures, labels)
+
+
+def photo_keys(photos: Path, terrain: int | None = None) -> list[PhotoKey]:
+    """Return the sorted keys of a folder of `KEY.png`, of one terrain or of all terrains."""
+    keys = [PhotoKey.parse(path.stem) for path in sorted(photos.glob("*.png"))]
+    return [key for key in keys if terrain in (None, key.terrain)]
+
+
+def _write_twins(twins: Mapping[PhotoKey, Path], exact: pd.DataFrame, pictures: Path, labels: Path) -> None:
+    with writing_folder(pictures) as folder:
+        for key, path in twins.items():
+            png.write_png(folder / f"{key}.png", tone.to_8_bits(png.read_photo(path, (WIDTH, HEIGHT))))
+    tables.write_parquet(labels, tables.label_table(exact))
 
 
 def with_rock_ids(boxes: pd.DataFrame, identified: pd.DataFrame) -> pd.DataFrame:

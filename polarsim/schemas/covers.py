@@ -7,6 +7,7 @@ SINGLE, MEAN, MERGED = "one", "mean", "merged"
 # Training data of the detectors: rendered scenes only, or followed by labelled photos of other terrains.
 RENDERED, FINE_TUNED = "rendered", "fine_tuned"
 NO_SEED = -1
+CONTROL = "control"  # domain of twins with invented relief; no detector is trained on it
 COVER_FOUND = SHARED.table("""
     covers/folds/FOLD/seedN/TRAINED/found.parquet: A prediction on a cover photo of the fold
     key | str | | Key of the cover photo

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.cover_photos.twins import pair_covers_with_twins, with_rock_ids
+from polarsim.cover_photos.twins import convert_control, pair_covers_with_twins, with_rock_ids
 from polarsim.detect.tone import to_8_bits
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables
@@ -88,3 +88,15 @@ def test_photos_of_one_terrain_are_an_error_without_outputs(made, tmp_path):
         made(KEYS[:2])
     assert not (tmp_path / "pictures").exists()
     assert not (tmp_path / "labels").exists()
+
+
+def test_a_control_without_the_twin_of_a_photo_is_an_error(made, tmp_path):
+    made([KEYS[0], KEYS[2]])
+    paths = {"photos": tmp_path / "pictures/real", "rendered": tmp_path / "rendered.parquet"}
+    outputs = {"pictures": tmp_path / "control", "labels": tmp_path / "control.parquet"}
+    convert_control(**paths, twins=tmp_path / "hapke", **outputs)
+    assert sorted(path.stem for path in outputs["pictures"].iterdir()) == [KEYS[0], KEYS[2]]
+    assert sorted(tables.read_parquet(outputs["labels"])["key"]) == [KEYS[0], KEYS[2]]
+    (tmp_path / "hapke/Terrain03" / f"{KEYS[2]}.png").unlink()
+    with pytest.raises(DetectError, match=KEYS[2]):
+        convert_control(**paths, twins=tmp_path / "hapke", **outputs)

@@ -19,8 +19,8 @@ ROCK, SHADOW = [900.0, 500, 1000, 620], [1000.0, 520, 1200, 600]
 TERRAINS = (1, 3)
 REAL_RULES = (
     "real_tables", "read_covers", "carve_rocks", "render_scenes", "make_cover_dataset", "train_cover_detector",
-    "pair_covers_with_twins", "cut_domain_windows", "make_twin_dataset", "train_domain_detector", "predict_domains",
-    "compare_domains", "gather_domains", "report_real_tables",
+    "pair_covers_with_twins", "convert_control", "cut_domain_windows", "make_twin_dataset", "train_domain_detector",
+    "predict_domains", "compare_domains", "gather_domains", "report_real_tables",
 )  # fmt: skip
 RULES = (
     "cover_photos", "read_covers", "carve_rocks", "render_scenes", "make_cover_dataset", "train_cover_detector",
@@ -129,12 +129,12 @@ def test_covers_and_twins_become_the_tables_of_the_paper(checkout, snakemake, re
         vertices, faces, _ = box_mesh(np.zeros(3), np.array([0.2, 0.15, 0.1]))
         obj.write_obj(run / f"meshes/{name}/terrain{terrain:02d}_ground.obj", Mesh(vertices, faces), "ground")
         (run / f"cameras/located/{name}").mkdir(parents=True)  # without located positions
-        for model in ("principled", "hapke"):
+        for twins in ("renders/principled", "renders/hapke", "covers/control/pictures"):
             twin = np.full((HEIGHT, WIDTH), 900, np.uint16)
             twin[500:620, 900:1000], twin[520:600, 1000:1200] = 3000, 20
-            png.write_png(run / f"renders/{model}/{name}/{key}.png", twin)
+            png.write_png(run / f"{twins}/{name}/{key}.png", twin)
     rows = [label_row(key, kind, rock=2, box=box) for key in keys for kind, box in (("rock", ROCK), ("shadow", SHADOW))]
-    for stage in ("labels", "renders"):
+    for stage in ("labels", "renders", "covers/control"):
         tables.write_parquet(run / stage / "labels.parquet", tables.label_table(rows))
     content = yaml.safe_load((checkout / "config/real_tables.yaml").read_text()) | {"terrains": list(TERRAINS)}
     content["covers"] |= {"folds": [], "carved_scenes": 4, "carved_epochs": 1, "scenes": {"lamps": 2, "scale": 0.1}}
@@ -151,12 +151,13 @@ def test_covers_and_twins_become_the_tables_of_the_paper(checkout, snakemake, re
     detection = pd.read_csv(run / "tables/real_detection.csv")
     domains = {"real", "principled", "hapke"}
     rocks = detection[detection["kind"] == "rock"]
-    assert set(zip(rocks["trained"], rocks["evaluated"], strict=True)) == {(a, b) for a in domains for b in domains}
+    evaluated = {*domains, "control"}
+    assert set(zip(rocks["trained"], rocks["evaluated"], strict=True)) == {(a, b) for a in domains for b in evaluated}
     assert set(detection["images"]) == {2}
     assert set(detection["start"]) == {"carved rocks"}
     ipd = pd.read_csv(run / "tables/real_ipd.csv")
     assert set(ipd.loc[ipd["kind"] == "rock", "pairs"]) == {2}
-    assert ipd.groupby("trained").size().to_dict() == dict.fromkeys(domains, 6)  # three pairs of domains, two kinds
+    assert ipd.groupby("trained").size().to_dict() == dict.fromkeys(domains, 12)  # six pairs of domains, two kinds
     assert set(pd.read_csv(run / "tables/real_photos.csv")["key"]) == set(keys)
     labels = tables.read_parquet(run / "covers/domains/labels/real.parquet")
     assert set(zip(labels["source"], labels["rock"], strict=True)) == {("annotated", 2)}

@@ -1,10 +1,13 @@
-"""The two tables of the paper on real photos: detectors of cover photos and of their twins, evaluated on both domains."""
+"""The two tables of the paper on real photos: detectors of cover photos and of their twins, evaluated on both domains.
+
+The domain `control` has twins on a ground with invented relief. It is evaluated only.
+"""
 
 COMPARED = ["detection", "ipd", "differences", "instances"]  # tables of `compare_domains` with a row of every detector
 
 
 wildcard_constraints:
-    cover_domain=one_of(COVERS.domains),
+    cover_domain=one_of(COVERS.evaluated),
 
 
 rule real_tables:
@@ -34,6 +37,70 @@ rule pair_covers_with_twins:
         photo_domain=CONFIG.photo_domain,
     script:
         "../scripts/pair_covers_with_twins.py"
+
+
+rule invent_relief:
+    """Meshes of a terrain with invented relief of the ground."""
+    input:
+        meshes="results/{run}/meshes/Terrain{terrain}",
+    output:
+        control=directory("results/{run}/covers/control/meshes/Terrain{terrain}"),
+    resources:
+        mem_mb=memory_per_attempt(500),
+        runtime=10,
+    params:
+        seed=CONFIG.covers.scenes.seed,
+    script:
+        "../scripts/invent_relief.py"
+
+
+rule render_control:
+    """Twins of the cover photos of a terrain with invented relief, and labels."""
+    input:
+        cameras="results/{run}/cameras/Terrain{terrain}",
+        meshes="results/{run}/covers/control/meshes/Terrain{terrain}",
+        photos=f"results/{{run}}/covers/domains/pictures/{CONFIG.photo_domain}",
+    output:
+        twins=directory("results/{run}/covers/control/pictures/Terrain{terrain}"),
+        boxes=directory("results/{run}/covers/control/boxes/Terrain{terrain}"),
+        instances=directory("results/{run}/covers/control/instances/Terrain{terrain}"),
+        annotations="results/{run}/covers/control/coco/Terrain{terrain}.json",
+        table="results/{run}/covers/control/tables/Terrain{terrain}.parquet",
+    resources:
+        mem_mb=memory_per_attempt(3000),
+        runtime=30,
+        gpu=PATHS.gpus("render"),
+    params:
+        model=MODELS[0],
+        options=options("render"),
+    script:
+        "../scripts/render_control.py"
+
+
+use rule merge_labels as merge_control_labels with:
+    """Table of the labels of the twins with invented relief."""
+    input:
+        tables=of_run("results/{run}/covers/control/tables/Terrain{terrain}.parquet", terrain=TERRAINS),
+    output:
+        merged="results/{run}/covers/control/labels.parquet",
+
+
+rule convert_control:
+    """Images and labels of the control."""
+    input:
+        photos=f"results/{{run}}/covers/domains/pictures/{CONFIG.photo_domain}",
+        twins=of_run("results/{run}/covers/control/pictures/Terrain{terrain}", terrain=TERRAINS),
+        rendered="results/{run}/covers/control/labels.parquet",
+    output:
+        pictures=directory(f"results/{{run}}/covers/domains/pictures/{COVERS.evaluated[-1]}"),
+        labels=f"results/{{run}}/covers/domains/labels/{COVERS.evaluated[-1]}.parquet",
+    resources:
+        mem_mb=memory_per_attempt(1000),
+        runtime=10,
+    params:
+        twins=f"results/{RUN}/covers/control/pictures",  # folder above the terrains
+    script:
+        "../scripts/convert_control.py"
 
 
 use rule cut_windows as cut_domain_windows with:
@@ -83,14 +150,14 @@ use rule predict as predict_domains with:
     """Predictions on the cover photos of a fold and on their twins."""
     input:
         weights="results/{run}/covers/folds/{fold}/seed{seed}/domains/{cover_domain}.pt",
-        datasets=expand("results/{{run}}/covers/folds/{{fold}}/domains/{domain}", domain=COVERS.domains),
-        pictures=expand("results/{{run}}/covers/domains/pictures/{domain}", domain=COVERS.domains),  # read through datasets
+        datasets=expand("results/{{run}}/covers/folds/{{fold}}/domains/{domain}", domain=COVERS.evaluated),
+        pictures=expand("results/{{run}}/covers/domains/pictures/{domain}", domain=COVERS.evaluated),  # read through datasets
         cameras=PATHS.sand("cameras/located", COVERS.terrains),
         meshes=PATHS.sand("meshes", COVERS.terrains),
     output:
         predictions=expand(
             "results/{{run}}/covers/folds/{{fold}}/seed{{seed}}/domains/predictions/{{cover_domain}}_on_{domain}.parquet",
-            domain=COVERS.domains,
+            domain=COVERS.evaluated,
         ),
 
 
@@ -101,9 +168,9 @@ rule compare_domains:
             "results/{{run}}/covers/folds/{fold}/seed{{seed}}/domains/predictions/{trained}_on_{evaluated}.parquet",
             fold=COVERS.folds,
             trained=COVERS.domains,
-            evaluated=COVERS.domains,
+            evaluated=COVERS.evaluated,
         ),
-        labels=expand("results/{{run}}/covers/domains/labels/{domain}.parquet", domain=COVERS.domains),
+        labels=expand("results/{{run}}/covers/domains/labels/{domain}.parquet", domain=COVERS.evaluated),
         datasets=expand(
             "results/{{run}}/covers/folds/{fold}/domains/{domain}", fold=COVERS.folds, domain=COVERS.domains[:1]
         ),
@@ -114,7 +181,7 @@ rule compare_domains:
         mem_mb=memory_per_attempt(1000),
         runtime=15,
     params:
-        domains=COVERS.domains,
+        domains=COVERS.evaluated,
         photo_domain=CONFIG.photo_domain,
         options=options("detect.comparison"),
         training=COVERS.fine_tuning(),

@@ -1,0 +1,26 @@
+"""Render the twins of the cover photos of a terrain with invented relief."""
+
+from pathlib import Path
+
+from polarsim.cover_photos.twins import photo_keys
+from polarsim.render.options import RenderOptions
+from polarsim.render.twins import LabelPaths, render_twins
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    render_twins(
+        terrain=int(snakemake.wildcards.terrain),
+        keys=photo_keys(Path(snakemake.input.photos), int(snakemake.wildcards.terrain)),
+        cameras=Path(snakemake.input.cameras),
+        meshes=Path(snakemake.input.meshes),
+        photos=None,
+        twins={snakemake.params.model: Path(snakemake.output.twins)},
+        labels=LabelPaths(
+            boxes=Path(snakemake.output.boxes),
+            instances=Path(snakemake.output.instances),
+            annotations=Path(snakemake.output.annotations),
+            table=Path(snakemake.output.table),
+        ),
+        options=RenderOptions(**snakemake.params.options),
+        threads=snakemake.threads,
+    )
