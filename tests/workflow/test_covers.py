@@ -159,6 +159,7 @@ def test_covers_and_twins_become_the_tables_of_the_paper(checkout, snakemake, re
     assert set(ipd.loc[ipd["kind"] == "rock", "pairs"]) == {2}
     assert ipd.groupby("trained").size().to_dict() == dict.fromkeys(domains, 12)  # six pairs of domains, two kinds
     assert set(pd.read_csv(run / "tables/real_photos.csv")["key"]) == set(keys)
+    assert [png.read_png(run / f"figures/real_{name}.png").shape[1] for name in ("ipd", "pairs")] == [1600, 1600]
     labels = tables.read_parquet(run / "covers/domains/labels/real.parquet")
     assert set(zip(labels["source"], labels["rock"], strict=True)) == {("annotated", 2)}
     for fold, other in (("01", "03"), ("03", "01")):

@@ -14,6 +14,7 @@ rule real_tables:
     """All outputs of this stage."""
     input:
         of_run("results/{run}/tables/real_{table}.csv", table=["detection", "ipd", "differences", "photos"]),
+        of_run("results/{run}/figures/real_{figure}.png", figure=["ipd", "pairs"]),
 
 
 rule pair_covers_with_twins:
@@ -206,12 +207,14 @@ use rule gather_tables as gather_domains with:
 
 
 rule report_real_tables:
-    """Tables of detection and IPD in the layout of the paper, paired differences, and the IPD of each photo."""
+    """Tables of detection and IPD in the layout of the paper, paired differences, the IPD of each photo; figures."""
     input:
         detection="results/{run}/covers/domains/detection.parquet",
         ipd="results/{run}/covers/domains/ipd.parquet",
         differences="results/{run}/covers/domains/differences.parquet",
         photos="results/{run}/covers/domains/photos.parquet",
+        pictures=expand("results/{{run}}/covers/domains/pictures/{domain}", domain=COVERS.evaluated),
+        labels=expand("results/{{run}}/covers/domains/labels/{domain}.parquet", domain=COVERS.evaluated),
     output:
         **table_files(
             real_detection="detection on real photos and twins",
@@ -219,10 +222,13 @@ rule report_real_tables:
             real_differences="paired differences on real photos and twins",
             real_photos="IPD of each real photo",
         ),
+        ipd_figure=shown("results/{run}/figures/real_ipd.png", "Detection", picture="IPD of real photos and twins"),
+        pairs_figure=shown("results/{run}/figures/real_pairs.png", "Detection", picture="real photos and twins"),
     resources:
-        mem_mb=memory_per_attempt(500),
+        mem_mb=memory_per_attempt(1000),
         runtime=5,
     params:
+        domains=COVERS.evaluated,
         origin=ORIGIN,
     script:
         "../scripts/report_real_tables.py"

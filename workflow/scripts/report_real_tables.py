@@ -1,7 +1,10 @@
-"""Tabulate detectors of cover photos and of their twins."""
+"""Tabulate and draw detectors of cover photos and of their twins."""
 
 from pathlib import Path
 
+from polarsim.job_files import list_of_paths
+from polarsim.report.figures.detectors import draw_ipd
+from polarsim.report.figures.real_pairs import draw_real_pairs
 from polarsim.report.real_tables import tabulate_real_tables
 from polarsim.reporting import reporting
 
@@ -13,4 +16,14 @@ with reporting(log=snakemake.log[0]):
         photos=Path(snakemake.input.photos),
         tables=Path(snakemake.output.real_detection).parent,
         origin=snakemake.params.origin,
+    )
+    draw_ipd(
+        ipd=Path(snakemake.input.ipd),
+        figure=Path(snakemake.output.ipd_figure),
+        origin=snakemake.params.origin,
+    )
+    draw_real_pairs(
+        pictures=dict(zip(snakemake.params.domains, list_of_paths(snakemake.input.pictures), strict=True)),
+        labels=dict(zip(snakemake.params.domains, list_of_paths(snakemake.input.labels), strict=True)),
+        figure=Path(snakemake.output.pairs_figure),
     )
