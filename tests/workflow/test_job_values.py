@@ -67,7 +67,7 @@ POLAR = {
 PLANS = (
     (ANALOG, ("all", "rover", "rover_autonomy", "publish")),
     (FITTED, ("all",)),
-    (RELEASE, ("all",)),
+    (RELEASE, ("all", "real_tables")),
     (ONE_SEED, ("cover_photos",)),
     (POLAR, ("tables",)),
 )

@@ -23,6 +23,7 @@ rule pair_covers_with_twins:
         photos="results/{run}/covers/photos",
         annotated="results/{run}/covers/labels.parquet",
         propagated="results/{run}/labels/labels.parquet",  # rock ids of the human boxes
+        # read through params.twins
         twins=of_run("results/{run}/renders/{model}/Terrain{terrain}", model=MODELS, terrain=TERRAINS),
         rendered="results/{run}/renders/labels.parquet",
     output:
@@ -90,6 +91,7 @@ rule convert_control:
     """Images and labels of the control."""
     input:
         photos=f"results/{{run}}/covers/domains/pictures/{CONFIG.photo_domain}",
+        # read through params.twins
         twins=of_run("results/{run}/covers/control/pictures/Terrain{terrain}", terrain=TERRAINS),
         rendered="results/{run}/covers/control/labels.parquet",
     output:
@@ -216,6 +218,7 @@ rule report_real_tables:
         pictures=expand("results/{{run}}/covers/domains/pictures/{domain}", domain=COVERS.evaluated),
         labels=expand("results/{{run}}/covers/domains/labels/{domain}.parquet", domain=COVERS.evaluated),
     output:
+        # written through real_detection
         **table_files(
             real_detection="detection on real photos and twins",
             real_ipd="IPD of real photos and twins",
