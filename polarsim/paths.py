@@ -462,6 +462,8 @@ class CoverPaths:
         self.best = f"{{fold}}/seed{self.first_seed}/{self.trainings[-1]}"
         self.domains = [config.photo_domain, *run.models]  # of the detectors of `real_tables`
         self.evaluated = [*self.domains, CONTROL]
+        self.folders_of_twins = {model: f"results/{run.run}/renders/{model}" for model in run.models}  # above terrains
+        self.folders_of_twins[CONTROL] = f"results/{run.run}/covers/control/pictures"
 
     @property
     def start(self) -> str:

@@ -5,12 +5,17 @@ CSV and Parquet contain a row per training seed, Markdown and LaTeX the mean ove
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
+from polarsim.formats import png
 from polarsim.formats.tables import read_parquet
-from polarsim.photo import ROCK
+from polarsim.intervals import bootstrap_interval
+from polarsim.photo import ROCK, PhotoKey
+from polarsim.randomness import generator
 from polarsim.report import paper
 from polarsim.report.detection_table import (
     CAPTION as DETECTION_CAPTION,
@@ -28,9 +33,10 @@ from polarsim.report.detectors import tabulate_differences
 from polarsim.report.ipd_table import CAPTION as IPD_CAPTION
 from polarsim.report.ipd_table import FORMULA_NOTE, format_ipd, tidy_ipd
 from polarsim.report.layout import write_blocks, write_table
-from polarsim.report.training_seeds import SEED, seed_means
+from polarsim.report.training_seeds import SEED, seed_means, value_and_interval
 from polarsim.schemas import detect
 from polarsim.schemas.covers import PHOTO_IPD
+from polarsim.scoring.appearance import compare_appearance
 
 LABELS_NOTE = (
     "Photos have human boxes, twins have rendered boxes. IPD compares the rocks with both; rocks without a mesh are "
@@ -44,19 +50,44 @@ PHOTOS_CAPTION = (
     "IPD of each photo: mean IoU of rocks in the photo, and for each domain of twins the mean IoU / mean difference / "
     "mean absolute difference (T: trained on)."
 )
+APPEARANCE_CAPTION = "Appearance of the twins of the same photos: median over photos [95 %], and IPD over all rocks."
 PHOTOS_NOTE = (
-    "Difference: photo minus twin, positive if the twin is harder. The CSV and Parquet files also contain shadows."
+    "Difference: photo minus twin, positive if the twin is harder. Control: twins with invented relief. The CSV and "
+    "Parquet files also contain shadows."
+)
+APPEARANCE_NOTE = (
+    "Appearance: PSNR, SSIM and correlation of photo and twin at a quarter of the size after the best increasing tone "
+    "curve. Photos are 8-bit images with erased annotations."
 )
 _SIDES = ("kind", "split", "trained", "evaluated")
 _PAIRS = ("kind", "split", "trained", "first", "second")
 _PHOTOS = ("kind", "trained", "key", "twin")
 _PHOTO_MEASURES = ("iou_photo", "iou_twin", "difference", "ipd_abs")
+_LIKENESS = ("psnr_db", "ssim", "correlation")
 
 
 def tabulate_real_tables(
-    *, detection: Path, ipd: Path, differences: Path, photos: Path, tables: Path, origin: dict[str, str]
+    *,
+    detection: Path,
+    ipd: Path,
+    differences: Path,
+    photos: Path,
+    pictures: Path,
+    twins: Mapping[str, Path],
+    tables: Path,
+    origin: dict[str, str],
 ) -> None:
-    """Write real_detection, real_ipd, real_differences and real_photos, each as {csv,md,tex,parquet}."""
+    """Write real_detection, real_ipd, real_differences and real_photos, each as {csv,md,tex,parquet}.
+
+    Parameters
+    ----------
+    photos : Path
+        Table of the IPD of each photo, written by `compare_domains`.
+    pictures : Path
+        Folder of cover photos, `KEY.png`.
+    twins : mapping of str to Path
+        Folder above `TerrainTT/KEY.png` of each domain of twins.
+    """
     scores = tidy_detection(read_parquet(detection, detect.DETECTION.columns), origin["source"])
     common = [*detector_notes(scores), *_seed_notes(scores)]
     shown = seed_means(scores, _SIDES, MEASURES)
@@ -72,14 +103,48 @@ def tabulate_real_tables(
     stem = tables / "real_differences"
     tabulate_differences(differences=differences, detection=detection, stem=stem, origin=origin)
 
-    by_photo = tidy_photos(read_parquet(photos, PHOTO_IPD.columns))
-    shown = format_photos(seed_means(by_photo, _PHOTOS, _PHOTO_MEASURES))
-    notes = [PHOTOS_NOTE, LABELS_NOTE, *common]
-    write_table(tables / "real_photos", by_photo, PHOTOS_CAPTION, layout=shown, notes=notes, origin=origin)
+    likeness = appearance_of_twins(pictures, twins)
+    by_photo = tidy_photos(read_parquet(photos, PHOTO_IPD.columns), likeness)
+    blocks = {
+        APPEARANCE_CAPTION: format_appearance(likeness, pairs),
+        PHOTOS_CAPTION: format_photos(seed_means(by_photo, _PHOTOS, _PHOTO_MEASURES)),
+    }
+    notes = [PHOTOS_NOTE, APPEARANCE_NOTE, LABELS_NOTE, *common]
+    write_blocks(tables / "real_photos", by_photo, blocks, notes, origin)
 
 
-def tidy_photos(photos: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows in the order of kinds and of the paper's domains."""
+def appearance_of_twins(pictures: Path, twins: Mapping[str, Path]) -> pd.DataFrame:
+    """Return a row per photo and domain of twins: key, twin, psnr_db, ssim, correlation."""
+    rows = []
+    for path in sorted(pictures.glob("*.png")):
+        photo, terrain = png.read_png(path), PhotoKey.parse(path.stem).terrain
+        for twin, folder in twins.items():
+            compared = compare_appearance(photo, png.read_png(folder / f"Terrain{terrain:02d}" / path.name))
+            rows.append((path.stem, twin, *(getattr(compared, name) for name in _LIKENESS)))
+    return pd.DataFrame(rows, columns=["key", "twin", *_LIKENESS])
+
+
+def format_appearance(likeness: pd.DataFrame, ipd: pd.DataFrame) -> pd.DataFrame:
+    """Return a row per domain of twins: medians over photos with intervals, and the IPD to photos of each detector."""
+    rows = []
+    rocks = ipd[(ipd["kind"] == ROCK) & (ipd["first"] == paper.REAL)]
+    for twin, part in likeness.groupby("twin", sort=False):
+        row = {"twins": paper.domain_title(str(twin)), "photos": str(len(part))}
+        for name, title, decimals in zip(_LIKENESS, ("PSNR, dB", "SSIM", "correlation"), (1, 3, 3), strict=True):
+            values = part[name].to_numpy(float)
+            random = generator(0, "report", "appearance", name)
+            low, high = bootstrap_interval(np.split(values, len(values)), lambda some: float(np.median(some)), random)
+            row[title] = value_and_interval(float(np.median(values)), low, high, f".{decimals}f")
+        for trained, found in rocks[rocks["second"] == twin].groupby("trained", sort=False):
+            means = found[["ipd", "ipd_abs"]].mean()
+            row[f"IPD / IPD_abs, T: {paper.domain_title(str(trained))}"] = f"{means.iloc[0]:.3f} / {means.iloc[1]:.3f}"
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def tidy_photos(photos: pd.DataFrame, likeness: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows with the appearance of the twin, in the order of kinds and of the paper's domains."""
+    photos = photos.merge(likeness, on=["key", "twin"], how="left", validate="many_to_one")
     domains = (photos[name].map(paper.domain_rank) for name in ("trained", "twin"))
     return paper.sorted_rows(photos, photos["kind"].map(KINDS.index), *domains, photos["key"], photos[SEED])
 

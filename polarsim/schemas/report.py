@@ -14,6 +14,9 @@ SHARED = Shared(
     map_metrics: map50 map50_95 | float64 | 1 | Average precision at IoU 0.5, and mean over IoU 0.5 to 0.95
     map_metrics: iou_mean | float64 | 1 | Mean over labelled rocks of the largest IoU with a prediction; 0 if
         undetected
+    likeness_to_photo: psnr_db | float64 | dB | PSNR of photo and twin at a quarter of the size after the best
+        increasing tone curve
+    likeness_to_photo: ssim correlation | float64 | 1 | Structural similarity and correlation of the same images
     found_by | str | | Origin: `scan`, `published` or `override`
     boxes | str | | Boxes: `detector`, `truth` (labels instead of detections), or `visible` (labels with contrast in
         the image)
@@ -121,7 +124,11 @@ REAL_IPD = Table("tables/real_ipd", "A detector, pair of domains and kind", IPD.
 REAL_DIFFERENCES = Table(
     "tables/real_differences", "A comparison of two detectors or domains", detect.DIFFERENCES.declared
 )
-REAL_PHOTOS = Table("tables/real_photos", "A detector, domain of twins, photo and kind", covers.PHOTO_IPD.declared)
+REAL_PHOTOS = Table(
+    "tables/real_photos",
+    "A detector, domain of twins, photo and kind",
+    (*covers.PHOTO_IPD.declared, *SHARED["likeness_to_photo"]),
+)
 MASKS = Table("tables/masks", "A region, photo and class", covers.MASK_SCORES.declared)
 EVALUATION = Table("tables/evaluation", "A metric and terrain", evaluation.EVALUATION.declared)
 ROVER_DRIVES = Table("tables/rover", "A controller, metric and wheel", rover.DRIVES.declared)

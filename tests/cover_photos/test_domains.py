@@ -7,11 +7,12 @@ import pytest
 from polarsim.cover_photos.domains import compare_domains, pool_folds
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.errors import DetectError
-from polarsim.formats import tables
+from polarsim.formats import png, tables
+from polarsim.report.figures.real_gap import draw_real_gap
 from polarsim.report.real_tables import tabulate_real_tables
 from polarsim.schemas.covers import PHOTO_IPD
 from polarsim.schemas.detect import PREDICTIONS
-from polarsim.schemas.report import REAL_DETECTION, REAL_IPD
+from polarsim.schemas.report import REAL_DETECTION, REAL_IPD, REAL_PHOTOS
 from tests.support.label_rows import label_row
 
 FOLDS = {"01": ["01_A_off_30_L_0256", "01_C_off_30_L_0256"], "03": ["03_A_off_30_R_0256"]}
@@ -110,7 +111,23 @@ def test_tables_have_the_values_of_the_paper_and_intervals(tmp_path):
         paths[name] = tmp_path / f"all_{name}.parquet"
         tables.write_parquet(paths[name], pd.concat(seeds, ignore_index=True))
     origin = {"run": "real_tables", "source": "release", "config": "1a2b"}
-    tabulate_real_tables(**paths, tables=tmp_path / "tables", origin=origin)
+    random = np.random.default_rng(0)
+    for key in KEYS:
+        photo = random.integers(0, 256, (304, 484)).astype(np.uint8).repeat(4, 0).repeat(4, 1)
+        png.write_png(tmp_path / "photos" / f"{key}.png", photo)
+        for model in ("principled", "hapke"):  # hapke: the photo after a tone curve; principled: another image
+            twin = photo.astype(np.uint16) ** 2 // 20 if model == "hapke" else photo[::-1].astype(np.uint16)
+            png.write_png(tmp_path / model / f"Terrain{key[:2]}" / f"{key}.png", twin)
+    tabulate_real_tables(
+        **paths, pictures=tmp_path / "photos", twins={model: tmp_path / model for model in ("principled", "hapke")},
+        tables=tmp_path / "tables", origin=origin,
+    )  # fmt: skip
+    photos = tables.read_parquet(tmp_path / "tables/real_photos.parquet", REAL_PHOTOS.columns)
+    ssim = photos.groupby("twin")["ssim"].mean()
+    assert ssim["hapke"] > 0.99  # no matter how much worse the detections are
+    assert ssim["principled"] < 0.2
+    draw_real_gap(photos=tmp_path / "tables/real_photos.parquet", figure=tmp_path / "gap.png", width=800)
+    assert png.read_png(tmp_path / "gap.png").shape[1] == 800
     text = (tmp_path / "tables/real_detection.md").read_text()
     assert "0.987 / 0.805 / 0.849" in text  # the paper's detector of photos on photos
     assert "0.950 / " in text  # mean over seeds of 1 and 0.9

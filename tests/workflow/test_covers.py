@@ -20,7 +20,7 @@ TERRAINS = (1, 3)
 REAL_RULES = (
     "real_tables", "read_covers", "carve_rocks", "render_scenes", "make_cover_dataset", "train_cover_detector",
     "pair_covers_with_twins", "convert_control", "cut_domain_windows", "make_twin_dataset", "train_domain_detector",
-    "predict_domains", "compare_domains", "gather_domains", "report_real_tables",
+    "predict_domains", "compare_domains", "gather_domains", "report_real_tables", "draw_real_gap",
 )  # fmt: skip
 RULES = (
     "cover_photos", "read_covers", "carve_rocks", "render_scenes", "make_cover_dataset", "train_cover_detector",
@@ -159,7 +159,8 @@ def test_covers_and_twins_become_the_tables_of_the_paper(checkout, snakemake, re
     assert set(ipd.loc[ipd["kind"] == "rock", "pairs"]) == {2}
     assert ipd.groupby("trained").size().to_dict() == dict.fromkeys(domains, 12)  # six pairs of domains, two kinds
     assert set(pd.read_csv(run / "tables/real_photos.csv")["key"]) == set(keys)
-    assert [png.read_png(run / f"figures/real_{name}.png").shape[1] for name in ("ipd", "pairs")] == [1600, 1600]
+    figures = [png.read_png(run / f"figures/real_{name}.png") for name in ("ipd", "pairs", "gap")]
+    assert [figure.shape[1] for figure in figures] == [1600] * 3
     labels = tables.read_parquet(run / "covers/domains/labels/real.parquet")
     assert set(zip(labels["source"], labels["rock"], strict=True)) == {("annotated", 2)}
     for fold, other in (("01", "03"), ("03", "01")):

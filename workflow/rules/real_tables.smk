@@ -14,7 +14,7 @@ rule real_tables:
     """All outputs of this stage."""
     input:
         of_run("results/{run}/tables/real_{table}.csv", table=["detection", "ipd", "differences", "photos"]),
-        of_run("results/{run}/figures/real_{figure}.png", figure=["ipd", "pairs"]),
+        of_run("results/{run}/figures/real_{figure}.png", figure=["ipd", "pairs", "gap"]),
 
 
 rule pair_covers_with_twins:
@@ -35,7 +35,7 @@ rule pair_covers_with_twins:
         runtime=10,
     params:
         domains=COVERS.domains,
-        twins={model: f"results/{RUN}/renders/{model}" for model in MODELS},  # folders above the terrains
+        twins={model: COVERS.folders_of_twins[model] for model in MODELS},
         photo_domain=CONFIG.photo_domain,
     script:
         "../scripts/pair_covers_with_twins.py"
@@ -101,7 +101,7 @@ rule convert_control:
         mem_mb=memory_per_attempt(1000),
         runtime=10,
     params:
-        twins=f"results/{RUN}/covers/control/pictures",  # folder above the terrains
+        twins=COVERS.folders_of_twins[COVERS.evaluated[-1]],
     script:
         "../scripts/convert_control.py"
 
@@ -217,6 +217,10 @@ rule report_real_tables:
         photos="results/{run}/covers/domains/photos.parquet",
         pictures=expand("results/{{run}}/covers/domains/pictures/{domain}", domain=COVERS.evaluated),
         labels=expand("results/{{run}}/covers/domains/labels/{domain}.parquet", domain=COVERS.evaluated),
+        twins=of_run(  # read through params.twins
+            "results/{run}/renders/{model}/Terrain{terrain}", model=MODELS, terrain=TERRAINS
+        ),
+        control=of_run("results/{run}/covers/control/pictures/Terrain{terrain}", terrain=TERRAINS),  # read through params.twins
     output:
         # written through real_detection
         **table_files(
@@ -232,6 +236,20 @@ rule report_real_tables:
         runtime=5,
     params:
         domains=COVERS.evaluated,
+        twins=COVERS.folders_of_twins,
         origin=ORIGIN,
     script:
         "../scripts/report_real_tables.py"
+
+
+rule draw_real_gap:
+    """Difference of detection between photos and twins over the appearance of the twins."""
+    input:
+        photos="results/{run}/tables/real_photos.parquet",
+    output:
+        figure=shown("results/{run}/figures/real_gap.png", "Detection", picture="IPD and appearance"),
+    resources:
+        mem_mb=memory_per_attempt(500),
+        runtime=5,
+    script:
+        "../scripts/draw_real_gap.py"

@@ -14,6 +14,8 @@ with reporting(log=snakemake.log[0]):
         ipd=Path(snakemake.input.ipd),
         differences=Path(snakemake.input.differences),
         photos=Path(snakemake.input.photos),
+        pictures=Path(snakemake.input.pictures[0]),
+        twins={domain: Path(folder) for domain, folder in snakemake.params.twins.items()},
         tables=Path(snakemake.output.real_detection).parent,
         origin=snakemake.params.origin,
     )
