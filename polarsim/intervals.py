@@ -50,6 +50,20 @@ def resampled_ratios(values: np.ndarray, weights: np.ndarray, unit: np.ndarray, 
     return np.divide(total, weight, out=np.full(len(drawn), np.nan), where=weight > 0)
 
 
+def resampled_medians(values: np.ndarray, unit: np.ndarray, drawn: np.ndarray) -> np.ndarray:
+    """Return medians (resamples,) of finite values (n,) of units (n,) for `bootstrap_draws`; NaN without any value.
+
+    A value counts as often as its unit is drawn; the median of an even number of values is the mean of the middle two.
+    """
+    order = np.argsort(values, kind="stable")
+    values, counts = values[order], drawn[:, unit[order]].cumsum(axis=1)
+    if not len(values):
+        return np.full(len(drawn), np.nan)
+    half = counts[:, -1:] / 2
+    lower, upper = ((counts >= half).argmax(axis=1), (counts > half).argmax(axis=1))
+    return np.where(counts[:, -1] > 0, (values[lower] + values[upper]) / 2, np.nan)
+
+
 def bootstrap_interval(
     groups: Sequence[np.ndarray],
     statistic: Callable[[np.ndarray], float],

@@ -149,6 +149,13 @@ class RunPaths:
         """The fitted materials of a terrain; empty if none are fitted."""
         return self.fitted_materials if self.config.render.materials_from_photos else []
 
+    def twins_of_another_terrain(self, wildcards: Wildcards) -> list[str]:
+        """Return the twins of the next terrain of the run with every model; empty for a single terrain."""
+        if len(self.terrains) < 2:
+            return []
+        other = self.terrains[(self.terrains.index(wildcards.terrain) + 1) % len(self.terrains)]
+        return [f"results/{wildcards.run}/renders/{model}/Terrain{other}" for model in self.models]
+
     # Detectors
 
     def pictures(self, wildcards: Wildcards) -> list[str]:
@@ -322,7 +329,11 @@ class RunPaths:
     def tables_of_page(self) -> list[str]:
         """Return the tables that the results page shows."""
         covers = self.config.covers.run
-        names = [] if self.only_covers else ["evaluation", "cameras", "alignment", "rocks", "meshes", "render"]
+        names = (
+            []
+            if self.only_covers
+            else ["evaluation", "cameras", "alignment", "rocks", "meshes", "render"]
+        )
         names += ["labels", "reliability"] if self.scored_terrains and not self.only_covers else []
         names += [*TABLES_OF_DETECTORS, "ipd_rocks"] if self.domains else []
         names += ["stereo"] if self.has_stereo else []
@@ -486,6 +497,11 @@ class CoverPaths:
             for files in (cover_photos(root, terrain), label_files(root, terrain))
             for path in files.values()
         ]
+
+    def instead_of_photos(self, name: str) -> str | list[str]:
+        """Return a folder of `covers` to compare twins with; empty if the source has photos, or no cover photos."""
+        compared = not self.config.data_source.has_photos and self.terrains
+        return f"results/{{run}}/covers/{name}" if compared else []
 
     def number_of_scenes(self, wildcards: Wildcards) -> int:
         """Return the number of scenes with a terrain's rocks."""

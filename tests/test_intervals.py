@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from polarsim.intervals import (
     bootstrap_draws,
     bootstrap_interval,
     percentile_interval,
     resampled_means,
+    resampled_medians,
     student_interval,
 )
 from polarsim.randomness import generator
@@ -48,3 +51,13 @@ def test_resamples_without_a_value_are_left_out():
     assert np.isnan(means[0])
     assert percentile_interval(means, 2) == (2.0, 2.0)
     assert np.isnan(percentile_interval(np.full(3, np.nan), 2)).all()
+
+
+@given(st.lists(st.tuples(st.integers(-5, 5), st.integers(0, 3)), min_size=1, max_size=9))
+def test_resampled_medians_are_those_of_repeated_values(pairs):
+    values, unit = np.array(pairs, float).T
+    drawn = bootstrap_draws(4, 20, 1)
+    medians = resampled_medians(values, unit.astype(int), drawn)
+    repeats = [np.repeat(values, draws[unit.astype(int)].astype(int)) for draws in drawn]
+    np.testing.assert_array_equal(medians, [np.median(each) if len(each) else np.nan for each in repeats])
+    assert np.isnan(resampled_medians(values[:0], unit[:0].astype(int), drawn)).all()

@@ -33,10 +33,11 @@ log = logging.getLogger("polarsim")
 
 @dataclass(frozen=True)
 class Cover:
-    """Cover photo in the size of a photo: grey values (h, w) uint8 without strokes, and the drawn boxes (n, 4)."""
+    """Cover photo in the size of a photo: grey values (h, w) uint8 without strokes, strokes, and drawn boxes (n, 4)."""
 
     photo: np.ndarray
     drawn: np.ndarray
+    strokes: np.ndarray  # (h, w) bool
 
 
 def read_covers(
@@ -47,6 +48,7 @@ def read_covers(
     pictures: Path,
     labels: Path,
     pairing: Path,
+    drawn: Path | None = None,
 ) -> None:
     """Write every cover photo without strokes as `KEY.png` (8 bits, size of a photo), and the labels of the keys.
 
@@ -60,10 +62,12 @@ def read_covers(
         Known photo keys, which override the match of shadows.
     pairing : Path
         CSV to write: a row per cover photo and exposure bracket, with the measures of the match.
+    drawn : Path, optional
+        Folder of masks `KEY.png` to write, 255 at strokes and 0 elsewhere.
     """
     named = {key.station: key for key in map(PhotoKey.parse, keys)}
     rows: list[tuple[object, ...]] = []
-    photos: dict[PhotoKey, np.ndarray] = {}
+    photos: dict[PhotoKey, Cover] = {}
     annotated: list[dict[str, object]] = []
     for terrain in terrains:
         files = release.label_files(root, terrain)
@@ -77,15 +81,19 @@ def read_covers(
                 continue
             rows += [(path.name, *row) for row in paired.itertuples(index=False)]
             key = PhotoKey.parse(str(paired.loc[paired["shown"], "key"].item()))
-            photos[key] = cover.photo
+            photos[key] = cover
             annotated += annotation_rows(key, files[key])
     if named:
         raise DetectError(f"no cover photo for key {next(iter(named.values()))}", path=root)
     if not photos:
         raise DetectError(f"no usable cover photo of terrains {', '.join(map(str, terrains))}", path=root)
     with writing_folder(pictures) as folder:
-        for key, photo in photos.items():
-            png.write_png(folder / f"{key}.png", photo)
+        for key, cover in photos.items():
+            png.write_png(folder / f"{key}.png", cover.photo)
+    if drawn is not None:
+        with writing_folder(drawn) as folder:
+            for key, cover in photos.items():
+                png.write_png(folder / f"{key}.png", np.where(cover.strokes, 255, 0).astype(np.uint8))
     tables.write_parquet(labels, tables.label_table(annotated))
     table = pd.DataFrame(rows, columns=list(PAIRING_COLUMNS))
     tables.write_csv(pairing, table.round({"drawn_iou": 3, "shadow_contrast": 3}))
@@ -103,8 +111,9 @@ def read_cover(path: Path) -> Cover:
     if picture.ndim == 2:
         picture = np.repeat(picture[..., None], 3, axis=-1)
     picture = np.ascontiguousarray(picture[..., :3])
-    drawn = find_drawn_boxes(find_strokes(picture)) * (WIDTH / width)
-    return Cover(resize(erase_strokes(picture), (WIDTH, HEIGHT)), drawn)
+    strokes = find_strokes(picture)
+    covered = resize(np.where(strokes, 255, 0).astype(np.uint8), (WIDTH, HEIGHT)) > 0
+    return Cover(resize(erase_strokes(picture), (WIDTH, HEIGHT)), find_drawn_boxes(strokes) * (WIDTH / width), covered)
 
 
 def in_eight_bits(picture: np.ndarray) -> np.ndarray:

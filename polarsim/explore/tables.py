@@ -54,7 +54,7 @@ def _scores(run: Run) -> pd.DataFrame:
         if pairs is not None:
             mean = pairs.dropna(subset=["iou_best"]).groupby("key")["iou_best"].mean()
             parts.append(mean.rename("score").reset_index().assign(domain=PHOTO))
-        twins = run.table(f"evaluation/twin_pairs_Terrain{terrain:02d}.parquet")
+        twins = run.table(f"evaluation/appearance_Terrain{terrain:02d}.parquet")
         if twins is not None:
             parts.append(twins.rename(columns={"model": "domain", "ssim": "score"})[["key", "domain", "score"]])
     scores = pd.concat(parts) if parts else pd.DataFrame(columns=["key", "domain", "score"])

@@ -1,4 +1,4 @@
-"""Table of the similarity of twins to photos and of rendered ground-truth boxes to true boxes."""
+"""Table of the brightness of twins over that of photos and of rendered ground-truth boxes against true boxes."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ import pandas as pd
 
 from polarsim.formats.tables import read_csv, read_parquet
 from polarsim.report.layout import MISSING, grid, write_blocks
-from polarsim.schemas.evaluation import TWIN_PAIRS
+from polarsim.schemas.evaluation import APPEARANCE_PAIRS
 from polarsim.schemas.report import RENDER
 from polarsim.scoring.metrics import COLUMNS as METRIC_COLUMNS
 from polarsim.scoring.metrics import TRUTH_NAMES
+from polarsim.scoring.twin_photos import subject_of
 
 COLUMNS = RENDER.dtypes
 GROUPS = ("all", "terrain", "position", "azimuth", "light", "camera")
-SIMILARITY = ("log2_twin_over_photo", "log2_difference", "ssim")
+BRIGHTNESS = ("log2_twin_over_photo", "log2_difference")
 BOXES = ("f1", "miou")
 _BOTH_CAMERAS = ": all"  # suffix of the subjects of box scores over both cameras
 
@@ -28,22 +29,25 @@ def tabulate_render(
     *, pairs: Sequence[Path], evaluation: Sequence[Path], table: Path, origin: Mapping[str, str]
 ) -> None:
     """Write the table of twins from the terrains' pairs and metric files; `table` is a path without suffix."""
-    likeness = pd.concat([read_parquet(path, TWIN_PAIRS.columns) for path in pairs], ignore_index=True)
+    likeness = pd.concat([read_parquet(path, APPEARANCE_PAIRS.columns) for path in pairs], ignore_index=True)
     scores = pd.concat([read_csv(path, METRIC_COLUMNS) for path in evaluation], ignore_index=True)
     boxes = box_rows(scores)
-    rows = pd.concat([similarity_rows(likeness), boxes], ignore_index=True).astype(COLUMNS)
+    rows = pd.concat([brightness_rows(likeness), boxes], ignore_index=True).astype(COLUMNS)
     against = " and ".join(TRUTH_NAMES[name] for name in TRUTH_NAMES if name in set(scores["against"]))
     notes = [NOTE, *([f"Boxes against {against}."] if len(boxes) else [])]
     write_blocks(table, rows, format_table(rows), notes, origin)
 
 
-def similarity_rows(pairs: pd.DataFrame) -> pd.DataFrame:
-    """Return a table with `COLUMNS`: a row per model and group of photos."""
+def brightness_rows(pairs: pd.DataFrame) -> pd.DataFrame:
+    """Return a table with `COLUMNS`: a row per model, relation to the fits and group of photos with lit pixels."""
+    pairs = pairs[pairs["lit_px"] > 0]
+    names = [subject_of(*pair) for pair in zip(pairs["model"], pairs["relation"], strict=True)]
+    pairs = pairs.assign(subject=pd.Series(names, pairs.index, dtype="str"))
     parts = []
     for group in GROUPS:
-        groups = pairs.assign(value="all" if group == "all" else _names(pairs, group)).groupby(["model", "value"])
-        medians = groups[list(SIMILARITY)].median().join(groups.size().rename("n")).reset_index()
-        parts.append(medians.rename(columns={"model": "subject"}).assign(group=group))
+        groups = pairs.assign(value=values_of_group(pairs, group)).groupby(["subject", "value"])
+        medians = groups[list(BRIGHTNESS)].median().join(groups.size().rename("n")).reset_index()
+        parts.append(medians.assign(group=group))
     return pd.concat(parts, ignore_index=True).reindex(columns=list(COLUMNS))
 
 
@@ -65,10 +69,10 @@ def box_rows(scores: pd.DataFrame) -> pd.DataFrame:
 
 def format_table(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """Return the blocks of the Markdown and LaTeX tables by caption: models by group, then boxes by terrain."""
-    pictures, boxes = rows[rows["ssim"].notna()], rows[rows["f1"].notna()]
+    pictures, boxes = rows[rows["log2_difference"].notna()], rows[rows["f1"].notna()]
     blocks = {
-        f"Twins by {group}: log2(twin / photo), stops / its absolute value / SSIM.": _cells(
-            pictures[pictures["group"].isin(["all", group])], SIMILARITY, ("{:+.2f}", "{:.2f}", "{:.3f}")
+        f"Twins by {group}: log2(twin / photo), stops / its absolute value.": _cells(
+            pictures[pictures["group"].isin(["all", group])], BRIGHTNESS, ("{:+.2f}", "{:.2f}")
         )
         for group in GROUPS[1:]
         if len(pictures)
@@ -87,5 +91,8 @@ def _cells(rows: pd.DataFrame, metrics: Sequence[str], forms: Sequence[str]) -> 
     return grid(rows, "subject", text).rename(columns={"subject": ""})
 
 
-def _names(pairs: pd.DataFrame, group: str) -> pd.Series:
-    return pairs["terrain"].map("{:02d}".format) if group == "terrain" else pairs[group]
+def values_of_group(pairs: pd.DataFrame, group: str) -> pd.Series:
+    """Return the value of a group for each row: `all`, the number of the terrain as text, or a column of the key."""
+    if group == "all":
+        return pd.Series("all", pairs.index, dtype="str")
+    return pairs["terrain"].map("{:02d}".format).astype("str") if group == "terrain" else pairs[group]

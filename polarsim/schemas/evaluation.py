@@ -3,12 +3,15 @@
 from polarsim.schemas import photos, stages
 from polarsim.schemas.table import Shared
 
+IN_PLACE, HELD_OUT, NOT_FITTED = "in place", "held out", "not fitted"  # relations of a photo to the fits of a twin
 SHARED = Shared(
     """
     terrain | int64 | | Terrain
-    likeness: log2_twin_over_photo | float64 | stops | Brightness of the twin over that of the photo, median of pixels
-    likeness: log2_difference | float64 | stops | Median absolute difference of brightness
-    likeness: ssim | float64 | 1 | Structural similarity of the tone-mapped images
+    brightness: log2_twin_over_photo | float64 | stops | Brightness of the twin over that of the photo, median of lit
+        pixels
+    brightness: log2_difference | float64 | stops | Median absolute difference of brightness
+    relation | str | | `in place` (the photo took part in the fit of materials or ground), `held out` (it did not), or
+        `not fitted` (nothing was fitted to photos)
     """,
     stages.SHARED,
     photos.SHARED,
@@ -73,10 +76,22 @@ LABEL_PAIRS = SHARED.table("""
     true_x0 true_y0 true_x1 true_y1 | float64 | px | Edges of the true box
     against | str | | `truth` or `labels`
 """)
-TWIN_PAIRS = SHARED.table("""
-    evaluation/twin_pairs_TerrainTT.parquet: A photo and the twin
+APPEARANCE_PAIRS = SHARED.table("""
+    evaluation/appearance_TerrainTT.parquet: A photo and the twin
     = key
     model | str | | Reflectance model of the twin
-    lit_px | int64 | px | Pixels that are lit and not clipped in both images
-    = likeness
+    = relation
+    psnr_db | float64 | dB | PSNR of the compared part at a quarter of the size, after the best increasing tone curve
+    ssim correlation | float64 | 1 | Structural similarity and correlation of the same images
+    stops | float64 | stops | Median absolute difference of brightness on lit pixels, without the median difference
+    lit_px | int64 | px | Pixels of the reduced images that are lit and not clipped in both
+    = brightness
+    features | int64 | count | SIFT features of the photo
+    matches | int64 | count | Matches of features of photo and twin
+    agreement | float64 | 1 | Share of the matches at the same position, within 4 px of the photo
+    agreement_by_chance | float64 | 1 | The same share of matches with exchanged positions
+    control_terrain | int64 | | Terrain of the control, the twin of the same view and Sun of another terrain; -1: none
+    control_psnr_db | float64 | dB | PSNR of the photo and the control
+    control_ssim control_correlation | float64 | 1 | Structural similarity and correlation of the photo and the control
+    better_than_control | float64 | | Whether the PSNR of the photo's own twin is higher, 0 or 1; empty without control
 """)

@@ -82,11 +82,12 @@ ALIGNMENT = SHARED.table("""
 """)
 RENDER = SHARED.table("""
     tables/render: A subject, group and its value
-    subject | str | | A model, or boxes of twins: `rendered rock`, `rendered shadow`
+    subject | str | | A model, with the relation of the photos to the fits if anything was fitted, or boxes of twins:
+        `rendered rock`, `rendered shadow`
     group | str | | `all`, `terrain`, `position`, `azimuth`, `light` or `camera`
     value | str | | Value of the group
     n | int64 | count | Compared photos, at most 1 per exposure bracket; for boxes: true boxes
-    = likeness
+    = brightness
     f1 miou | float64 | 1 | F1 and mean IoU of boxes against true or annotated boxes, by terrain
 """)
 LABELS = SHARED.table("""

@@ -18,7 +18,7 @@ NAME = "CoverPhotoOfIndices/cover_photo_indexed_01_A.png"
 def read(root, keys=(), terrains=(1,)):
     read_covers(
         root=root, terrains=terrains, keys=keys,
-        pictures=root / "photos", labels=root / "labels.parquet", pairing=root / "pairing.csv",
+        pictures=root / "photos", labels=root / "labels.parquet", pairing=root / "pairing.csv", drawn=root / "drawn",
     )  # fmt: skip
     return sorted(path.stem for path in (root / "photos").iterdir())
 
@@ -31,6 +31,17 @@ def test_a_cover_is_read_without_strokes_and_with_its_published_boxes(made_relea
     table = tables.read_parquet(made_release / "labels.parquet", tables.LABEL_COLUMNS)
     rocks = table.loc[table["kind"] == "rock", ["x0", "y0", "x1", "y1"]].to_numpy()
     np.testing.assert_allclose(rocks[np.argsort(rocks[:, 0])], ROCKS, atol=0.01)
+
+
+@pytest.mark.parametrize("scale", [1, 0.5])
+def test_the_mask_covers_every_stroke(made_release, cover, scale):
+    small = cv2.resize(cover, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    png.write_png(made_release / NAME, small)
+    read(made_release)
+    mask = png.read_png(made_release / "drawn" / f"{KEY}.png")
+    strokes = cover.max(axis=-1) != cover.min(axis=-1)
+    assert set(np.unique(mask[strokes])) == {255} if scale == 1 else (mask[strokes] > 0).all()
+    assert strokes.mean() <= (mask > 0).mean() < 4 * strokes.mean()
 
 
 def test_camera_and_azimuth_follow_from_dark_shadows(made_release):

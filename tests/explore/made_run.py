@@ -120,7 +120,7 @@ def _write_scores(run: Path) -> None:
     pairs = [{"key": str(key), "iou_best": 0.9 if key.camera == "L" else 0.6} for key in KEYS]
     write_parquet(run / f"evaluation/label_pairs_{FOLDER}.parquet", pd.DataFrame(pairs))
     twins = [{"key": str(key), "model": model, "ssim": 0.5} for key in KEYS for model in MODELS]
-    write_parquet(run / f"evaluation/twin_pairs_{FOLDER}.parquet", pd.DataFrame(twins))
+    write_parquet(run / f"evaluation/appearance_{FOLDER}.parquet", pd.DataFrame(twins))
     states = pd.DataFrame({"key": [str(key) for key in KEYS], "state": "used"})
     states.loc[0, "state"] = "dark"
     write_csv(run / "detect/pictures/analog/pictures.csv", states)

@@ -20,7 +20,7 @@ from polarsim.scoring.labels import score_labels, task_of, visible
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.rock_pairs import RockPairs, pair_rocks, recall_and_precision
 from polarsim.scoring.rocks import score_rocks
-from polarsim.scoring.twins import compare_pictures, log_ratio, score_twins, structural_similarity, typical_photos
+from polarsim.scoring.twins import score_twins
 from tests.support.label_rows import label_row
 
 OPTIONS = ScoringOptions()
@@ -314,32 +314,6 @@ def test_an_invalid_annotated_file_is_skipped_but_an_invalid_result_is_an_error(
 # twins
 
 
-def test_a_twin_at_half_the_brightness_is_one_stop_down():
-    photo = np.full((40, 60), 16 + 800, np.uint16)
-    twin = np.full((40, 60), 16 + 400, np.uint16)
-    photo[:5], twin[:5] = 4095, 16
-    np.testing.assert_allclose(log_ratio(photo, twin), -1)
-    assert log_ratio(photo, twin).size == 35 * 60
-
-
-def test_similarity_is_one_with_itself_and_falls_with_an_offset(rng):
-    photo = (16 + 2000 * rng.random((80, 80))).astype(np.uint16)
-    assert structural_similarity(photo, photo) == pytest.approx(1)
-    assert structural_similarity(photo, np.roll(photo, 3, axis=1)) < 0.3
-
-
-def test_typical_photos_are_of_middle_exposure_and_spread_over_the_sets():
-    keys = [
-        PhotoKey(3, position, "off", azimuth, "L", ms)
-        for position in "AC"
-        for azimuth in ("no", "30", "180")
-        for ms in (64, 512, 1024)
-    ]
-    assert [str(key) for key in typical_photos(keys, 2)] == ["03_A_off_180_L_0512", "03_C_off_30_L_0512"]
-    assert len(typical_photos(keys, 9)) == 4
-    assert typical_photos(keys, 0) == typical_photos([], 5) == []
-
-
 def test_twins_are_scored_by_boxes_and_pixels_if_available(tmp_path):
     key = PhotoKey.parse("03_A_off_30_L_0256")
     photo = np.full((1216, 1936), 16 + 800, np.uint16)
@@ -349,14 +323,19 @@ def test_twins_are_scored_by_boxes_and_pixels_if_available(tmp_path):
     yolo.write_boxes(tmp_path / f"truth/{key}.txt", [0, 0], [BOX, [500, 500, 540, 530]])
     row = {**dict.fromkeys(PHOTO_COLUMNS, 0), **key_columns(key), "path": str(tmp_path / "photo.png"), "sha256": ""}
     write_parquet(tmp_path / "photos.parquet", pd.DataFrame([row]))
+    (tmp_path / "none").mkdir()
     twins = {"hapke": tmp_path / "hapke", "principled": tmp_path / "none"}
     arguments = {
         "terrain": 3,
         "boxes": tmp_path / "boxes",
         "truth": tmp_path / "truth",
         "twins": twins,
+        "others": {},
+        "materials": None,
+        "covers": None,
+        "drawn": None,
         "evaluation": tmp_path / "q.csv",
-        "pairs": tmp_path / "pairs.parquet",
+        "appearance": tmp_path / "pairs.parquet",
         "options": OPTIONS,
     }
     score_twins(**arguments, photos=tmp_path / "photos.parquet")
@@ -365,16 +344,11 @@ def test_twins_are_scored_by_boxes_and_pixels_if_available(tmp_path):
     assert found["hapke", "log2_twin_over_photo_median"] == pytest.approx(1)
     assert not [subject for subject, _ in found if subject == "principled"]
     pair = read_parquet(tmp_path / "pairs.parquet").iloc[0]
-    assert (pair["key"], pair["model"], pair["lit_px"]) == (str(key), "hapke", 1216 * 1936)
-    score_twins(**{**arguments, "truth": None}, photos=None)
+    assert (pair["key"], pair["model"], pair["relation"]) == (str(key), "hapke", "not fitted")
+    assert pair["lit_px"] == 161 * 388  # a quarter of 53 % of the rows and of 80 % of the columns
+    write_parquet(tmp_path / "photos.parquet", pd.DataFrame([row])[:0])
+    score_twins(**{**arguments, "truth": None}, photos=tmp_path / "photos.parquet")
     assert len(read_csv(tmp_path / "q.csv")) == len(read_parquet(tmp_path / "pairs.parquet")) == 0
-
-
-def test_a_twin_of_another_size_is_an_error(tmp_path):
-    png.write_png(tmp_path / "photo.png", np.zeros((10, 20), np.uint16))
-    png.write_png(tmp_path / "twin.png", np.zeros((10, 10), np.uint16))
-    with pytest.raises(FormatError, match=r"twin\.png"):
-        compare_pictures(tmp_path / "photo.png", tmp_path / "twin.png")
 
 
 def test_an_object_visible_in_a_single_exposure_is_annotated_in_the_bracket():

@@ -14,11 +14,12 @@ rule cover_photos:
 
 
 rule read_covers:
-    """Cover photos without drawn annotations, their labels, and the assignment of photo keys."""
+    """Cover photos without drawn annotations, masks of these, labels, and the assignment of photo keys."""
     input:
         files=COVERS.files(),  # read through params.root
     output:
         pictures=directory("results/{run}/covers/photos"),
+        drawn=directory("results/{run}/covers/drawn"),
         labels="results/{run}/covers/labels.parquet",
         pairing="results/{run}/covers/pairing.csv",
     priority: TRAINING_WAITS

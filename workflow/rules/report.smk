@@ -29,7 +29,7 @@ rule tabulate_evaluation:
     camera."""
     input:
         parts=PATHS.evaluation_parts,
-        twin_pairs=expand("results/{{run}}/evaluation/twin_pairs_Terrain{terrain}.parquet", terrain=TERRAINS),
+        appearance=expand("results/{{run}}/evaluation/appearance_Terrain{terrain}.parquet", terrain=TERRAINS),
         twins=expand("results/{{run}}/evaluation/twins_Terrain{terrain}.csv", terrain=TERRAINS),
     output:
         **table_files(evaluation="evaluation of every stage", render="twins"),

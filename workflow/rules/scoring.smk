@@ -86,15 +86,19 @@ rule score_masks:
 
 
 rule score_twins:
-    """Rendered boxes against ground truth or annotations, and twins against photos if the source has photos."""
+    """Rendered boxes against ground truth or annotations, and twins against photos or published cover photos."""
     input:
         raw=PATHS.raw_data,  # read through params.truth
         boxes="results/{run}/renders/boxes/Terrain{terrain}",
         twins=expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=MODELS),
+        others=PATHS.twins_of_another_terrain,
+        materials=PATHS.materials_of_terrain,
         photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
+        covers=COVERS.instead_of_photos("photos"),
+        drawn=COVERS.instead_of_photos("drawn"),
     output:
         evaluation="results/{run}/evaluation/twins_Terrain{terrain}.csv",
-        pairs="results/{run}/evaluation/twin_pairs_Terrain{terrain}.parquet",
+        appearance="results/{run}/evaluation/appearance_Terrain{terrain}.parquet",
     resources:
         mem_mb=memory_per_attempt(1000),
         runtime=20,

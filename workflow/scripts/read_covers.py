@@ -11,6 +11,7 @@ with reporting(log=snakemake.log[0]):
         terrains=snakemake.params.terrains,
         keys=snakemake.params.known,
         pictures=Path(snakemake.output.pictures),
+        drawn=Path(snakemake.output.drawn),
         labels=Path(snakemake.output.labels),
         pairing=Path(snakemake.output.pairing),
     )

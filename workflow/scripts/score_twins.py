@@ -13,8 +13,12 @@ with reporting(log=snakemake.log[0]):
         boxes=Path(snakemake.input.boxes),
         truth=optional_path(snakemake.params.truth),
         twins=dict(zip(snakemake.params.models, list_of_paths(snakemake.input.twins), strict=True)),
+        others=dict(zip(snakemake.params.models, list_of_paths(snakemake.input.others), strict=False)),
+        materials=optional_path(snakemake.input.materials),
         photos=Path(snakemake.input.photos),
+        covers=optional_path(snakemake.input.covers),
+        drawn=optional_path(snakemake.input.drawn),
         evaluation=Path(snakemake.output.evaluation),
-        pairs=Path(snakemake.output.pairs),
+        appearance=Path(snakemake.output.appearance),
         options=ScoringOptions(**snakemake.params.options),
     )

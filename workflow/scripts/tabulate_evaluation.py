@@ -14,7 +14,7 @@ with reporting(log=snakemake.log[0]):
         origin=snakemake.params.origin,
     )
     tabulate_render(
-        pairs=list_of_paths(snakemake.input.twin_pairs),
+        pairs=list_of_paths(snakemake.input.appearance),
         evaluation=list_of_paths(snakemake.input.twins),
         table=Path(snakemake.output.render).with_suffix(""),
         origin=snakemake.params.origin,

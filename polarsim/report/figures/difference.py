@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from polarsim.photo import BLACK_LEVEL
-from polarsim.scoring.twins import FULL_DN, LIT_DN
+from polarsim.scoring.appearance import FULL_DN, LIT_DN
 
 STOPS = 2.0  # difference at the saturated colour, stops
 TONES = 0.5  # difference at the saturated colour after tone matching, share of white
@@ -46,8 +46,12 @@ def difference_of_cover(cover: np.ndarray, twin: np.ndarray, red: np.ndarray) ->
     tones = cover.astype(np.float32).mean(axis=-1) / 255
     wanted = np.quantile(tones[~red], _LEVELS)
     levels, first = np.unique(np.quantile(twin[~red], _LEVELS), return_index=True)
-    matched = np.interp(twin, levels, wanted[first])
-    return _coloured((matched - tones) / TONES, ~red)
+    return difference_of_tones(tones, np.interp(twin, levels, wanted[first]), ~red)
+
+
+def difference_of_tones(photo: np.ndarray, twin: np.ndarray, compared: np.ndarray) -> np.ndarray:
+    """Return an image (h, w, 3) uint8 of twin minus photo, both (h, w) as share of white; grey where not compared."""
+    return _coloured((twin - photo) / TONES, compared)
 
 
 def _coloured(share: np.ndarray, good: np.ndarray) -> np.ndarray:

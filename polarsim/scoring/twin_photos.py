@@ -1,0 +1,149 @@
+"""Comparison of the twins of a terrain with the photos: a row per photo and reflectance model.
+
+1. Select photos, at most one per exposure bracket (`typical_photos`), or published cover photos with drawn lines.
+2. Compare each photo with its twin (`appearance`) and match their features (`feature_agreement`).
+3. Control: compare the photo with the twin of the same view and Sun of another terrain. The fitted tone curve shows
+   likeness only if the photo's own twin is better.
+4. State whether the photo took part in a fit (`relation_to_fits`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from math import log2
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from polarsim.errors import FormatError
+from polarsim.formats import png
+from polarsim.formats.tables import key_columns
+from polarsim.photo import PhotoKey, by_bracket
+from polarsim.run_files.fitted_photos import FittedPhotos
+from polarsim.run_files.pictures import pictures_at
+from polarsim.schemas.evaluation import APPEARANCE_PAIRS, HELD_OUT, IN_PLACE, NOT_FITTED
+from polarsim.scoring.appearance import ReducedPhoto, compare_reduced, reduce_photo, reduce_picture, toned_twin
+from polarsim.scoring.feature_agreement import compare_features, find_features
+
+COMPARED_PHOTOS = 32  # maximum number per terrain, with at most a single photo per exposure bracket
+NO_TERRAIN = -1  # terrain of the control without a twin of the same view and Sun
+_CONTROLLED = ("psnr_db", "ssim", "correlation")  # metrics after the tone curve
+
+
+@dataclass(frozen=True)
+class ComparedPhoto:
+    """Photo of 12 or 8 bits, and a mask with values above 0 at drawn lines, if there are any."""
+
+    path: Path
+    drawn: Path | None = None
+
+
+def compare_twins(
+    photos: Mapping[PhotoKey, ComparedPhoto],
+    twins: Mapping[str, Mapping[PhotoKey, Path]],
+    others: Mapping[str, Mapping[PhotoKey, Path]],
+    fits: Mapping[str, Sequence[FittedPhotos]],
+) -> pd.DataFrame:
+    """Return `APPEARANCE_PAIRS` of the photos of a terrain.
+
+    Parameters
+    ----------
+    photos : mapping of PhotoKey to ComparedPhoto
+        Photos to compare; photos without a twin are skipped.
+    twins, others : mapping of model to images by photo key
+        Twins of the terrain and of another terrain.
+    fits : mapping of model to sequence of FittedPhotos
+        Photos that took part in fits of the twins of a model; models without a fit may be missing.
+    """
+    rows = []
+    for key, compared in sorted(photos.items()):
+        paths = {model: by_key[key] for model, by_key in sorted(twins.items()) if key in by_key}
+        if not paths:
+            continue
+        photo, drawn = read_photo(compared)
+        reduced = reduce_photo(photo, drawn)
+        features = find_features(reduced.tones, reduced.valid)
+        for model, path in paths.items():
+            twin = reduce_picture(read_in_size(path, photo.shape))
+            of_twin = find_features(toned_twin(reduced, twin), reduced.valid)
+            rows.append(
+                key_columns(key)
+                | {"model": model, "relation": relation_to_fits(key, fits.get(model, ()))}
+                | asdict(compare_reduced(reduced, twin))
+                | {"features": len(features.pixels)}
+                | asdict(compare_features(features, of_twin))
+                | _control(reduced, key, others.get(model, {}), photo.shape)
+            )
+    table = pd.DataFrame(rows, columns=list(APPEARANCE_PAIRS.columns)).astype(APPEARANCE_PAIRS.dtypes)
+    better = (table["psnr_db"] > table["control_psnr_db"]).astype("float64")
+    return table.assign(better_than_control=better.where(table["control_psnr_db"].notna()))
+
+
+def relation_to_fits(key: PhotoKey, fits: Iterable[FittedPhotos]) -> str:
+    """Return whether a photo took part in one of the fits (`IN_PLACE`), in none (`HELD_OUT`), or nothing was fitted."""
+    fits = list(fits)
+    if not fits:
+        return NOT_FITTED
+    return IN_PLACE if any(fit.includes(key) for fit in fits) else HELD_OUT
+
+
+def subject_of(model: str, relation: str) -> str:
+    """Return the name of a model in tables; photos in place and held out are different subjects."""
+    return model if relation == NOT_FITTED else f"{model}, {relation}"
+
+
+def photos_to_compare(
+    terrain: int, photos: Path, covers: Path | None, drawn: Path | None
+) -> dict[PhotoKey, ComparedPhoto]:
+    """Return typical photos of a terrain from a table of photos, or all cover photos from a folder of `KEY.png`.
+
+    `drawn` is the folder of the masks of the lines in cover photos.
+    """
+    if covers is None:
+        paths = {key: path for key, path in pictures_at(photos).items() if key.terrain == terrain}
+        return {key: ComparedPhoto(paths[key]) for key in typical_photos(list(paths), COMPARED_PHOTOS)}
+    masks = {} if drawn is None else pictures_at(drawn)
+    found = {key: path for key, path in pictures_at(covers).items() if key.terrain == terrain}
+    return {key: ComparedPhoto(path, masks.get(key)) for key, path in found.items()}
+
+
+def typical_photos(keys: Sequence[PhotoKey], n: int) -> list[PhotoKey]:
+    """Return up to n photos under a Sun lamp, exposed near 256 ms, evenly distributed over exposure brackets."""
+    brackets = by_bracket(key for key in keys if key.azimuth != "no").values()
+    typical = sorted(min(photos, key=lambda key: (key.stops_off_usual, key)) for photos in brackets)
+    if len(typical) <= n:
+        return typical
+    return [typical[number] for number in np.linspace(0, len(typical) - 1, n).round().astype(int)] if n else []
+
+
+def twin_of_same_view(key: PhotoKey, others: Mapping[PhotoKey, Path]) -> PhotoKey | None:
+    """Return the key of a twin of another terrain with the view and lamps of a photo and the nearest exposure."""
+    similar = [other for other in others if other.bracket[1:] == key.bracket[1:] and other.terrain != key.terrain]
+    return min(similar, key=lambda other: (abs(log2(other.exposure_ms / key.exposure_ms)), other), default=None)
+
+
+def read_photo(compared: ComparedPhoto) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return a photo (h, w), and the mask (h, w) bool of lines drawn into a published photo."""
+    photo = png.read_png(compared.path)
+    return photo, None if compared.drawn is None else read_in_size(compared.drawn, photo.shape) > 0
+
+
+def read_in_size(path: Path, shape: tuple[int, ...]) -> np.ndarray:
+    """Return an image (h, w); raise FormatError if its size is not that of the photo."""
+    picture = png.read_png(path)
+    if picture.shape != shape:
+        raise FormatError(f"{picture.shape[::-1]} pixels, expected {shape[::-1]} as in the photo", path=path)
+    return picture
+
+
+def _control(
+    photo: ReducedPhoto, key: PhotoKey, others: Mapping[PhotoKey, Path], shape: tuple[int, ...]
+) -> dict[str, object]:
+    """Return the columns of the comparison with the twin of another terrain; empty without such a twin."""
+    other = twin_of_same_view(key, others)
+    if other is None:
+        return {"control_terrain": NO_TERRAIN}
+    control = asdict(compare_reduced(photo, reduce_picture(read_in_size(others[other], shape))))
+    return {"control_terrain": other.terrain} | {f"control_{name}": control[name] for name in _CONTROLLED}
