@@ -321,7 +321,7 @@ class RunPaths:
         names += ["meshes_Terrain{terrain}", "crops_Terrain{terrain}", "residuals_Terrain{terrain}"]
         names += ["offsets_Terrain{terrain}"] if self.config.data_source.is_generated else []
         return [
-            *self._figures(["reflectance", *(["reliability"] if self.scored_terrains else [])]),
+            *self._figures(["appearance", "reflectance", *(["reliability"] if self.scored_terrains else [])]),
             *(path for name in names for path in self.figures_of_terrains(name)),
             *self._figures([f"label_errors_Terrain{terrain}" for terrain in self.scored_terrains]),
         ]
@@ -332,7 +332,7 @@ class RunPaths:
         names = (
             []
             if self.only_covers
-            else ["evaluation", "cameras", "alignment", "rocks", "meshes", "render"]
+            else ["evaluation", "cameras", "alignment", "rocks", "meshes", "render", "appearance"]
         )
         names += ["labels", "reliability"] if self.scored_terrains and not self.only_covers else []
         names += [*TABLES_OF_DETECTORS, "ipd_rocks"] if self.domains else []
@@ -502,6 +502,12 @@ class CoverPaths:
         """Return a folder of `covers` to compare twins with; empty if the source has photos, or no cover photos."""
         compared = not self.config.data_source.has_photos and self.terrains
         return f"results/{{run}}/covers/{name}" if compared else []
+
+    def photos_or_covers(self) -> list[str]:
+        """Return the tables of photos, or the folder of cover photos that replaces them."""
+        covers = self.instead_of_photos("photos")
+        tables = [f"results/{{run}}/acquire/Terrain{terrain}/photos.parquet" for terrain in self.run.terrains]
+        return [covers] if isinstance(covers, str) else tables
 
     def number_of_scenes(self, wildcards: Wildcards) -> int:
         """Return the number of scenes with a terrain's rocks."""

@@ -90,6 +90,30 @@ RENDER = SHARED.table("""
     = brightness
     f1 miou | float64 | 1 | F1 and mean IoU of boxes against true or annotated boxes, by terrain
 """)
+APPEARANCE = SHARED.table("""
+    tables/appearance: A model, relation, group of photos and its value
+    model | str | | Reflectance model of the twins
+    = relation
+    group | str | | `all`, `terrain`, `position`, `azimuth` or `light`
+    value | str | | Value of the group
+    photos | int64 | count | Compared photos, at most 1 per exposure bracket
+    views | int64 | count | Views (terrain, position and camera) of these photos, the units of the bootstrap
+    psnr_db | interval | dB | Median PSNR of photo and twin after the best increasing tone curve
+    ssim | interval | 1 | Median structural similarity of the same images
+    correlation | interval | 1 | Median correlation of the same images
+    stops | interval | stops | Median over photos of the median absolute difference of brightness on lit pixels, without
+        the median difference; empty for published photos of 8 bits
+    matches | int64 | count | Matches of SIFT features of photo and twin, all photos
+    agreement | interval | 1 | Share of these matches at the same position, within 4 px
+    agreement_by_chance | float64 | 1 | The same share of matches with exchanged positions
+    controlled | int64 | count | Photos with a control, the twin of the same view and Sun of another terrain
+    better_share | float64 | 1 | Share of these photos with a higher PSNR of the own twin
+    psnr_gain_db | interval | dB | Median over photos of the PSNR of the own twin minus that of the control
+    ssim_gain | interval | 1 | The same, structural similarity
+    correlation_gain | interval | 1 | The same, correlation
+    control | str | | `better` if the intervals of the three gains are above 0, else `refused`: the tone curve explains
+        the twin of another terrain as well; empty without control or with less than 5 views
+""")
 LABELS = SHARED.table("""
     tables/labels: A kind, task, group and value
     kind | str | | `rock`, `shadow`, or `shadow, where annotated`

@@ -14,7 +14,7 @@ rule tables:
     """All outputs of this stage."""
     input:
         rules.geometry.input,
-        of_run("results/{run}/tables/{name}.csv", name=["evaluation", "render"]),
+        of_run("results/{run}/tables/{name}.csv", name=["evaluation", "render", "appearance"]),
         PATHS.tables_of_detectors(),
         PATHS.figures_of_detectors(),
         of_run("results/{run}/tables/stereo.csv") if PATHS.has_stereo else [],
@@ -40,6 +40,25 @@ rule tabulate_evaluation:
         origin=ORIGIN,
     script:
         "../scripts/tabulate_evaluation.py"
+
+
+rule report_appearance:
+    """Appearance of twins next to their photos: table, and figure of photos, twins and differences."""
+    input:
+        appearance=expand("results/{{run}}/evaluation/appearance_Terrain{terrain}.parquet", terrain=TERRAINS),
+        photos=COVERS.photos_or_covers(),
+        twins=expand("results/{{run}}/renders/{model}/Terrain{terrain}", model=MODELS, terrain=TERRAINS),
+        drawn=COVERS.instead_of_photos("drawn"),
+    output:
+        **table_files(appearance="appearance of twins"),
+        figure=shown("results/{run}/figures/appearance.png", "Photos and twins", terrain="all", position="appearance"),
+    resources:
+        mem_mb=memory_per_attempt(1000),
+        runtime=5,
+    params:
+        origin=ORIGIN,
+    script:
+        "../scripts/report_appearance.py"
 
 
 rule tabulate_geometry:
