@@ -3,33 +3,29 @@
 from __future__ import annotations
 
 import logging
+import math
 import sys
+import time
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
 
 Item = TypeVar("Item")
-log = logging.getLogger("polarsim")
+LINE_S = 30.0  # between lines of progress without a terminal
+log = logging.getLogger(__name__)  # commands print its messages, see `reporting`
 
 
 def track(items: Collection[Item], text: str) -> Iterator[Item]:
     """Yield the items and show the progress."""
-    if sys.stderr.isatty():
-        from rich.console import Console
-        from rich.progress import track as rich_track
-
-        yield from rich_track(items, description=text, console=Console(stderr=True))
-        return
-    step = max(1, len(items) // 10)
-    for number, item in enumerate(items, 1):
-        yield item
-        if number % step == 0 or number == len(items):
-            log.info("%s: %d of %d", text, number, len(items))
+    with progress_bar(text) as report:
+        for number, item in enumerate(items, 1):
+            yield item
+            report(number / len(items))
 
 
 @contextmanager
 def progress_bar(text: str) -> Iterator[Callable[[float], None]]:
-    """Yield a function that shows the completed share, 0 to 1, of work without countable items."""
+    """Yield a function that shows the completed share, 0 to 1, of the work."""
     if sys.stderr.isatty():
         from rich.console import Console
         from rich.progress import Progress
@@ -38,12 +34,20 @@ def progress_bar(text: str) -> Iterator[Callable[[float], None]]:
             task = bars.add_task(text, total=1.0)
             yield lambda share: bars.update(task, completed=share)
         return
-    tenths = 0
+    start = shown = time.monotonic()
 
     def report(share: float) -> None:
-        nonlocal tenths
-        if int(10 * share) > tenths:
-            tenths = int(10 * share)
-            log.info("%s: %d %%", text, 10 * tenths)
+        nonlocal shown
+        now = time.monotonic()
+        if share > 0 and now - shown >= LINE_S:
+            shown = now
+            log.info("%s: %d %%, %s left", text, 100 * share, about((now - start) * (1 - share) / share))
 
     yield report
+
+
+def about(seconds: float) -> str:
+    """Return a rounded duration for messages: `about 40 s`, `about 6 min`, `about 2.5 h`."""
+    if seconds <= 50:
+        return f"about {10 * max(1, math.ceil(seconds / 10))} s"
+    return f"about {round(seconds / 60)} min" if seconds < 5400 else f"about {seconds / 3600:.1f} h"

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from polarsim import progress
 from polarsim.errors import PolarsimError
 
 _EXTRAS = {  # extra of each optional module
@@ -18,9 +19,14 @@ _EXTRAS = {  # extra of each optional module
 
 @contextmanager
 def reporting(log: str | Path | None = None) -> Iterator[None]:
-    """Log to an optional file; print a `PolarsimError` or a missing extra as one line and exit with code 1."""
+    """Log to an optional file; print a `PolarsimError` or a missing extra as one line and exit with code 1.
+
+    Warnings are also printed, and without a file the progress of long loops.
+    """
     handlers: list[logging.Handler] = [logging.StreamHandler()]
-    handlers[0].setLevel(logging.WARNING)
+    handlers[0].addFilter(
+        lambda record: record.levelno >= logging.WARNING or (log is None and record.name == progress.log.name)
+    )
     if log:
         Path(log).parent.mkdir(parents=True, exist_ok=True)
         handlers.append(logging.FileHandler(log, mode="w", encoding="utf-8"))
