@@ -23,7 +23,8 @@ FLOORS = (  # from bottom to top: a package or module imports only lower floors
     {"scenes"},
     {"rover", "cover_photos", "report", "publish", "explore"},
     {"arguments", "config", "job_files", "reporting"},
-    {"paths", "running"},
+    {"paths"},
+    {"running"},
     {"cli"},
     {"__main__"},
 )

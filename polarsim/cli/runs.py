@@ -39,8 +39,13 @@ def run(
     min_free: Annotated[
         float | None, typer.Option(min=0, help="Minimum free disk space, GB; default: estimated size of the run.")
     ] = None,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="Show the output of Snakemake instead of the progress of the stages.")
+    ] = False,
 ) -> None:
     """Run the workflow in this folder. An interrupted run resumes with the same command.
+
+    Shows the progress of each stage: a live line on a terminal, otherwise a line every 30 seconds.
 
     Exit code 0: complete; 1: a job failed, or the run cannot start; 2: usage error; 130: stopped by the user.
     """
@@ -49,7 +54,9 @@ def run(
 
     words = targets or []
     asked = next((number for number, word in enumerate(words) if word.startswith("-")), len(words))
-    call = Call(tuple(words[:asked]), tuple(configfile or ()), tuple(config or ()), cores, tuple(words[asked:]))
+    call = Call(
+        tuple(words[:asked]), tuple(configfile or ()), tuple(config or ()), cores, tuple(words[asked:]), verbose
+    )
     try:
         code = run_workflow(call, None if min_free is None else round(1e9 * min_free))
     except CallError as error:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from pathlib import Path
 
 LOGS = ".snakemake/log"
@@ -13,6 +14,7 @@ _BLOCK = re.compile(r"^( *)(?:(?:local)?(?:rule|checkpoint)|(Error in rule)) (\w
 _FIELD = re.compile(r"^( +)(\w+): (.*)$")
 _IN_FAILED_GROUP = 8
 _STOPPED = "INFO stopped: "  # prefix of an error in the log of a job, written by `reporting`
+_PLANNED = re.compile(r"^(\w+) +(\d+)$")  # in the table of the planned jobs
 _FINISHED = re.compile(r"^Finished jobid: (\d+)")
 
 
@@ -34,17 +36,22 @@ class WorkflowJob:
         found = re.search(r"terrain=(\d\d)", self.wildcards) or re.search(r"Terrain(\d\d)", " ".join(self.outputs))
         return f"Terrain{found[1]}" if found else ""
 
+    @property
+    def name(self) -> str:
+        return f"{self.terrain}: {self.rule}" if self.terrain else self.rule
+
     def error(self, folder: Path) -> str | None:
         """Return the error in the log of the job; None if the job was killed."""
-        found = [line.removeprefix(_STOPPED) for line in self._lines(folder) if line.startswith(_STOPPED)]
+        found = [line.removeprefix(_STOPPED) for line in self.lines(folder) if line.startswith(_STOPPED)]
         return found[-1] if found else None
 
     def reason(self, folder: Path) -> str:
         """Return the error in the log of the job, else the last line of the log."""
-        lines = self._lines(folder)
+        lines = self.lines(folder)
         return self.error(folder) or f"killed or crashed{f' after: {lines[-1]}' if lines else ''}"
 
-    def _lines(self, folder: Path) -> list[str]:
+    def lines(self, folder: Path) -> list[str]:
+        """Return the lines of the log of the job."""
         return [line.strip() for line in log_text(folder / self.log).splitlines() if line.strip()]
 
 
@@ -76,6 +83,15 @@ def read_jobs(lines: Iterable[str]) -> list[WorkflowJob]:
         elif (done := _FINISHED.match(line)) and int(done[1]) in jobs:
             jobs[int(done[1])] = replace(jobs[int(done[1])], finished=True, failed=False)
     return list(jobs.values())
+
+
+def planned_jobs(lines: Sequence[str]) -> dict[str, int]:
+    """Return the number of jobs of each rule that Snakemake has planned, as stated at the start of a log."""
+    if "Job stats:" not in lines:
+        return {}
+    table = lines[lines.index("Job stats:") + 3 :]
+    rows = takewhile(bool, map(_PLANNED.match, table))
+    return {row[1]: int(row[2]) for row in rows if row and row[1] != "total"}
 
 
 def jobs_of(folder: Path, log: str) -> list[WorkflowJob]:

@@ -1,4 +1,4 @@
-"""Processes of a run: lock of the folder, and remaining jobs of a killed run."""
+"""Processes of a run: lock of the folder, Snakemake and its jobs, and remaining jobs of a killed run."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ import ctypes
 import fcntl
 import os
 import signal
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+import subprocess
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
 import psutil
@@ -19,6 +21,10 @@ OWNER = ".snakemake/polarsim_run.pid"  # contains a pid while a run is active, a
 _LOCKS = ".snakemake/locks"  # of Snakemake
 _PR_SET_PDEATHSIG = 1  # linux/prctl.h
 _GRACE_S = 3.0  # between SIGTERM and SIGKILL
+_STOPS = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+_CANCEL_S = 30.0  # for Snakemake to cancel the jobs that it submitted to a cluster
+_POLL_S = 0.2  # between checks for a signal
+_WATCH_S, _WATCH_SHARE = 1.0, 0.02  # between updates of the progress; maximum share of the time of a core
 
 
 @contextmanager
@@ -50,6 +56,44 @@ def folder_lock(folder: Path) -> Iterator[bool]:
         yield killed
         if not is_locked(folder):
             file.truncate(0)
+
+
+def supervise(
+    folder: Path, words: Sequence[str], watch: Callable[[], None], write: Callable[[str], None], output: Path | None
+) -> tuple[int, bool]:
+    """Run Snakemake in its own process group; return its exit code and whether a signal stopped it.
+
+    `watch` is called about every second; `write` prints a line; `output` is a file for the output of Snakemake.
+    Each of `_STOPS` sends SIGINT to the group, like Ctrl-C in a terminal. At the end the group is killed.
+    """
+    caught: list[int] = []
+    before = {number: signal.signal(number, lambda number, _: caught.append(number)) for number in _STOPS}
+    try:
+        environment = {**os.environ, MARK: str(folder)}
+        with output.open("wb") if output else nullcontext() as file:
+            child = subprocess.Popen(
+                words, env=environment, start_new_session=True, preexec_fn=die_with_parent,
+                stdout=file, stderr=subprocess.STDOUT if file else None,
+            )  # fmt: skip
+        try:
+            until, due = float("inf"), 0.0
+            while child.poll() is None and time.monotonic() < until:
+                if caught and until == float("inf"):
+                    until = time.monotonic() + _CANCEL_S
+                    write("polarsim run: stopping; the same command resumes the run")
+                    os.killpg(child.pid, signal.SIGINT)
+                with suppress(subprocess.TimeoutExpired):
+                    child.wait(_POLL_S)
+                if (began := time.monotonic()) >= due:
+                    watch()
+                    due = time.monotonic() + max(_WATCH_S, (time.monotonic() - began) / _WATCH_SHARE)
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(child.pid, signal.SIGKILL)
+        return child.wait(), bool(caught)
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def is_locked(folder: Path) -> bool:

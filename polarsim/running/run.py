@@ -7,16 +7,17 @@ still exist, Snakemake considers the run complete, although these files belong t
 
 from __future__ import annotations
 
-import os
-import signal
 import subprocess
 import sys
+import textwrap
 import time
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from shutil import get_terminal_size
+from typing import TextIO
 
 from polarsim.arguments import STOPPED
 from polarsim.config import Config
@@ -24,19 +25,36 @@ from polarsim.errors import ConfigError, PolarsimError
 from polarsim.formats.files import write_text
 from polarsim.running import cluster, disk, processes
 from polarsim.running.configuration import read_configs, store_config
+from polarsim.running.console import showing
+from polarsim.running.durations import expected_durations
 from polarsim.running.inputs import check_paths
-from polarsim.running.jobs import WorkflowJob, jobs_of, latest_log, logs_in
-from polarsim.running.targets import refuse_unknown, targets_of
+from polarsim.running.jobs import LOGS, WorkflowJob, jobs_of, latest_log, log_text, logs_in
+from polarsim.running.stages import RunProgress
+from polarsim.running.summary import result_lines, warning_lines
+from polarsim.running.targets import refuse_unknown, stages_of_rules, targets_of
 
+OUTPUT = ".snakemake/polarsim_run.log"  # output of Snakemake and of the jobs of the last run
 UNFINISHED = ".snakemake/polarsim_unfinished.txt"  # outputs of unfinished jobs
 MISSING_PAGE = "missing.md"  # in the folder of an incomplete run
-_STOPS = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
 _FIXED = ("--rerun-incomplete", "--keep-going", "--retries", "1")
 _LATENCY = ("--latency-wait", "10")
 _REFUSED = {"--nolock", "--ignore-incomplete", "--ii", "--unlock"}  # concurrent runs of a folder, incomplete files
-_DRY = {"-n", "--dry-run", "--dryrun"}
-_GRACE_S = 30.0  # for Snakemake to cancel the jobs that it submitted to a cluster
-_POLL_S = 0.2  # between checks for a signal
+_WITHOUT_JOBS = {  # options that only print
+    *(
+        "-n",
+        "--dry-run",
+        "--dryrun",
+        "--dag",
+        "--rulegraph",
+        "--filegraph",
+        "--d3dag",
+        "--lint",
+        "--list",
+        "--list-rules",
+    ),
+    *("-l", "--summary", "-S", "--detailed-summary", "-D", "--list-changes", "--lc", "--list-target-rules", "--lt"),
+}
+_TAIL = 15  # lines of the output of Snakemake after an error without jobs
 
 
 @dataclass(frozen=True)
@@ -48,6 +66,7 @@ class Call:
     settings: tuple[str, ...]
     cores: int | None = None  # None: two, or from the profile
     rest: tuple[str, ...] = ()
+    verbose: bool = False  # show the output of Snakemake instead of the progress
 
     def words(self) -> list[str]:
         """Return the arguments of Snakemake. Targets are first, because options with several values consume targets.
@@ -86,7 +105,7 @@ def run_workflow(call: Call, min_free_bytes: int | None = None) -> int:
     config = call.config()
     check_paths(config)
     refuse_unknown(folder, config.run, targets, call.configured())
-    if _DRY.intersection(call.rest):
+    if _WITHOUT_JOBS.intersection(call.rest):
         return min(1, subprocess.run(_snakemake(*call.words()), check=False).returncode)
     results, data = Path("results") / config.run, config.data_source
     made = (results, *([config.source.root] if data.is_generated else []))
@@ -99,7 +118,7 @@ def run_workflow(call: Call, min_free_bytes: int | None = None) -> int:
         needed = disk.needed_bytes(config, not targets, made) if min_free_bytes is None else min_free_bytes
         for place in made:
             disk.refuse_full(place, needed)
-        code = _run_owned(folder, call, results)
+        code = _run_owned(folder, call, config, is_full=not targets)
     if code == 0:  # without jobs, the workflow does not store the configuration
         store_config(config, results)
     return code
@@ -114,43 +133,39 @@ def _tidy(folder: Path, results: Path) -> None:
     disk.remove_leftovers(results)
 
 
-def _run_owned(folder: Path, call: Call, results: Path) -> int:
+def _run_owned(folder: Path, call: Call, config: Config, *, is_full: bool) -> int:
+    results = Path("results") / config.run
+    page = results / "results.html"
+    stages = stages_of_rules(folder)
     lost = _lost_outputs(folder, call)
     if processes.is_locked(folder):  # by a killed run: `folder_lock` raises for an active run
         subprocess.run(_snakemake(*call.words(), "--unlock"), capture_output=True, check=False)
-    before = logs_in(folder)
-    code, stopped = _supervise(folder, _snakemake(*call.words(), *(["--forcerun", *lost] if lost else [])))
+    before, start = logs_in(folder), time.monotonic()
+    progress = RunProgress(stages, expected_durations(results, stages), call.cores or 2, start)
+    if not call.verbose:
+        _print_result(f"log:   {OUTPUT}: output of Snakemake and of the jobs (on the terminal: --verbose)")
+    with showing(progress, sys.stderr, is_silent=call.verbose) as display:
+
+        def watch() -> None:
+            logs = sorted(logs_in(folder) - before)
+            progress.update("".join(log_text(folder / LOGS / log) for log in logs[-1:]), time.monotonic())
+            display.update()
+
+        forced = ["--forcerun", *lost] if lost else []
+        words = _snakemake(*call.words(), *forced)
+        output = None if call.verbose else folder / OUTPUT
+        code, stopped = processes.supervise(folder, words, watch, display.write, output)
+        watch()
     disk.remove_leftovers(results)
     jobs = [job for log in sorted(logs_in(folder) - before) for job in jobs_of(folder, log)]
     _remember(folder, lost, jobs)
+    for line in warning_lines(folder, jobs):
+        _print_result(line)
     _report(folder, results, call, jobs, code, stopped)
+    if code == 0 and is_full and page.exists():
+        for line in result_lines(config, page):
+            _print_result(line)
     return STOPPED if stopped else min(1, abs(code))
-
-
-def _supervise(folder: Path, words: Sequence[str]) -> tuple[int, bool]:
-    """Run Snakemake in its own process group; return its exit code and whether a signal stopped it.
-
-    Each of `_STOPS` sends SIGINT to the group, like Ctrl-C in a terminal. At the end the group is killed.
-    """
-    caught: list[int] = []
-    before = {number: signal.signal(number, lambda number, _: caught.append(number)) for number in _STOPS}
-    try:
-        environment = {**os.environ, processes.MARK: str(folder)}
-        child = subprocess.Popen(words, env=environment, start_new_session=True, preexec_fn=processes.die_with_parent)
-        until = float("inf")
-        while child.poll() is None and time.monotonic() < until:
-            if caught and until == float("inf"):
-                until = time.monotonic() + _GRACE_S
-                _print_line("stopping; the same command resumes the run")
-                os.killpg(child.pid, signal.SIGINT)
-            with suppress(subprocess.TimeoutExpired):
-                child.wait(_POLL_S)
-        with suppress(ProcessLookupError):
-            os.killpg(child.pid, signal.SIGKILL)
-        return child.wait(), bool(caught)
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def _snakemake(*words: str) -> list[str]:
@@ -195,7 +210,7 @@ def _remember(folder: Path, lost: Sequence[str], jobs: Sequence[WorkflowJob]) ->
 
 def _report(folder: Path, results: Path, call: Call, jobs: Sequence[WorkflowJob], code: int, stopped: bool) -> None:
     """Report finished and failed jobs, reasons and remedy; keep the report in the folder while files are missing."""
-    made = [job for job in jobs if job.finished]
+    made = [job for job in jobs if job.finished and job.outputs]
     failed = [job for job in jobs if job.failed and not (stopped and job.error(folder) is None)]
     page = results / MISSING_PAGE
     if code == 0:
@@ -203,10 +218,14 @@ def _report(folder: Path, results: Path, call: Call, jobs: Sequence[WorkflowJob]
         _print_line(f"{len(made)} jobs done, all requested files exist")
         return
     if not jobs and code > 0 and not stopped:
+        for line in [] if call.verbose else log_text(folder / OUTPUT).splitlines()[-_TAIL:]:
+            _print_result(line, sys.stderr)
         _print_line("no job was started; see the error of Snakemake above")
         return
     lines = [f"{len(made)} jobs done, {'stopped' if stopped else f'{len(failed)} failed'}"]
-    lines += [f"{_named(job)} failed: {job.reason(folder)}  (log: {job.log})" for job in failed]
+    lines += [f"{job.name} failed: {job.reason(folder)}  (log: {job.log})" for job in failed]
+    if any(job.error(folder) is None for job in failed) and not call.verbose:  # a full disk has no log of the error
+        lines += _unlogged_errors(folder, lines)
     if code < 0 and not stopped:
         lines.append(f"snakemake was killed by signal {-code}")
     free = disk.free_bytes(results)
@@ -223,8 +242,11 @@ def _report(folder: Path, results: Path, call: Call, jobs: Sequence[WorkflowJob]
         _print_line(str(error))
 
 
-def _named(job: WorkflowJob) -> str:
-    return f"{job.terrain}: {job.rule}" if job.terrain else job.rule
+def _unlogged_errors(folder: Path, lines: Sequence[str]) -> list[str]:
+    """Return the last errors in the output of the jobs that no line contains."""
+    errors = [line for line in log_text(folder / OUTPUT).splitlines() if line.startswith("error: ")]
+    found = [error for error in errors if not any(error.removeprefix("error: ") in line for line in lines)]
+    return list(dict.fromkeys(found))[-3:]
 
 
 def _missing(call: Call) -> list[str]:
@@ -242,9 +264,14 @@ def _missing(call: Call) -> list[str]:
 
 
 def _print_line(line: str) -> None:
+    _print_result(f"polarsim run: {line}", sys.stderr)
+
+
+def _print_result(line: str, stream: TextIO | None = None) -> None:
     """Write a line for the user; ignore a closed terminal."""
-    try:
-        sys.stderr.write(f"polarsim run: {line}\n")
-        sys.stderr.flush()
-    except OSError:
-        pass
+    stream = stream or sys.stdout
+    with suppress(OSError):
+        width = get_terminal_size().columns if stream.isatty() else len(line) + 1
+        wrapped = textwrap.wrap(line, width, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+        stream.write("\n".join([*(wrapped or [""]), ""]))
+        stream.flush()

@@ -12,7 +12,9 @@ from pathlib import Path
 
 from polarsim.errors import PolarsimError
 
-_RULE = re.compile(r"^(?:    )?rule (\w+):\n((?:(?:    )?    .*\n|\n)*)", re.MULTILINE)
+_RULE = re.compile(r"^((?:    )?)rule (\w+):\n((?:\1    .*\n|\n)*)", re.MULTILINE)  # indentation, name, body
+_USED = re.compile(r"^ *use rule (\w+) as (\w+) with:", re.MULTILINE)
+_INCLUDED = re.compile(r'^include: "rules/(\w+\.smk)"', re.MULTILINE)
 _OWN = {  # options of Snakemake that are also options of `polarsim run`
     "configfile": "--configfile FILE, repeated for each file",
     "config": "--config KEY=VALUE, repeated for each key",
@@ -82,10 +84,30 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
 
 def _rules(folder: Path) -> tuple[list[str], set[str]]:
     """Return the names of the stages (rules without outputs) and of all rules."""
-    files = [folder / "Snakefile", folder / "workflow/Snakefile", *(folder / "workflow/rules").glob("*.smk")]
-    found = [match for file in files if file.exists() for match in _RULE.findall(file.read_text(encoding="utf-8"))]
-    stages = [name for name, body in found if not re.search(r"^\s+output:", body, re.MULTILINE)]
-    return sorted(stages), {name for name, _ in found}
+    found = [match for _, text in _rule_files(folder) for match in _RULE.findall(text)]
+    stages = [name for _, name, body in found if not _has_output(body)]
+    return sorted(stages), {name for _, name, _ in found}
+
+
+def stages_of_rules(folder: Path) -> dict[str, str]:
+    """Return the stage (name of the rule file) of each rule with outputs, in the order of the workflow."""
+    found: dict[str, str] = {}
+    for stage, text in _rule_files(folder):
+        names = [name for _, name, body in _RULE.findall(text) if _has_output(body)]
+        found |= dict.fromkeys([*names, *(name for _, name in _USED.findall(text))], stage)
+    return found
+
+
+def _rule_files(folder: Path) -> list[tuple[str, str]]:
+    """Return name and text of the rule files of a workflow, in the order of the workflow."""
+    mains = [path for path in (folder / "Snakefile", folder / "workflow/Snakefile") if path.exists()]
+    included = [name for path in mains for name in _INCLUDED.findall(path.read_text(encoding="utf-8"))]
+    files = [*mains, *(folder / "workflow/rules" / name for name in included)]
+    return [("jobs" if path in mains else path.stem, path.read_text(encoding="utf-8")) for path in files]
+
+
+def _has_output(body: str) -> bool:
+    return re.search(r"^\s+output:", body, re.MULTILINE) is not None
 
 
 def _is_made(file: str, call: Sequence[str]) -> bool:

@@ -25,12 +25,12 @@ def folder(tmp_path: Path, request: pytest.FixtureRequest) -> Path:
 def start() -> Callable[..., subprocess.Popen]:
     """Start `polarsim run` in a folder."""
 
-    def call(folder: Path, *words: str) -> subprocess.Popen:
+    def call(folder: Path, *words: str, output: int = subprocess.PIPE) -> subprocess.Popen:
         return subprocess.Popen(
             [sys.executable, "-c", "from polarsim.cli import main; main()", "run", "--min-free", "0", *words],
             cwd=folder,
             env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
-            stdout=subprocess.PIPE,
+            stdout=output,
             stderr=subprocess.STDOUT,
             text=True,
         )

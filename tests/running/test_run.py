@@ -1,6 +1,7 @@
 """`polarsim run` resumes after kills, invalid inputs and full disks, and rejects a second run and read-only disks."""
 
 import os
+import pty
 import random
 import re
 import signal
@@ -15,7 +16,7 @@ import pytest
 
 from polarsim.config import read_config
 from polarsim.running import processes
-from polarsim.running.run import MISSING_PAGE, UNFINISHED
+from polarsim.running.run import MISSING_PAGE, OUTPUT, UNFINISHED
 
 pytestmark = pytest.mark.slow
 AT_ONCE = pytest.mark.parametrize("folder", [0], indirect=True, ids=["no pause"])
@@ -50,9 +51,9 @@ def jobs_at_work(folder: Path, process: subprocess.Popen) -> tuple[psutil.Proces
     for _ in range(2000):
         found = processes.processes_of_run(folder)
         scripts = [one for one in found if any("/.snakemake/scripts/" in word for word in command_of(one))]
-        if scripts:
-            (snakemake,) = [one for one in found if one.ppid() == process.pid]
-            return snakemake, scripts
+        snakemakes = [one for one in found if one.ppid() == process.pid]
+        if scripts and snakemakes:  # jobs without Snakemake are of a killed run
+            return snakemakes[0], scripts
         assert process.poll() is None, process.communicate()[0]
         time.sleep(0.03)
     raise AssertionError("no job was started")
@@ -63,6 +64,11 @@ def command_of(process: psutil.Process) -> list[str]:
         return process.cmdline()
     except psutil.NoSuchProcess:
         return []
+
+
+def rules_in(text: str) -> set[str]:
+    """Return the rules of the jobs in the output of Snakemake."""
+    return set(re.findall(r"^(?:local)?rule (\w+):", text, re.MULTILINE))
 
 
 def report_lines_of(terminal: str) -> list[str]:
@@ -112,7 +118,7 @@ def test_the_same_command_resumes_after_stops_and_kills(folder, start):
     assert not (folder / "results/toy/second/Terrain01.txt").exists()
     code, terminal = ended(start(folder))
     assert code == 0
-    assert {"second", "last", "together"} <= set(re.findall(r"^(?:local)?rule (\w+):", terminal, re.MULTILINE))
+    assert {"second", "last", "together"} <= rules_in((folder / OUTPUT).read_text())
     assert_whole(folder)
 
 
@@ -139,6 +145,63 @@ def test_a_failed_terrain_does_not_stop_others_and_the_configuration_is_stored(f
     assert_whole(folder)
     config = read_config(stored)
     assert (config.rocks.rock_cell_mm, config.positions, config.run) == (2.5, ("B",), "toy")
+
+
+@AT_ONCE
+def test_the_output_is_short_and_names_warnings_and_the_log(folder, start):
+    code, terminal = ended(start(folder))
+    assert code == 0, terminal
+    lines = terminal.splitlines()
+    assert lines[0].startswith(f"log:   {OUTPUT}")
+    assert lines[-1] == "polarsim run: 7 jobs done, all requested files exist"
+    assert len([line for line in lines if "scan without date" in line]) == 1  # of two jobs
+    assert rules_in(terminal) == set()
+    assert len(lines) < 10
+    assert max(map(len, lines)) <= 100
+    assert rules_in((folder / OUTPUT).read_text()) == {"all", "first", "second", "last", "together"}
+    code, terminal = ended(start(folder, "together", "--verbose", "--forcerun", "together"))
+    assert code == 0, terminal
+    assert rules_in(terminal) == {"together"}
+
+
+def test_a_terminal_has_live_lines_until_ctrl_c(folder, start, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setenv("TERM", "xterm")
+    own, terminal = pty.openpty()
+    with os.fdopen(own, "rb", buffering=0) as screen:
+        process = start(folder, output=terminal)
+        os.close(terminal)
+        jobs_at_work(folder, process)
+        time.sleep(1.5)
+        process.send_signal(signal.SIGINT)
+        text = read_terminal(screen)
+    assert process.wait(60) == 130
+    lines = re.sub(r"\x1b\[\??[0-9;]*[A-Za-z]", "", text).replace("\r", "\n").splitlines()
+    assert any(re.match(r"jobs +0/7 .*first 0[12]", line) for line in lines)
+    assert any(line.startswith("polarsim run: stopping") for line in lines)
+    assert max(map(len, lines)) <= 80
+    assert rules_in(text) == set()
+
+
+def read_terminal(screen) -> str:
+    """Return the text written to a pseudo terminal until all writers have closed it."""
+    parts = []
+    with suppress(OSError):  # Linux: at the end
+        while part := screen.read(65536):
+            parts.append(part)
+    return b"".join(parts).decode()
+
+
+@pytest.mark.parametrize("broken", ["Snakefile", "rule"])
+@AT_ONCE
+def test_an_error_before_the_first_job_shows_the_output_of_snakemake(folder, start, broken):
+    path = folder / "Snakefile"
+    text = path.read_text()
+    path.write_text("import nothing\n" + text if broken == "Snakefile" else text.replace("scripts/first", "scripts/no"))
+    code, terminal = ended(start(folder))
+    assert code == 1
+    assert ("nothing" if broken == "Snakefile" else "scripts/no.py") in terminal
+    assert len(terminal.splitlines()) < 40
 
 
 @pytest.fixture

@@ -55,6 +55,7 @@ rule together:
     script: "scripts/second.py"
 """
 FIRST = """
+import logging
 import time
 from pathlib import Path
 from polarsim.errors import FormatError
@@ -65,6 +66,7 @@ with reporting(log=snakemake.log[0]), writing_folder(snakemake.output.folder) as
     text = Path(snakemake.params.source).read_text()
     if text == "broken":
         raise FormatError("no scan", path=snakemake.params.source)
+    logging.getLogger("polarsim").warning("scan without date")
     for part in range(6):
         (folder / f"{part}.txt").write_text(text * 1000)
         time.sleep(PAUSE)
