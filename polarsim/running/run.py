@@ -23,10 +23,12 @@ from polarsim.arguments import STOPPED
 from polarsim.config import Config
 from polarsim.errors import ConfigError, PolarsimError
 from polarsim.formats.files import write_text
+from polarsim.paths import RunPaths
 from polarsim.running import cluster, disk, processes
 from polarsim.running.configuration import read_configs, store_config
 from polarsim.running.console import showing
 from polarsim.running.durations import expected_durations
+from polarsim.running.first_page import FirstPage
 from polarsim.running.inputs import check_paths
 from polarsim.running.jobs import LOGS, WorkflowJob, jobs_of, latest_log, log_text, logs_in
 from polarsim.running.stages import RunProgress
@@ -134,14 +136,16 @@ def _tidy(folder: Path, results: Path) -> None:
 
 
 def _run_owned(folder: Path, call: Call, config: Config, *, is_full: bool) -> int:
-    results = Path("results") / config.run
-    page = results / "results.html"
+    results, paths = Path("results") / config.run, RunPaths(config)
     stages = stages_of_rules(folder)
     lost = _lost_outputs(folder, call)
     if processes.is_locked(folder):  # by a killed run: `folder_lock` raises for an active run
         subprocess.run(_snakemake(*call.words(), "--unlock"), capture_output=True, check=False)
     before, start = logs_in(folder), time.monotonic()
     progress = RunProgress(stages, expected_durations(results, stages), call.cores or 2, start)
+    page = FirstPage(paths)
+    if is_full and "render_twins" in stages:
+        _print_result(f"page:  {page.page}, with the first images as soon as a terrain has labels and twins")
     if not call.verbose:
         _print_result(f"log:   {OUTPUT}: output of Snakemake and of the jobs (on the terminal: --verbose)")
     with showing(progress, sys.stderr, is_silent=call.verbose) as display:
@@ -149,23 +153,34 @@ def _run_owned(folder: Path, call: Call, config: Config, *, is_full: bool) -> in
         def watch() -> None:
             logs = sorted(logs_in(folder) - before)
             progress.update("".join(log_text(folder / LOGS / log) for log in logs[-1:]), time.monotonic())
+            page.update(progress)
             display.update()
 
         forced = ["--forcerun", *lost] if lost else []
-        words = _snakemake(*call.words(), *forced)
+        first = _first_twins(call, paths) if is_full and "render_twins" in stages else []
+        words = _snakemake(*call.words(), *first, *forced)
         output = None if call.verbose else folder / OUTPUT
         code, stopped = processes.supervise(folder, words, watch, display.write, output)
         watch()
+    page.stop(progress)
     disk.remove_leftovers(results)
     jobs = [job for log in sorted(logs_in(folder) - before) for job in jobs_of(folder, log)]
     _remember(folder, lost, jobs)
     for line in warning_lines(folder, jobs):
         _print_result(line)
     _report(folder, results, call, jobs, code, stopped)
-    if code == 0 and is_full and page.exists():
-        for line in result_lines(config, page):
+    if code == 0 and is_full and page.page.exists():
+        for line in result_lines(config, page.page):
             _print_result(line)
     return STOPPED if stopped else min(1, abs(code))
+
+
+def _first_twins(call: Call, paths: RunPaths) -> list[str]:
+    """Return arguments that give priority to the twins of the first terrain, which the first page shows."""
+    if paths.only_covers or any(word.partition("=")[0] == "--prioritize" for word in call.rest):
+        return []
+    twins = f"results/{paths.run}/renders/{paths.models[-1]}/Terrain{paths.terrains[0]}"
+    return ["--prioritize", twins, "--scheduler-greediness", "1"]  # 1 is the default without --prioritize
 
 
 def _snakemake(*words: str) -> list[str]:
