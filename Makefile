@@ -6,7 +6,7 @@ POLAR_SIM_ROOT ?= ../shared/polar-sim
 BIN := .venv/bin
 RUN := $(BIN)/polarsim run --cores $(CORES)
 
-.PHONY: help setup demo rover release accuracy test pytest cluster chaos fuzz lint docs picture clean lock schema columns
+.PHONY: help setup demo rover release accuracy test pytest cluster chaos fuzz lint docs picture clean durations lock schema columns
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -19,9 +19,7 @@ setup: .venv/.ready ## create .venv with polarsim, Snakemake and all dependencie
 	@touch $@
 
 demo: setup ## run the pipeline on the analog sandbox: config/config.yaml
-	$(RUN)
-	@$(BIN)/polarsim report demo --cores $(CORES)
-	@echo "interactive view: $(BIN)/polarsim explore demo"
+	@$(RUN)
 
 ROVER := rover_autonomy --configfile config/overlays/rover.yaml
 
@@ -32,8 +30,7 @@ rover: setup ## autonomous drives over terrains of the demo: config/overlays/rov
 	@echo "table: results/demo/tables/rover_autonomy.md, figure: results/demo/figures/rover_autonomy.png"
 
 release: setup ## cameras, labels, twins and tables on the published labels and meshes (POLAR_SIM_ROOT)
-	POLAR_SIM_ROOT=$(POLAR_SIM_ROOT) $(RUN) --configfile config/release.yaml
-	@POLAR_SIM_ROOT=$(POLAR_SIM_ROOT) $(BIN)/polarsim report release --cores $(CORES)
+	@POLAR_SIM_ROOT=$(POLAR_SIM_ROOT) $(RUN) --configfile config/release.yaml
 
 accuracy: setup ## accuracy of poses, rocks and meshes on three analog sandboxes: config/accuracy.yaml
 	for seed in $(SEEDS); do \
@@ -45,8 +42,8 @@ accuracy: setup ## accuracy of poses, rocks and meshes on three analog sandboxes
 test: setup ## lint, formats, types, dry-runs and tests
 	@$(MAKE) --no-print-directory -j 2 lint pytest
 
-pytest: setup # one thread per worker
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(CORES) --dist worksteal --durations=20 --basetemp .pytest
+pytest: setup # one thread per worker; -rs: reasons of skipped tests
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(CORES) --dist worksteal --durations=20 -rs --basetemp .pytest
 
 cluster: setup ## run the workflow on a local SLURM of one node (root, apt-get install slurm-wlm munge)
 	$(BIN)/python -m pytest -m cluster tests/cluster --basetemp .pytest
@@ -79,6 +76,9 @@ schema: setup ## update config/schema.json and config/views.schema.json
 
 columns: setup ## update the columns of tables in docs/tables.md and docs/formats.md
 	$(BIN)/python -m polarsim.schemas docs/tables.md docs/formats.md
+
+durations: setup ## update the expected durations of jobs from a complete demo: polarsim/running/durations.json
+	$(BIN)/python -m polarsim.running.durations results/demo
 
 # Requires uv (pip install uv) and a CPU build of torch in UV_FIND_LINKS; otherwise the lock would pin CUDA packages. The
 # local version of this build is removed, so that the lock is valid on all machines.

@@ -5,13 +5,12 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections import defaultdict
 from collections.abc import Collection
 from pathlib import Path
 
-from polarsim.formats.files import read_json
+from polarsim.formats.files import read_json, write_json
 
 _SHIPPED = Path(__file__).with_name("durations.json")
 UNKNOWN_S = 5.0  # of a rule without measurement
@@ -48,4 +47,4 @@ if __name__ == "__main__":
 
     measured = measured_durations(Path(sys.argv[1]), stages_of_rules(Path.cwd()))
     rounded = {rule: round(seconds, 1) for rule, seconds in sorted(measured.items())}
-    sys.stdout.write(json.dumps(rounded, indent=1) + "\n")
+    write_json(_SHIPPED, rounded)
