@@ -349,8 +349,7 @@ class RunPaths:
 
     def further_pages(self) -> dict[str, str]:
         """Return the titles of further pages by path relative to the folder of the run."""
-        errata = {"errata.html": "Defects of the published labels"} if self.has_errata and not self.only_covers else {}
-        return {"report.html": "Snakemake's report, made by polarsim report", **errata}
+        return {"errata.html": "Defects of the published labels"} if self.has_errata and not self.only_covers else {}
 
     @property
     def _has_ablation(self) -> bool:
