@@ -1,7 +1,7 @@
 """Results page of a run that is not complete: progress, images of the first terrain, and the figures so far.
 
-The page has the name of the results page, which replaces it. Its modification time is 0, so that Snakemake never takes
-it for the results page of an interrupted run.
+The page has the name of the results page, which replaces it. The modification time is in 1970, so that Snakemake does
+not mistake the page of an interrupted run for the results page.
 """
 
 from __future__ import annotations
@@ -22,10 +22,20 @@ from polarsim.progress import about
 from polarsim.running.stages import RunProgress
 
 RULE = "write_results_page"
+MODIFIED_S = 1  # modification time of the page; Snakemake ignores 0
 _TEMPLATE = Path(__file__).with_name("first_page.html.jinja")
 _MARK = b"<!doctype html><!-- incomplete run -->"  # first line of the template
 _PANEL = 640  # width of images, px
 _LOG = logging.getLogger(__name__)
+
+
+def is_first_page(page: Path) -> bool:
+    """Return whether a file is the page of an incomplete run."""
+    try:
+        with page.open("rb") as file:
+            return file.read(len(_MARK)) == _MARK
+    except OSError:
+        return False
 
 
 class FirstPage:
@@ -39,17 +49,8 @@ class FirstPage:
         self._drawing: Thread | None = None
         self._written: object = None
 
-    @property
-    def is_incomplete(self) -> bool:
-        """Whether the existing page is the page of an incomplete run."""
-        try:
-            with self.page.open("rb") as file:
-                return file.read(len(_MARK)) == _MARK
-        except OSError:
-            return False
-
     def update(self, progress: RunProgress) -> None:
-        """Write the page if the run writes a results page later, a terrain has images, and a job has ended since."""
+        """Write the page if the run writes a results page later, a terrain has images, and the progress has changed."""
         if progress.planned[RULE] and not any(job.rule == RULE for job in progress.jobs):
             self._draw(progress)
             self._write(progress, is_running=True)
@@ -58,7 +59,7 @@ class FirstPage:
         """Write the state at the end of an incomplete run into the page."""
         if self._drawing:
             self._drawing.join()
-        if self.is_incomplete:
+        if is_first_page(self.page):
             self._write(progress, is_running=False)
 
     def _draw(self, progress: RunProgress) -> None:
@@ -107,13 +108,14 @@ class FirstPage:
     def _write(self, progress: RunProgress, *, is_running: bool) -> None:
         key, panels = self._panels
         links = self._links()
-        content = (is_running, sum(job.finished for job in progress.jobs), len(panels), len(links))
-        if not panels or content == self._written or (self.page.exists() and not self.is_incomplete):
+        left = about(progress.left_s)
+        content = (is_running, left, sum(job.finished for job in progress.jobs), len(panels), len(links))
+        if not panels or content == self._written or (self.page.exists() and not is_first_page(self.page)):
             return
         text = self._template.render(
             run=self._paths.run,
             source=self._paths.origin["source"],
-            left=about(progress.left_s),
+            left=left,
             is_running=is_running,
             stages=progress.stages(),
             key=key,
@@ -123,7 +125,7 @@ class FirstPage:
         try:
             with writing(self.page) as temporary:
                 temporary.write_text(text, encoding="utf-8")
-                os.utime(temporary, (0, 0))
+                os.utime(temporary, (MODIFIED_S, MODIFIED_S))
             self._written = content
         except PolarsimError as error:
             _LOG.warning("%s", error)

@@ -28,7 +28,7 @@ from polarsim.running import cluster, disk, processes
 from polarsim.running.configuration import read_configs, store_config
 from polarsim.running.console import showing
 from polarsim.running.durations import expected_durations
-from polarsim.running.first_page import FirstPage
+from polarsim.running.first_page import FirstPage, is_first_page
 from polarsim.running.inputs import check_paths
 from polarsim.running.jobs import LOGS, WorkflowJob, jobs_of, latest_log, log_text, logs_in
 from polarsim.running.stages import RunProgress
@@ -269,7 +269,7 @@ def _missing(call: Call) -> list[str]:
     existing, missing = Counter[str](), Counter[str]()
     for name, rule, exists in _summary(call):
         part = WorkflowJob(rule, 0, (name,), "", "").terrain or "all terrains"
-        (existing if exists else missing)[part] += 1
+        (existing if exists and not is_first_page(Path(name)) else missing)[part] += 1
     return [
         f"{part}: {missing[part]} of {missing[part] + existing[part]} files missing"
         if missing[part]

@@ -13,7 +13,7 @@ from polarsim.formats import png
 from polarsim.formats.tables import label_table, write_parquet
 from polarsim.paths import RunPaths
 from polarsim.photo import PhotoKey
-from polarsim.running.first_page import RULE, FirstPage
+from polarsim.running.first_page import MODIFIED_S, RULE, FirstPage, is_first_page
 from polarsim.running.stages import RunProgress
 from tests.running.test_stages import FINISHED, PLAN, started
 from tests.support.label_rows import label_row
@@ -67,7 +67,7 @@ def test_the_page_is_written_when_a_terrain_has_labels_and_twins_and_follows_the
     add_labels_and_twins(results)
     updated(page, progress, log)
     text = page.page.read_text()
-    assert page.is_incomplete
+    assert is_first_page(page.page)
     assert f"Photo {KEY}" in text
     assert text.count("data:image/webp") == 4  # photo, twin, difference, labels
     assert "0 of 2" in text
@@ -90,7 +90,7 @@ def test_outputs_of_running_jobs_have_no_images(results, page, progress):
     updated(page, progress, WITH_PAGE + rendering)
     assert not page.page.exists()
     updated(page, progress, WITH_PAGE + rendering + FINISHED.format(number=1))
-    assert page.is_incomplete
+    assert is_first_page(page.page)
 
 
 def test_only_a_run_that_will_write_the_results_page_has_a_first_page(results, page, progress):
@@ -110,10 +110,11 @@ def test_a_results_page_is_never_replaced(results, page, progress):
     assert page.page.read_text() == "<!doctype html>\n<html>results"
 
 
-def test_snakemake_takes_the_first_page_for_older_than_its_inputs(results, page, progress):
+def test_the_modification_time_is_older_than_all_inputs(results, page, progress):
+    """`test_run.py` tests that Snakemake replaces a file of this age."""
     add_labels_and_twins(results)
     updated(page, progress, WITH_PAGE)
-    assert page.page.stat().st_mtime == 0
+    assert page.page.stat().st_mtime == MODIFIED_S
 
 
 def test_damaged_labels_leave_the_run_without_images(results, page, progress):

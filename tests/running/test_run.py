@@ -4,6 +4,7 @@ import os
 import pty
 import random
 import re
+import shutil
 import signal
 import subprocess
 import time
@@ -16,6 +17,7 @@ import pytest
 
 from polarsim.config import read_config
 from polarsim.running import processes
+from polarsim.running.first_page import MODIFIED_S
 from polarsim.running.run import MISSING_PAGE, OUTPUT, UNFINISHED
 
 pytestmark = pytest.mark.slow
@@ -159,9 +161,16 @@ def test_the_output_is_short_and_names_warnings_and_the_log(folder, start):
     assert len(lines) < 10
     assert max(map(len, lines)) <= 100
     assert rules_in((folder / OUTPUT).read_text()) == {"all", "first", "second", "last", "together"}
-    code, terminal = ended(start(folder, "together", "--verbose", "--forcerun", "together"))
+
+    # The first page of an interrupted run has no metadata, and is older than the inputs of the results page.
+    last = folder / "results/toy/together.txt"
+    last.write_text("first page")
+    os.utime(last, (MODIFIED_S, MODIFIED_S))
+    shutil.rmtree(folder / ".snakemake/metadata")
+    code, terminal = ended(start(folder, "together", "--verbose"))
     assert code == 0, terminal
     assert rules_in(terminal) == {"together"}
+    assert_whole(folder)
 
 
 def test_a_terminal_has_live_lines_until_ctrl_c(folder, start, monkeypatch):
