@@ -39,7 +39,7 @@ def progress_bar(text: str) -> Iterator[Callable[[float], None]]:
     def report(share: float) -> None:
         nonlocal shown
         now = time.monotonic()
-        if share > 0 and now - shown >= LINE_S:
+        if 0 < share < 1 and now - shown >= LINE_S:
             shown = now
             log.info("%s: %d %%, %s left", text, 100 * share, about((now - start) * (1 - share) / share))
 

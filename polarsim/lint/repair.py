@@ -30,6 +30,7 @@ from polarsim.lint.findings import Finding, Report
 from polarsim.lint.rules import RULES, Defect
 from polarsim.lint.siblings import modal_file, of_class, set_defects, swapped_classes
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey, by_bracket
+from polarsim.progress import track
 
 REPAIR_TABLE = "changes.csv"
 _LABELS = (release.BOXES, release.POLYGONS)  # copied folders
@@ -67,7 +68,7 @@ def write_repaired(root: Path, findings: Iterable[Finding], out: Path, names: Co
                 shutil.copytree(root / name, copy / name, ignore=shutil.ignore_patterns(release.SNAKEMAKE_FILE))
         repairs = _Repairs(copy, by_file, {name for name in names if RULES[name].repair})
         repairs.files()
-        for terrain in release.terrains(copy):
+        for terrain in track(release.terrains(copy), "repairing terrains"):
             repairs.boxes(terrain)
             repairs.polygons(terrain)
         report = Report(sorted(repairs.done), {})

@@ -30,7 +30,7 @@ class StageProgress:
         elapsed = clock(self.elapsed_s) if self.elapsed_s or self.done else ""
         left = "done" if self.done == self.jobs else f"{about(self.left_s)} left"
         failed = f"{self.failed} failed  " if self.failed else ""
-        return f"{self.name:14}{share:>9}{elapsed:>9}   {left:17}{failed}{', '.join(self.running)}".rstrip()
+        return f"{self.name:14}{share:>9}{elapsed:>9}   {left:18}{failed}{', '.join(self.running)}".rstrip()
 
 
 class RunProgress:
