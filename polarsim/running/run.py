@@ -56,6 +56,7 @@ _WITHOUT_JOBS = {  # options that only print
     ),
     *("-l", "--summary", "-S", "--detailed-summary", "-D", "--list-changes", "--lc", "--list-target-rules", "--lt"),
 }
+_QUIET = {"--quiet", "-q"}
 _TAIL = 15  # lines of the output of Snakemake after an error without jobs
 
 
@@ -109,6 +110,8 @@ def run_workflow(call: Call, min_free_bytes: int | None = None) -> int:
     refuse_unknown(folder, config.run, targets, call.configured())
     if _WITHOUT_JOBS.intersection(call.rest):
         return min(1, subprocess.run(_snakemake(*call.words()), check=False).returncode)
+    if any(word.partition("=")[0] in _QUIET for word in call.rest):
+        raise ConfigError("--quiet: removes the jobs from Snakemake's log, which the progress is read from; omit it")
     results, data = Path("results") / config.run, config.data_source
     made = (results, *([config.source.root] if data.is_generated else []))
     for place in (Path("results"), *made, Path(".snakemake")):

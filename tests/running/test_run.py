@@ -271,6 +271,12 @@ def test_a_full_disk_leaves_no_incomplete_file(folder, start, mounted):
     assert_whole(folder)
 
 
+@AT_ONCE
+def test_quiet_is_for_plans_only(folder, polarsim, one_line):
+    assert "--quiet" in one_line("--min-free", "0", "--quiet", "progress")
+    assert polarsim("run", "--dry-run", "--quiet").returncode == 0
+
+
 def test_missing_space_or_permission_is_an_error_before_any_job(folder, one_line, mounted):
     mounted("size=1m")
     line = one_line("--min-free", "9")
