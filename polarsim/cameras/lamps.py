@@ -60,25 +60,25 @@ def refine_lamp(
     `start`, `surveyed` (3,): start of the fit, and surveyed position, metres.
     `independent`: maximum weight of a view, in windows: the errors of neighbouring windows are correlated.
     """
-    across = _across(surveyed)
-    moved = across @ (start - surveyed)
-    parts = [_responses(surveyed + moved @ across, across, view, window) for view in views]
+    axes = across(surveyed)
+    moved = axes @ (start - surveyed)
+    parts = [_responses(surveyed + moved @ axes, axes, view, window) for view in views]
     off = np.concatenate([np.zeros((0, 2)), *(part[0] for part in parts)])
     slopes = np.concatenate([np.zeros((0, 2, 2)), *(part[1] for part in parts)])
     if len(off) < _MIN_WINDOWS:
         return None
     moved = _fit_offset(moved, off, slopes, independent * len(views))
-    return np.asarray(surveyed + moved @ across)
+    return np.asarray(surveyed + moved @ axes)
 
 
-def _across(position: np.ndarray) -> np.ndarray:
+def across(position: np.ndarray) -> np.ndarray:
     """Return (2, 3) unit vectors perpendicular to the line from a lamp to the sandbox's centre: level, and upright."""
     side = np.array([position[1], -position[0], 0.0])
     return np.stack([side / np.linalg.norm(side), [0.0, 0.0, 1.0]])
 
 
 def _responses(
-    lamp: np.ndarray, across: np.ndarray, view: LampView, window: MatchingOptions
+    lamp: np.ndarray, axes: np.ndarray, view: LampView, window: MatchingOptions
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return whitened offsets of windows in the photo, (n, 2), and their derivatives by the lamp, (n, 2, 2) a metre."""
     shaded = view.hits.shade(lamp)
@@ -86,7 +86,7 @@ def _responses(
     in_photo = match_windows(shaded, view.photo, usable, window)
     nudged = [
         _moves(match_windows(shaded, _as_photo(view.hits.shade(lamp + nudge)), usable, window))
-        for nudge in _DIFFERENCE_STEP * across
+        for nudge in _DIFFERENCE_STEP * axes
     ]
     pixels = [tuple(pixel) for pixel in in_photo.pixel.tolist()]
     rows = [row for row, at in enumerate(pixels) if all(at in moves for moves in nudged)]

@@ -23,6 +23,7 @@ from polarsim.cameras.lamps import LampView, lamp_views, refine_lamp
 from polarsim.cameras.options import RefinementOptions
 from polarsim.cameras.rounding import rounded, rounded_metrics, rounded_rig
 from polarsim.cameras.shading import MeshSurface, cast_view, surface_of
+from polarsim.cameras.wall_shadows import refine_by_wall_shadows
 from polarsim.formats import colmap
 from polarsim.formats.files import relative_to, writing_folder
 from polarsim.geometry.patches import MatchingOptions, match_windows
@@ -33,7 +34,8 @@ from polarsim.run_files import lamps
 from polarsim.run_files.best_photos import BestPhotos, ViewPhotos, best_pictures, read_all_resized
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised, write_localised
-from polarsim.run_files.scene import read_terrain
+from polarsim.run_files.scene import TerrainMesh, read_terrain
+from polarsim.run_files.walls import Walls, write_walls
 
 # Windows of 21 px of a shaded view, every 12 px, are matched within 5 px. Their correlation with the photo is at least
 # 0.6, and the noise of their position is 0.4 of sqrt((1 - correlation) / second derivative of the correlation).
@@ -46,6 +48,7 @@ PRIORS = Priors(
     pose_m=0.003, pose_rad=float(np.radians(0.1)), rig_m=0.0005, rig_rad=float(np.radians(0.02)),
     focal_px=1.5, centre_px=1.5, k1=0.003,
 )  # fmt: skip
+_REFINED = ", photos"  # end of the method of a refined rig
 _MODEL_POINTS = 20_000  # maximum number of mesh vertices in a COLMAP model
 log = logging.getLogger("polarsim")
 
@@ -55,16 +58,21 @@ def refine_cameras(
 ) -> None:
     """Write the folder `cameras`: the files of `located`, with poses, lenses and lamps refined on photos.
 
-    Without photos (`photos.parquet`) that show the meshes, the poses are not changed.
+    Without photos (`photos.parquet`) that show the meshes, the poses are not changed. Walls that are missing in the
+    scans are fitted to the shadows in the photos and written as `walls.json`.
     """
+    mesh = read_terrain(meshes, terrain)
     localised = start = read_all_localised(located)
     pictures = best_pictures(terrain, photos) if photos is not None and options.scales else {}
     suns: dict[str, np.ndarray] = {}
+    walls: Walls | None = None
     if any(view[0] in localised and not localised[view[0]].unproven for view in pictures):
-        name, surface = f"terrain {terrain:02d}", surface_of(read_terrain(meshes, terrain))
+        name, surface = f"terrain {terrain:02d}", surface_of(mesh)
         localised = _add_by_features(name, localised, surface, pictures)
         shown = {view: of for view, of in pictures.items() if view[0] in localised and not localised[view[0]].unproven}
         localised, suns = _refine(name, localised, surface, shown, options)
+        if photos is not None:
+            suns, walls = _refine_by_wall_shadows(name, terrain, mesh, photos, localised, suns)
     with writing_folder(cameras) as folder:
         for path in located.iterdir():
             if path.is_file():
@@ -74,8 +82,10 @@ def refine_cameras(
                 write_localised(folder / f"Pos{position}.json", rig)
         if suns:
             lamps.write_suns(folder, suns)
+        if walls is not None:
+            write_walls(folder, walls)
         names = {} if photos is None else image_names(photos, cameras / "colmap")
-        colmap.write_model(folder / "colmap", localised, names, model_points(read_terrain(meshes, terrain).vertices))
+        colmap.write_model(folder / "colmap", localised, names, model_points(mesh.vertices))
 
 
 def image_names(photos: Path, folder: Path) -> dict[tuple[str, str], str]:
@@ -177,6 +187,23 @@ def _refine_suns(
     return suns
 
 
+def _refine_by_wall_shadows(
+    name: str,
+    terrain: int,
+    mesh: TerrainMesh,
+    photos: Path,
+    localised: Mapping[str, LocalisedRig],
+    suns: dict[str, np.ndarray],
+) -> tuple[dict[str, np.ndarray], Walls | None]:
+    """Return lamps and walls (None: unchanged) fitted to the shadow edges of walls in photos of refined rigs."""
+    refined = {position: rig for position, rig in localised.items() if rig.method.endswith(_REFINED)}
+    if not refined or mesh.walls is None:
+        return suns, None
+    everywhere = lamps.surveyed_suns(localised) | suns
+    moved, walls = refine_by_wall_shadows(name, terrain, mesh, photos, refined, everywhere, set(suns))
+    return {**suns, **moved}, walls
+
+
 def _with_enough_windows(
     name: str, matches: Mapping[PositionCamera, MatchedPoints]
 ) -> dict[PositionCamera, MatchedPoints]:
@@ -218,5 +245,5 @@ def _describe(
         "sd_deg": float(np.degrees(np.linalg.norm(sd[:3]))),
     }
     return LocalisedRig(
-        rounded_rig(rig.rig), rounded(rig.sandbox_from_left), f"{located.method}, photos", rounded_metrics(metrics)
+        rounded_rig(rig.rig), rounded(rig.sandbox_from_left), f"{located.method}{_REFINED}", rounded_metrics(metrics)
     )

@@ -66,7 +66,7 @@ class TerrainFiles:
         drawings = read_seeds(self.seeds, self.terrain)
         seeds = choose_seeds(drawings, {}, MinExposures.of(drawings, options.shadow_start(self.terrain)))
         suns = lamps.read_suns(self.cameras, localised)
-        return associate_rocks(read_terrain(self.meshes, self.terrain), localised, suns, seeds)
+        return associate_rocks(read_terrain(self.meshes, self.terrain, cameras=self.cameras), localised, suns, seeds)
 
 
 def read_published(root: Path, terrain: int) -> dict[PhotoKey, AnnotatedBoxes]:

@@ -174,7 +174,7 @@ def draw_masks(
     for position in sorted({key.position for key in keys} - set(localised)):
         log.warning("terrain %02d, position %s: no camera pose, no outlines", terrain, position)
     suns = lamps.read_suns(cameras, localised)
-    world, bare = build_worlds(read_terrain(meshes, terrain), localised, suns)
+    world, bare = build_worlds(read_terrain(meshes, terrain, cameras=cameras), localised, suns)
     annotated: dict[PhotoKey, list[coco.Annotation]] = {}
     with writing_folder(polygons) as polygon_folder, writing_folder(masks) as mask_folder:
         selected = sorted((key for key in keys if key.position in localised), key=lambda key: (key.view, key))

@@ -79,7 +79,7 @@ def labels_of_terrain(inputs: PropagationInputs, options: LabelsOptions) -> dict
     _warn_of_gaps(inputs.photos, inputs.keys)
     localised = rigs.read_all_localised(inputs.cameras)
     suns = lamps.read_suns(inputs.cameras, localised)
-    scene = read_terrain(inputs.meshes, terrain)
+    scene = read_terrain(inputs.meshes, terrain, cameras=inputs.cameras)
     seeded, corrected = read_seeds(inputs.seeds, terrain), read_corrections(options.corrections, terrain)
     if unknown := [key for key in options.excluded(terrain) if key not in {*seeded, *corrected}]:
         raise LabelError(

@@ -49,7 +49,9 @@ class Sidecar:
     terrain: int
     options: RenderOptions
     gain_per_ms: float  # DN per ms per unit radiance
-    sources: Mapping[str, str]  # SHA-256 of input files by name; for twins by role: meshes, camera, lamps, photos
+    sources: Mapping[
+        str, str
+    ]  # SHA-256 of input files by name; for twins by role: meshes, walls, camera, lamps, photos
     noise_seed: tuple[Any, ...] = ()  # arguments of `randomness.generator`; empty without noise
 
     def content(self) -> dict[str, Any]:

@@ -93,8 +93,8 @@ def render_twins(
     suns = read_suns(lamps or cameras, rigs)
     views = keys_by_view(keys, rigs, cameras)
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        sourced = pool.submit(input_digests, terrain, meshes, lamps or cameras, materials)
-        mesh = read_terrain(meshes, terrain, pool)
+        sourced = pool.submit(input_digests, terrain, meshes, cameras, lamps or cameras, materials)
+        mesh = read_terrain(meshes, terrain, pool, cameras)
         sources = sourced.result()
     fitted = None if materials is None else read_materials(materials, mesh)
     options, albedo = (options, {}) if fitted is None else with_fit(options, fitted)

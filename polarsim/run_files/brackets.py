@@ -16,7 +16,7 @@ log = logging.getLogger("polarsim")
 CLIPPED_DN = WHITE_LEVEL - BLACK_LEVEL - 100.0  # signal above which a pixel may be clipped
 
 
-def read_rate(photos: Iterable[tuple[float, Path]], skipped: str) -> tuple[np.ndarray | None, tuple[float, ...]]:
+def read_rate(photos: Iterable[tuple[int, Path]], skipped: str) -> tuple[np.ndarray | None, tuple[int, ...]]:
     """Return grey values above black per millisecond (h, w) float32, and the exposures of the readable photos, ms.
 
     Each pixel is taken from the longest exposure in which it is not clipped. Pixels that are clipped in the shortest

@@ -94,14 +94,18 @@ def mesh_origins(folder: str | Path) -> dict[str, str]:
 
 
 @reader("terrain")
-def read_terrain(folder: str | Path, terrain: int, pool: Executor | None = None) -> TerrainMesh:
+def read_terrain(
+    folder: str | Path, terrain: int, pool: Executor | None = None, cameras: Path | None = None
+) -> TerrainMesh:
     """Read `terrainNN_ground.obj` and every `terrainNN_rock<k>.obj`, in parallel if a pool is given.
 
-    A decimated mesh is read only if the full mesh is missing. Without `walls.json`, the terrain has its nominal walls.
+    A decimated mesh is read only if the full mesh is missing. The walls are those of `walls.json` in the folder of the
+    rig poses `cameras`, fitted to photos, else in the folder of the meshes, measured in scans, else nominal.
     """
     files = mesh_files(folder, terrain)
     meshes = list((pool.map if pool else map)(obj.read_obj, files.values()))
     whole = join_meshes(meshes)
     rocks = np.repeat(list(files), [len(mesh.faces) for mesh in meshes])
     mesh = TerrainMesh(whole.vertices, whole.faces, rocks)
-    return replace(mesh, walls=read_walls(folder) or surveyed_walls(terrain, mesh.sand_level))
+    fitted = None if cameras is None else read_walls(cameras)
+    return replace(mesh, walls=fitted or read_walls(folder) or surveyed_walls(terrain, mesh.sand_level))

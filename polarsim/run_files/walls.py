@@ -17,7 +17,7 @@ from polarsim.survey import is_surveyed
 FILE = "walls.json"
 Side = Literal["-x", "+x", "-y", "+y"]
 SIDES: tuple[Side, ...] = get_args(Side)
-Origin = Literal["scans", "survey"]
+Origin = Literal["scans", "photos", "survey"]
 STRIP_M = 0.10  # width of the strips along a wall with one height each
 THICKNESS_M = 0.05
 WALL_FOOT_M = 0.5  # depth of the walls below the median sand, metres
@@ -31,7 +31,7 @@ class Wall:
     face_m: float  # distance of the inner face from the origin
     along_m: np.ndarray  # (s,) centres of the strips along the wall, ascending
     top_m: np.ndarray  # (s,) height of the top edge of each strip
-    support: float  # share of the strips with scanned points; 0: nominal wall
+    support: float  # share of the strips with scanned points, or points of the shadow edge in photos; 0: nominal wall
 
     def top(self, along: np.ndarray) -> np.ndarray:
         """Return the height (n,) of the top edge at coordinates (n,) along the wall."""

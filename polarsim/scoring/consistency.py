@@ -79,7 +79,7 @@ def check_consistency(
         if position in localised and not localised[position].unproven
     }
     metrics = []
-    scene, last = read_terrain(meshes, terrain), read_all_localised(cameras)
+    scene, last = read_terrain(meshes, terrain, cameras=cameras), read_all_localised(cameras)
     if scans:
         metrics += scans_on_meshes(scans, scene)
     if mesh_origins(meshes).get(obj.ground_name(terrain)) == FITTED:

@@ -7,48 +7,27 @@ import pytest
 
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.meshes import Mesh, join_meshes
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
-from polarsim.photo import NO_ROCK
-from polarsim.run_files.scene import TerrainMesh
-from polarsim.run_files.wall_edges import LAMP_RADIUS, SIDES, OpenGround, edge_profiles
+from polarsim.run_files.wall_edges import SIDES, OpenGround, edge_profiles
 from polarsim.run_files.walls import level_walls
 from polarsim.survey import SUN_LAMPS
+from tests.support.wall_photos import level_sand, shaded_sand
 
-GROUND = Mesh(np.array([[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], float), np.array([[0, 1, 2], [0, 2, 3]]))
 CAMERA = Camera(
     camera_pose(np.array([3.5, -0.3, 1.5]), np.pi, np.radians(25)),
     Lens(420.0, 420.0, 320.0, 240.0, (0, 0, 0, 0, 0), 640, 480),
 )
 WALLS = level_walls(2.0, 0.3, "scans")
-DISC_POINTS = 64
 
 
 def scene(*rocks: Mesh) -> OpenGround:
-    whole = join_meshes([GROUND, *rocks])
-    return OpenGround.of(TerrainMesh(whole.vertices, whole.faces, np.repeat([NO_ROCK, 1], [2, len(whole.faces) - 2])))
-
-
-def photo(walls, lamp) -> np.ndarray:
-    """Return the visible share (h, w) of the lamp's disc on level sand near the edge, by rays to points of the disc."""
-    directions = CAMERA.pixel_directions().reshape(-1, 3)
-    level = CAMERA.centre - CAMERA.centre[2] / np.minimum(directions[:, 2:], -1e-6) * directions
-    near = np.flatnonzero((np.abs(np.abs(level[:, 0]) - 1.1) < 0.7) & (np.abs(level[:, 1]) < 1.5))
-    axis = lamp / np.linalg.norm(lamp)
-    side = np.cross(axis, [0, 0, 1.0]) / np.linalg.norm(np.cross(axis, [0, 0, 1.0]))
-    share = np.zeros(len(near))
-    for number in range(DISC_POINTS):  # on a Fibonacci spiral
-        radius, angle = LAMP_RADIUS * np.sqrt((number + 0.5) / DISC_POINTS), number * 2.39996
-        on_disc = lamp + radius * (np.cos(angle) * side + np.sin(angle) * np.cross(side, axis))
-        share += walls.clearance(level[near], on_disc) > 0
-    rate = np.zeros(len(level), np.float32)
-    rate[near] = 0.02 + share / DISC_POINTS
-    return rate.reshape(CAMERA.lens.shape)
+    return OpenGround.of(level_sand(*rocks))
 
 
 @pytest.fixture(scope="module")
 def photo_of_30():
-    return photo(WALLS, SUN_LAMPS["30"])
+    return shaded_sand(CAMERA, WALLS, SUN_LAMPS["30"])
 
 
 def test_the_predicted_edge_is_the_half_light_point_of_the_photo(photo_of_30):
@@ -86,7 +65,7 @@ def test_profiles_under_a_rock_and_in_its_shadow_are_omitted(photo_of_30):
 def test_a_photo_without_the_edge_has_no_samples(photo_of_30):
     profiles = edge_profiles(scene(), WALLS, SUN_LAMPS["30"])
     assert len(profiles.measure(np.ones_like(photo_of_30), CAMERA)) == 0
-    assert len(profiles.measure(photo(WALLS, SUN_LAMPS["180"]), CAMERA)) == 0
+    assert len(profiles.measure(shaded_sand(CAMERA, WALLS, SUN_LAMPS["180"]), CAMERA)) == 0
     away = replace(CAMERA, world_from_camera=camera_pose(np.array([3.5, -0.3, 1.5]), 0.0, 0.4))
     assert len(profiles.measure(photo_of_30, away)) == 0
 

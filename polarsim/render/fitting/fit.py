@@ -47,7 +47,7 @@ def fit_materials(
 
     `cameras`, `meshes`: folders of the terrain. `photos`: `photos.parquet`, may be empty.
     """
-    mesh = read_terrain(meshes, terrain)
+    mesh = read_terrain(meshes, terrain, cameras=cameras)
     samples = _samples_of_terrain(terrain, cameras, mesh, photos, options, threads)
     engine = reflectance_engine(options, threads)
     fitted = None if samples is None else fit(samples, mesh, models, engine, options)

@@ -22,7 +22,11 @@ from polarsim.run_files.instances import GROUND, ROCK_IDS
 from polarsim.run_files.walls import Walls
 
 _MIN_COSINE = 0.06  # minimum cosine of incidence: at grazing light small errors of normals have a large effect
-_WALL_ERROR_M = {"scans": 0.03, "survey": 0.15}  # points that walls with this error could hide or shade are excluded
+_WALL_ERROR_M = {
+    "scans": 0.03,
+    "photos": 0.06,
+    "survey": 0.15,
+}  # points that walls with this error could hide or shade are excluded
 STEP_PX = 2  # every second pixel of a row and of a column of the ground is a sample; every pixel of rocks
 BORDER_PX = 3  # pixels closer than this to the edge of an object or shadow are excluded: their light is mixed
 _NOISE = 0.2  # maximum relative noise (standard deviation) of a sample
