@@ -103,10 +103,10 @@ def _metrics(part: pd.DataFrame) -> dict[str, Any]:
     row |= {"controlled": int((part["control_terrain"] >= 0).sum()), "better_share": part["better_than_control"].mean()}
     for gain, name in GAINS.items():
         row |= _median(gain, (part[name] - part[f"control_{name}"]).to_numpy(float), view, drawn)
-    return row | {"control": verdict([row[f"{gain}_low"] for gain in GAINS], views)}
+    return row | {"control": control_verdict([row[f"{gain}_low"] for gain in GAINS], views)}
 
 
-def verdict(lows: Sequence[float], views: int) -> str:
+def control_verdict(lows: Sequence[float], views: int) -> str:
     """Return `BETTER` or `REFUSED` from the lower bounds of the gains; empty without control or with too few views."""
     if views < MIN_VIEWS or np.isnan(lows).any():
         return ""

@@ -11,6 +11,7 @@ import pandas as pd
 from polarsim.formats.tables import read_csv
 from polarsim.photo import ROCK
 from polarsim.report import paper
+from polarsim.schemas.evaluation import IN_PLACE
 
 MAX_HEADLINES = 5
 Tables = Mapping[str, Path]
@@ -94,7 +95,8 @@ def _evaluation(tables: Tables) -> Iterator[Headline]:
     rows = read_csv(tables["evaluation"])
     for stage, subject, metric, title, factor, decimals, unit, meaning in _STAGE_METRICS:
         matching = rows[(rows["stage"] == stage) & (rows["metric"] == metric) & rows["value"].notna()]
-        matching = matching[matching["subject"].astype(str).str.startswith(subject)]
+        subjects = matching["subject"].astype(str)
+        matching = matching[subjects.str.startswith(subject) & ~subjects.str.endswith(f", {IN_PLACE}")]
         if len(matching):
             values = factor * matching["value"].astype(float)
             low, middle, high = (f"{value:.{decimals}f}" for value in (values.min(), values.median(), values.max()))

@@ -62,7 +62,7 @@ def compare_twins(
         paths = {model: by_key[key] for model, by_key in sorted(twins.items()) if key in by_key}
         if not paths:
             continue
-        photo, drawn = read_photo(compared)
+        photo, drawn = read_compared(compared)
         reduced = reduce_photo(photo, drawn)
         features = find_features(reduced.tones, reduced.valid)
         for model, path in paths.items():
@@ -124,7 +124,7 @@ def twin_of_same_view(key: PhotoKey, others: Mapping[PhotoKey, Path]) -> PhotoKe
     return min(similar, key=lambda other: (abs(log2(other.exposure_ms / key.exposure_ms)), other), default=None)
 
 
-def read_photo(compared: ComparedPhoto) -> tuple[np.ndarray, np.ndarray | None]:
+def read_compared(compared: ComparedPhoto) -> tuple[np.ndarray, np.ndarray | None]:
     """Return a photo (h, w), and the mask (h, w) bool of lines drawn into a published photo."""
     photo = png.read_png(compared.path)
     return photo, None if compared.drawn is None else read_in_size(compared.drawn, photo.shape) > 0

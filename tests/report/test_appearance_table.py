@@ -7,7 +7,7 @@ import pytest
 from polarsim.formats import png
 from polarsim.formats.tables import key_columns, read_csv, write_parquet
 from polarsim.photo import BLACK_LEVEL, HEIGHT, WIDTH, PhotoKey
-from polarsim.report.appearance_table import BETTER, REFUSED, appearance_rows, tabulate_appearance, verdict
+from polarsim.report.appearance_table import BETTER, REFUSED, appearance_rows, control_verdict, tabulate_appearance
 from polarsim.report.figures.appearance import draw_appearance, shown_photos
 from polarsim.schemas.evaluation import APPEARANCE_PAIRS, HELD_OUT, IN_PLACE, NOT_FITTED
 from polarsim.scoring.twin_photos import ComparedPhoto, compare_twins
@@ -78,7 +78,7 @@ def test_a_score_is_refused_if_the_twin_of_another_terrain_is_as_good(tmp_path, 
     [([1, 1, 1], 5, BETTER), ([1, 0, 1], 5, REFUSED), ([1, 1, 1], 4, ""), ([1, np.nan, 1], 9, "")],
 )
 def test_the_verdict_requires_all_gains_and_enough_views(lows, views, expected):
-    assert verdict(lows, views) == expected
+    assert control_verdict(lows, views) == expected
 
 
 def test_a_run_without_photos_has_an_empty_table_and_figure(tmp_path):

@@ -52,6 +52,14 @@ def test_the_detector_trained_on_photos_and_the_best_of_the_twins_are_shown_with
     assert single.interval.startswith("no interval")
 
 
+def test_photos_that_took_part_in_a_fit_are_in_no_headline(headlines_of):
+    rows = [("render", 1, f"hapke{relation}", "log2_difference", value)
+            for relation, value in ((", in place", 0.1), (", held out", 0.4))]  # fmt: skip
+    (headline,) = headlines_of(evaluation=evaluation(*rows))
+    assert headline.value == "0.40 stops"
+    assert headlines_of(evaluation=evaluation(*rows[:1])) == []
+
+
 def test_there_are_at_most_five_headlines_and_none_without_metrics(headlines_of):
     stages = [("labels", "rock: all but seeds", "f1"), ("rocks", "paired rocks", "surface_distance_median")]
     stages += [("cameras", "worst position", "position_error_aligned"), ("render", "hapke", "log2_difference")]

@@ -40,9 +40,14 @@ def test_a_small_run_ends(small, snakemake):
         for evaluated in ("analog", "hapke")
     }
     assert not detection["shares_views"].any()
-    for name in ("detection", "ipd", "gap", "evaluation"):
+    for name in ("detection", "ipd", "gap", "evaluation", "appearance"):
         for form in ("csv", "md", "tex", "parquet"):
             assert (results / f"tables/{name}.{form}").stat().st_size
+
+    appearance = pd.read_parquet(results / "tables/appearance.parquet").set_index(["group", "value"]).loc["all", "all"]
+    assert (appearance["model"], appearance["relation"]) == ("hapke", "not fitted")
+    assert (appearance["photos"], appearance["views"], appearance["controlled"]) == (8, 4, 0)  # a single terrain
+    assert appearance["ssim_low"] <= appearance["ssim"] <= appearance["ssim_high"]
 
     ablation = pd.read_parquet(results / "gap/ablation.parquet").set_index("component")
     assert len(ablation) == 2 * 2 * 2  # components, detectors, kinds

@@ -17,7 +17,7 @@ from polarsim.report.figures.difference import TONES, TONES_MEANING, difference_
 from polarsim.run_files.pictures import pictures_at
 from polarsim.schemas.evaluation import APPEARANCE_PAIRS
 from polarsim.scoring.appearance import reduce_photo, reduce_picture, sandbox_part, tone_of_twin
-from polarsim.scoring.twin_photos import ComparedPhoto, read_in_size, read_photo, subject_of, twin_of_same_view
+from polarsim.scoring.twin_photos import ComparedPhoto, read_compared, read_in_size, subject_of, twin_of_same_view
 from polarsim.tone import display_white_level, to_8bit
 
 SHOWN = 4  # maximum number of photos
@@ -92,7 +92,7 @@ def _draw_photo(
     column: int,
 ) -> None:
     """Draw a photo and its twins in a row of axes, and the control and the differences in the row below."""
-    photo, drawn = read_photo(compared)
+    photo, drawn = read_compared(compared)
     reduced = reduce_photo(photo, drawn)
     used = photo if drawn is None or drawn.all() else photo[~drawn]
     tones = _small(to_8bit(photo, display_white_level(used))[..., 0], column)
