@@ -16,7 +16,6 @@ from polarsim.formats.files import read_json, write_json, writing_folder
 from polarsim.formats.readers import reader
 from polarsim.formats.yaml_files import describe_error
 from polarsim.photo import NO_ROCK
-from polarsim.run_files.fitted_photos import FittedPhotos
 from polarsim.run_files.scene import TerrainMesh
 
 ALBEDO_FILE, TABLE_FILE = "albedo.parquet", "materials.json"
@@ -81,7 +80,10 @@ def write_materials(folder: Path, mesh: TerrainMesh, materials: FittedMaterials)
 @reader("materials")
 def read_materials(folder: Path, mesh: TerrainMesh) -> FittedMaterials:
     """Read the fit of a terrain with the meshes `mesh`."""
-    content = _read_table(folder)
+    try:
+        content = _Table.model_validate(read_json(folder / TABLE_FILE))
+    except ValidationError as error:
+        raise FormatError(describe_error(error, "the file"), path=folder / TABLE_FILE) from error
     table = tables.read_parquet(folder / ALBEDO_FILE, ["rock", "looks", *content.models])
     if not np.array_equal(table["rock"].to_numpy(), rock_of_vertex(mesh)):
         raise FormatError(
@@ -95,16 +97,6 @@ def read_materials(folder: Path, mesh: TerrainMesh) -> FittedMaterials:
     return FittedMaterials(content.falloff, content.vignetting, models, table["looks"].to_numpy())
 
 
-@reader("materials")
-def read_fitted_photos(folder: Path) -> dict[str, FittedPhotos]:
-    """Return the photos that took part in the fit of each model; empty if the fit failed.
-
-    The photos under the held-out lamp validate the parameters, and then take part in the final fit of albedo and lamps.
-    """
-    content = _read_table(folder)
-    return {model: FittedPhotos(frozenset(fit.lamps)) for model, fit in content.models.items()}
-
-
 def files_of(folder: Path) -> list[Path]:
     """Return all files of a fit."""
     return [folder / ALBEDO_FILE, folder / TABLE_FILE]
@@ -115,13 +107,6 @@ def rock_of_vertex(mesh: TerrainMesh) -> np.ndarray:
     rock = np.full(len(mesh.vertices), NO_ROCK)
     rock[mesh.faces.ravel()] = np.repeat(mesh.rock_of_face, 3)
     return rock
-
-
-def _read_table(folder: Path) -> _Table:
-    try:
-        return _Table.model_validate(read_json(folder / TABLE_FILE))
-    except ValidationError as error:
-        raise FormatError(describe_error(error, "the file"), path=folder / TABLE_FILE) from error
 
 
 def _rounded(value: float) -> float:

@@ -5,13 +5,12 @@ import numpy as np
 import pytest
 
 from polarsim.errors import FormatError
-from polarsim.photo import NO_ROCK, PhotoKey
+from polarsim.photo import NO_ROCK
 from polarsim.run_files.materials import (
     ALBEDO_FILE,
     TABLE_FILE,
     FittedMaterial,
     FittedMaterials,
-    read_fitted_photos,
     read_materials,
     rock_of_vertex,
     write_materials,
@@ -36,16 +35,8 @@ def test_a_fit_reads_back(tmp_path):
     assert replace(again.models["lambert"], albedo=FIT.albedo) == FIT
 
 
-def test_the_lamps_of_a_fit_are_the_suns_of_its_photos(tmp_path):
-    write_materials(tmp_path / "fit", MESH, FOUND)
-    fitted = read_fitted_photos(tmp_path / "fit")["lambert"]
-    names = ["03_A_off_30_L_0256", "03_C_on_30_R_1024", "03_A_off_180_L_0256"]
-    assert [fitted.includes(PhotoKey.parse(name)) for name in names] == [True, True, False]
-
-
 def test_an_empty_fit_reads_back(tmp_path):
     write_materials(tmp_path / "fit", MESH, FittedMaterials(False, False, {}, np.zeros(8, int)))
-    assert read_fitted_photos(tmp_path / "fit") == {}
     assert read_materials(tmp_path / "fit", MESH).models == {}
 
 

@@ -1,8 +1,9 @@
-from dataclasses import replace
+from dataclasses import json
 
 import numpy as np
 import pandas as pd
 import pytest
+import replace
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -332,6 +333,7 @@ def test_twins_are_scored_by_boxes_and_pixels_if_available(tmp_path):
         "twins": twins,
         "others": {},
         "materials": None,
+        "fitted": ["hapke"],
         "covers": None,
         "drawn": None,
         "evaluation": tmp_path / "q.csv",
@@ -346,6 +348,12 @@ def test_twins_are_scored_by_boxes_and_pixels_if_available(tmp_path):
     pair = read_parquet(tmp_path / "pairs.parquet").iloc[0]
     assert (pair["key"], pair["model"], pair["relation"]) == (str(key), "hapke", "not fitted")
     assert pair["lit_px"] == 161 * 388  # a quarter of 53 % of the rows and of 80 % of the columns
+    for lamp, relation in (("30", "in place"), ("180", "held out")):
+        fit = {"models": {"hapke": {"lamps": {lamp: 1.0}}}}
+        (tmp_path / "materials.json").write_text(json.dumps(fit))
+        score_twins(**{**arguments, "materials": tmp_path}, photos=tmp_path / "photos.parquet")
+        assert read_parquet(tmp_path / "pairs.parquet")["relation"].tolist() == [relation]
+        assert (f"hapke, {relation}", "ssim_median") in metrics(tmp_path / "q.csv")
     write_parquet(tmp_path / "photos.parquet", pd.DataFrame([row])[:0])
     score_twins(**{**arguments, "truth": None}, photos=tmp_path / "photos.parquet")
     assert len(read_csv(tmp_path / "q.csv")) == len(read_parquet(tmp_path / "pairs.parquet")) == 0

@@ -105,6 +105,7 @@ rule score_twins:
     params:
         truth=PATHS.true_labels,
         models=MODELS,
+        fitted=MODELS if PATHS.materials_of_terrain else [],
         options=options("scoring"),
     script:
         "../scripts/score_twins.py"

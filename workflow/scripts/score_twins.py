@@ -15,6 +15,7 @@ with reporting(log=snakemake.log[0]):
         twins=dict(zip(snakemake.params.models, list_of_paths(snakemake.input.twins), strict=True)),
         others=dict(zip(snakemake.params.models, list_of_paths(snakemake.input.others), strict=False)),
         materials=optional_path(snakemake.input.materials),
+        fitted=snakemake.params.fitted,
         photos=Path(snakemake.input.photos),
         covers=optional_path(snakemake.input.covers),
         drawn=optional_path(snakemake.input.drawn),
