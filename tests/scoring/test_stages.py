@@ -1,9 +1,9 @@
-from dataclasses import json
+import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
-import replace
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
