@@ -148,7 +148,7 @@ def gather_tables(
 ) -> None:
     """Concatenate the parts of each table, one for each split and training seed, and add columns `split` and `seed`."""
     for name, path in gathered.items():
-        joined = []
+        joined: list[pd.DataFrame] = []
         for file, split, seed in zip(parts[name], splits, seeds, strict=True):
             part = tables.read_parquet(file)
             if "split" not in part.columns:
