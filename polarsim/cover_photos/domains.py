@@ -10,14 +10,16 @@ import pandas as pd
 from polarsim.detect.dataset import dataset_images
 from polarsim.detect.domain_evaluation import DomainEvaluation
 from polarsim.detect.evaluate import detector_facts, read_evaluation_labels, write_evaluations
-from polarsim.detect.ipd import pair_rock_labels
+from polarsim.detect.ipd import instance_performance, pair_rock_labels
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.detect.split import TERRAIN, TEST
 from polarsim.errors import DetectError
 from polarsim.formats import tables
+from polarsim.photo import NO_ROCK
 from polarsim.schemas.covers import PHOTO_IPD
 from polarsim.schemas.detect import PREDICTIONS
 
+_ROCK = ["key", "kind", "rock"]
 Sides = tuple[str, str]  # training domain and evaluated domain of a detector
 
 
@@ -91,13 +93,23 @@ def ipd_by_photo(evaluations: Mapping[Sides, DomainEvaluation], photo_domain: st
     for (trained, twin), evaluation in evaluations.items():
         if twin == photo_domain:
             continue
-        pairs = pair_rock_labels(evaluations[trained, photo_domain].performance, evaluation.performance)
+        photo = evaluations[trained, photo_domain]
+        pairs = pair_rock_labels(photo.performance, evaluation.performance)
         pairs["difference"] = pairs["first"] - pairs["second"]
+        pairs["absolute"] = pairs["difference"].abs()
+        pairs = pairs.merge(rendered_performance(photo, evaluation), on=_ROCK, how="left", validate="one_to_one")
         for (key, kind), part in pairs.groupby(["key", "kind"]):
-            difference = part["difference"]
-            rows.append(
-                (trained, twin, key, kind, len(part), part["first"].mean(), part["second"].mean(), difference.mean(),
-                 difference.abs().mean())
-            )  # fmt: skip
+            means = part[["first", "second", "difference", "absolute", "label_iou"]].mean()
+            rows.append((trained, twin, key, kind, len(part), *means))
     columns = PHOTO_IPD.without("split", "seed")
     return pd.DataFrame(rows, columns=list(columns)).astype({name: PHOTO_IPD.dtypes[name] for name in columns})
+
+
+def rendered_performance(photo: DomainEvaluation, twin: DomainEvaluation) -> pd.DataFrame:
+    """Return the performance in the photos of a detector that predicts the rendered boxes: key, kind, rock, label_iou.
+
+    If a rock has several labels in a photo, the maximum is used, as in the IPD.
+    """
+    known = photo.labels[photo.labels["rock"] != NO_ROCK]
+    performance = instance_performance(known, twin.labels.assign(confidence=1.0), confidence=1.0)
+    return performance.groupby(_ROCK)["iou"].max().rename("label_iou").reset_index()

@@ -6,19 +6,17 @@ import logging
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from polarsim.detect import tone
-from polarsim.detect.grouping import BOX_COLUMNS, rows_by, values_by
+from polarsim.detect.external_sets import identify
 from polarsim.detect.pictures import picture_paths
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables
 from polarsim.formats.files import share_file, writing_folder
-from polarsim.geometry.boxes import iou, match_by_iou
 from polarsim.photo import FIRST_ID_WITHOUT_MESH, HEIGHT, NO_ROCK, ROCK, WIDTH, PhotoKey
 
-_PHOTO = ["key", "kind"]
+_SAME_OBJECT_IOU = 0.5  # minimum IoU of a human box and the run's box of the same object
 log = logging.getLogger("polarsim")
 
 
@@ -114,16 +112,9 @@ def with_rock_ids(boxes: pd.DataFrame, identified: pd.DataFrame) -> pd.DataFrame
 
     Boxes are matched one to one at an IoU of at least 0.5. Unmatched boxes have no rock id.
     """
-    known = rows_by(identified, _PHOTO)
-    corners = values_by(identified, _PHOTO, BOX_COLUMNS)
-    ids = identified["rock"].to_numpy(int)
-    rocks = np.full(len(boxes), NO_ROCK)
-    for group, rows in rows_by(boxes, _PHOTO).items():
-        if group in known:
-            overlap = iou(boxes[list(BOX_COLUMNS)].to_numpy(float)[rows], corners[group])
-            matched, others = match_by_iou(overlap)
-            rocks[rows[matched]] = ids[known[group][others]]
-    return boxes.assign(rock=rocks)
+    numbered, others = identify(boxes, identified, _SAME_OBJECT_IOU)
+    rocks = pd.Series(identified["rock"].to_numpy(int), others["rock"].to_numpy(int))  # by common number
+    return boxes.assign(rock=numbered["rock"].map(rocks).fillna(NO_ROCK).to_numpy(int))
 
 
 def _has_mesh(rocks: pd.Series) -> pd.Series:

@@ -57,7 +57,8 @@ PHOTOS_NOTE = (
 )
 APPEARANCE_NOTE = (
     "Appearance: PSNR, SSIM and correlation of photo and twin at a quarter of the size after the best increasing tone "
-    "curve. Photos are 8-bit images with erased annotations."
+    "curve. Photos are 8-bit images with erased annotations. IoU of boxes: mean IoU of human and rendered boxes of "
+    "rocks, the performance in photos of a detector that predicts the rendered boxes."
 )
 _SIDES = ("kind", "split", "trained", "evaluated")
 _PAIRS = ("kind", "split", "trained", "first", "second")
@@ -106,7 +107,7 @@ def tabulate_real_tables(
     likeness = appearance_of_twins(pictures, twins)
     by_photo = tidy_photos(read_parquet(photos, PHOTO_IPD.columns), likeness)
     blocks = {
-        APPEARANCE_CAPTION: format_appearance(likeness, pairs),
+        APPEARANCE_CAPTION: format_appearance(likeness, pairs, by_photo),
         PHOTOS_CAPTION: format_photos(seed_means(by_photo, _PHOTOS, _PHOTO_MEASURES)),
     }
     notes = [PHOTOS_NOTE, APPEARANCE_NOTE, LABELS_NOTE, *common]
@@ -124,9 +125,10 @@ def appearance_of_twins(pictures: Path, twins: Mapping[str, Path]) -> pd.DataFra
     return pd.DataFrame(rows, columns=["key", "twin", *_LIKENESS])
 
 
-def format_appearance(likeness: pd.DataFrame, ipd: pd.DataFrame) -> pd.DataFrame:
+def format_appearance(likeness: pd.DataFrame, ipd: pd.DataFrame, photos: pd.DataFrame) -> pd.DataFrame:
     """Return a row per domain of twins: medians over photos with intervals, and the IPD to photos of each detector."""
     rows = []
+    boxes = photos[photos["kind"] == ROCK].drop_duplicates(["key", "twin"])
     rocks = ipd[(ipd["kind"] == ROCK) & (ipd["first"] == paper.REAL)]
     for twin, part in likeness.groupby("twin", sort=False):
         row = {"twins": paper.domain_title(str(twin)), "photos": str(len(part))}
@@ -135,6 +137,8 @@ def format_appearance(likeness: pd.DataFrame, ipd: pd.DataFrame) -> pd.DataFrame
             random = generator(0, "report", "appearance", name)
             low, high = bootstrap_interval(np.split(values, len(values)), lambda some: float(np.median(some)), random)
             row[title] = value_and_interval(float(np.median(values)), low, high, f".{decimals}f")
+        of_twin = boxes[boxes["twin"] == twin]
+        row["IoU of boxes"] = f"{np.average(of_twin['label_iou'], weights=of_twin['pairs']):.3f}"
         for trained, found in rocks[rocks["second"] == twin].groupby("trained", sort=False):
             means = found[["ipd", "ipd_abs"]].mean()
             row[f"IPD / IPD_abs, T: {paper.domain_title(str(trained))}"] = f"{means.iloc[0]:.3f} / {means.iloc[1]:.3f}"

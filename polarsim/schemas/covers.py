@@ -53,4 +53,6 @@ PHOTO_IPD = SHARED.table("""
     iou_photo iou_twin | float64 | 1 | Mean IoU over these pairs in the photo and in the twin
     difference | float64 | 1 | `iou_photo` minus `iou_twin`; positive if the twin is harder
     ipd_abs | float64 | 1 | Mean of the absolute differences of IoU
+    label_iou | float64 | 1 | Mean IoU of the human boxes with rendered boxes: the performance in the photo of a
+        detector that predicts the rendered boxes
 """)

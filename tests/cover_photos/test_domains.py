@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.cover_photos.domains import compare_domains, pool_folds
+from polarsim.cover_photos.domains import compare_domains, pool_folds, rendered_performance
+from polarsim.detect.domain_evaluation import DomainEvaluation
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables
@@ -90,6 +91,17 @@ def test_photos_have_signed_differences(tmp_path):
         assert row["difference"] == pytest.approx(1 - IOUS[row["twin"]], abs=1e-6)
         assert (row["pairs"], row["iou_photo"]) == (1, 1)
         assert row["ipd_abs"] == row["difference"]
+        assert row["label_iou"] == 1
+
+
+def test_rendered_boxes_have_a_performance_in_photos():
+    """Half of the human box has IoU 0.5; a rock without a rendered box has IoU 0."""
+    human = [label_row(KEYS[0], rock=1, box=BOX), label_row(KEYS[0], rock=2, box=(900, 300, 950, 350))]
+    rendered = [label_row(KEYS[0], rock=1, box=(400, 300, 450, 400)), label_row(KEYS[0], "shadow", box=BOX)]
+    photo, twin = (
+        DomainEvaluation(KEYS[:1], pd.DataFrame(rows), predicted([], 0), OPTIONS) for rows in (human, rendered)
+    )
+    assert rendered_performance(photo, twin)["label_iou"].tolist() == [0.5, 0]
 
 
 def test_a_photo_of_two_folds_is_an_error(tmp_path):

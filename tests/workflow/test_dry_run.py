@@ -184,14 +184,14 @@ def test_tables_of_real_photos_have_a_detector_of_each_domain_fold_and_seed(dry_
     done = dry_run("real_tables", *files, POLAR_SIM_ROOT=str(release_with_covers))
     jobs, domains = planned(done), 1 + len(models)
     assert jobs["cut_domain_windows"] == domains + 1  # and the control
-    assert jobs["make_twin_dataset"] == 3 * (domains + 1)  # folds
-    assert jobs["train_domain_detector"] == jobs["predict_domains"] == 3 * 2 * domains  # folds and seeds
+    assert jobs["make_twin_dataset"] == 2 * (domains + 1)  # folds
+    assert jobs["train_domain_detector"] == jobs["predict_domains"] == 2 * 2 * domains  # folds and seeds
     assert jobs["train_cover_detector"] == 1  # carved rocks, the start of all detectors
     assert (jobs["pair_covers_with_twins"], jobs["compare_domains"], jobs["report_real_tables"]) == (1, 2, 1)
     assert jobs["invent_relief"] == jobs["render_control"] == 6  # terrains
     for domain in ("real", *models):
-        (job,) = jobs_with(done.stdout + done.stderr, f"folds/03_08/seed1/domains/{domain}.csv")
-        assert f"folds/03_08/domains/{domain}" in job
+        (job,) = jobs_with(done.stdout + done.stderr, f"folds/03_04_11/seed1/domains/{domain}.csv")
+        assert f"folds/03_04_11/domains/{domain}" in job
         assert "folds/carved/seed0/rendered/detector.pt" in job
 
 
