@@ -470,7 +470,8 @@ class CoverPaths:
         self.trainings = [RENDERED, *([FINE_TUNED] if covers.fine_tuning.windows else [])]  # the last is the best
         self.first_seed = run.seeds[0]
         self.best = f"{{fold}}/seed{self.first_seed}/{self.trainings[-1]}"
-        self.domains = [config.photo_domain, *run.models]  # of the detectors of `real_tables`
+        # Domains of `real_tables`: images and labels, training of detectors, evaluation.
+        self.domains = self.trained = [config.photo_domain, *run.models]
         self.evaluated = [*self.domains, CONTROL]
         self.folders_of_twins = {model: f"results/{run.run}/renders/{model}" for model in run.models}  # above terrains
         self.folders_of_twins[CONTROL] = f"results/{run.run}/covers/control/pictures"

@@ -170,7 +170,7 @@ rule compare_domains:
         predictions=expand(
             "results/{{run}}/covers/folds/{fold}/seed{{seed}}/domains/predictions/{trained}_on_{evaluated}.parquet",
             fold=COVERS.folds,
-            trained=COVERS.domains,
+            trained=COVERS.trained,
             evaluated=COVERS.evaluated,
         ),
         labels=expand("results/{{run}}/covers/domains/labels/{domain}.parquet", domain=COVERS.evaluated),
