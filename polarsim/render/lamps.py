@@ -9,6 +9,7 @@ import numpy as np
 
 from polarsim.geometry.vectors import dot, length
 from polarsim.photo import PhotoKey
+from polarsim.render.light_field import relative_irradiance
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.survey import ROVER_LIGHT_SHARE
 
@@ -26,6 +27,7 @@ class Lamp:
     intensity: float = 1.0
     radius_m: float = 0.0  # of a disc that faces every lit point
     distant: bool = False  # irradiance does not depend on the distance
+    light_field: tuple[float, ...] = ()  # coefficients of `light_field`; measured, replaces the falloff
 
     @classmethod
     def sun(cls, azimuth_deg: float, elevation_deg: float, intensity: float = 1.0) -> Lamp:
@@ -41,6 +43,8 @@ class Lamp:
         to_lamp = np.empty_like(points)
         for axis in range(3):
             np.subtract(points.dtype.type(self.position[axis]), points[:, axis], out=to_lamp[:, axis])
+        if self.light_field:
+            return to_lamp, points.dtype.type(self.intensity) * relative_irradiance(self.light_field, points)
         if self.distant or not falloff:
             return to_lamp, np.full(len(points), self.intensity, points.dtype)
         return to_lamp, self.intensity * REFERENCE_DISTANCE**2 / dot(to_lamp, to_lamp)

@@ -175,7 +175,8 @@ def disc_share(surfaces: Surfaces, hits: Hits, lamp: Lamp, samples: int, every: 
 
 def visible_lamp_share(surfaces: Surfaces, hits: Hits, lamp: Lamp, samples: int) -> np.ndarray:
     """Return the visible share (n,) float32 of a lamp, 0 to 1, to 1e-5; 0 if the surface is turned away."""
-    lit, to_lamp, irradiance = lighting(surfaces, hits, replace(lamp, intensity=1.0), falloff=False, samples=samples)
+    unit_lamp = replace(lamp, intensity=1.0, light_field=())
+    lit, to_lamp, irradiance = lighting(surfaces, hits, unit_lamp, falloff=False, samples=samples)
     share = np.zeros(len(hits.pixel), np.float32)
     share[lit] = np.round(irradiance / dot(hits.normal.take(lit, axis=0), to_lamp), 5)
     return share

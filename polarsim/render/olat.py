@@ -184,8 +184,8 @@ def render_view(
 
 
 def renders_on_device(surfaces: Surfaces, lamps: Mapping[str, Lamp]) -> bool:
-    """Return whether Taichi renders the entire OLAT images; requires lamps that are omnidirectional points."""
-    points = all(type(lamp) is Lamp and not lamp.radius_m for lamp in lamps.values())
+    """Return whether Taichi renders the entire OLAT images; requires omnidirectional points without light field."""
+    points = all(type(lamp) is Lamp and not lamp.radius_m and not lamp.light_field for lamp in lamps.values())
     return surfaces.rays == "taichi" and points
 
 

@@ -18,6 +18,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 from polarsim.photo import BLACK_LEVEL
 from polarsim.render.lamps import Lamp
+from polarsim.render.light_field import POWERS
 from polarsim.render.options import Model, RenderOptions
 from polarsim.run_files.rigs import lens_content, lens_of
 
@@ -61,10 +62,7 @@ class Sidecar:
             "terrain": self.terrain,
             "lens": lens_content(shot.camera.lens),
             "sandbox_from_camera": shot.camera.world_from_camera.matrix.tolist(),
-            "lamps": {
-                name: asdict(lamp) | {"position": np.asarray(lamp.position, float).tolist()}
-                for name, lamp in shot.lamps.items()
-            },
+            "lamps": {name: _lamp_content(lamp) for name, lamp in shot.lamps.items()},
             "exposure_ms": shot.exposure_ms,
             "model": shot.model,
             "parameters": self.options.parameters(shot.model).model_dump(),
@@ -75,6 +73,20 @@ class Sidecar:
             "sources": dict(self.sources),
             "polarsim": polarsim.__version__,
         }
+
+
+def _lamp_content(lamp: Lamp) -> dict[str, Any]:
+    content = asdict(lamp) | {"position": np.asarray(lamp.position, float).tolist()}
+    if not lamp.light_field:
+        del content["light_field"]
+    return content
+
+
+def _lamp_of(content: Mapping[str, Any]) -> Lamp:
+    field = tuple(float(value) for value in content.get("light_field", ()))
+    if field and len(field) != len(POWERS):
+        raise ValueError(f"light_field has {len(field)} coefficients, expected {len(POWERS)}")
+    return Lamp(**{**content, "position": np.array(content["position"], float).reshape(3), "light_field": field})
 
 
 def write_sidecar(path: str | Path, content: Mapping[str, Any]) -> None:
@@ -91,10 +103,7 @@ def read_sidecar(path: str | Path) -> Sidecar:
             model, gain = content["model"], float(content["gain_per_ms"])
             shot = Shot(
                 Camera(Pose.from_matrix(np.array(content["sandbox_from_camera"], float)), lens_of(content["lens"])),
-                {
-                    name: Lamp(**{**lamp, "position": np.array(lamp["position"], float).reshape(3)})
-                    for name, lamp in content["lamps"].items()
-                },
+                {name: _lamp_of(lamp) for name, lamp in content["lamps"].items()},
                 float(content["exposure_ms"]),
                 model,
             )

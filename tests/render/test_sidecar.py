@@ -44,6 +44,15 @@ def test_a_twin_can_be_rendered_again_from_sidecar_and_meshes(folders):
     assert lamps == [["30"], ["30", ROVER], ["180", ROVER], []]  # the first casts the labelled shadows
 
 
+def test_the_light_field_of_a_lamp_is_stored(folders, tmp_path):
+    sidecar = read_sidecar(make(folders) / f"{KEYS[0]}.json")
+    assert "light_field" not in sidecar.content()["lamps"]["30"]
+    field = tuple(0.1 * number for number in range(9))
+    lamps = {"30": replace(sidecar.shot.lamps["30"], light_field=field)}
+    write_sidecar(tmp_path / "a.json", replace(sidecar, shot=replace(sidecar.shot, lamps=lamps)).content())
+    assert read_sidecar(tmp_path / "a.json").shot.lamps["30"].light_field == field
+
+
 def test_the_noise_seed_reproduces_the_noise(folders):
     twins = make(folders, options=OPTIONS.model_copy(update={"noise": True}))
     for key in KEYS[:2]:
@@ -100,6 +109,7 @@ INVALID = [
     ("sandbox_from_camera", [[1, 0], [0, 1]]),
     ("lamps", {"30": {"position": [1, 2]}}),
     ("lamps", {"30": {"position": [1, 2, 3], "colour": "red"}}),
+    ("lamps", {"30": {"position": [1, 2, 3], "light_field": [0.1, 0.2]}}),
     ("lamps", []),
     ("model", "phong"),
     ("parameters", {"w": 3}),
