@@ -26,6 +26,7 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.photo import TERRAINS, PhotoKey, positions
 from polarsim.publish.options import PublishOptions
 from polarsim.randomness import without_negative_zeros
+from polarsim.render.models import FITTED, model_of
 from polarsim.render.options import Model, RenderOptions
 from polarsim.rocks.options import RocksOptions
 from polarsim.rover.cameras.options import PACKAGED_FILES
@@ -211,8 +212,19 @@ class Config(BaseModel, extra="forbid", frozen=True):
 
     @property
     def ablation_model(self) -> Model:
-        """Reflectance model of the ablation: the last model of the run."""
-        return self.render.models[-1]
+        """Reflectance model of the ablation: the last model whose twins are compared."""
+        return (self.compared_models or self.render.fitted_models)[-1]
+
+    @property
+    def compared_models(self) -> tuple[Model, ...]:
+        """Reflectance models on whose twins detectors are trained. Fitted twins show how well a twin can match."""
+        return tuple(model_of(domain) for domain in self.render.models if domain != FITTED)
+
+    @property
+    def models_to_fit(self) -> tuple[Model, ...]:
+        """Reflectance models whose light and materials are fitted to photos."""
+        of_ablation = any(component.materials == "fitted" for component in self.gap.components.values())
+        return tuple(dict.fromkeys([*self.render.fitted_models, *([self.ablation_model] if of_ablation else [])]))
 
     @property
     def ablation_detectors(self) -> tuple[str, ...]:
@@ -233,7 +245,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
     def domains(self) -> tuple[str, ...]:
         """Domains of the comparison of detectors; empty without photos or detectors."""
         compared = self.detect.run and self.data_source.has_photos
-        return (self.photo_domain, *self.render.models) if compared else ()
+        return (self.photo_domain, *self.compared_models) if compared else ()
 
     @property
     def training_domains(self) -> tuple[str, ...]:

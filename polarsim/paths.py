@@ -57,6 +57,7 @@ class RunPaths:
     """Paths of a run."""
 
     fitted_materials = "results/{run}/renders/materials/Terrain{terrain}"
+    fitted_light = "results/{run}/renders/light/Terrain{terrain}.json"
 
     def __init__(self, config: Config) -> None:
         self.config = config
@@ -146,8 +147,17 @@ class RunPaths:
 
     @property
     def materials_of_terrain(self) -> str | list[str]:
-        """The fitted materials of a terrain; empty if none are fitted."""
-        return self.fitted_materials if self.config.render.materials_from_photos else []
+        """The fitted materials of a terrain; empty if no twins are fitted or the source has no photos."""
+        return self.fitted_materials if self._has_fit else []
+
+    @property
+    def light_of_terrain(self) -> str | list[str]:
+        """The light fields of the lamps of a terrain; empty if no twins are fitted or the source has no photos."""
+        return self.fitted_light if self._has_fit else []
+
+    @property
+    def _has_fit(self) -> bool:
+        return bool(self.config.render.fitted_models) and self.config.data_source.has_photos
 
     def twins_of_another_terrain(self, wildcards: Wildcards) -> list[str]:
         """Return the twins of the next terrain of the run with every model; empty for a single terrain."""
@@ -411,7 +421,13 @@ class GapPaths:
     def materials(self, wildcards: Wildcards) -> str | list[str]:
         """Return the folder of a component's materials, if they are fitted."""
         chosen = self.components[wildcards.component].materials
-        return {"run": self.run.materials_of_terrain, "fitted": self.run.fitted_materials}.get(chosen, [])
+        as_run = self.run.materials_of_terrain if self.config.render.materials_from_photos else []
+        return {"run": as_run, "fitted": self.run.fitted_materials}.get(chosen, [])
+
+    @property
+    def light(self) -> str | list[str]:
+        """The light fields of a terrain, if the twins of the run are fitted."""
+        return self.run.light_of_terrain if self.config.render.materials_from_photos else []
 
     def options(self, wildcards: Wildcards) -> Options:
         """Return the options of the renderer for a component."""

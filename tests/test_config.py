@@ -75,6 +75,14 @@ def test_a_further_detector_is_trained_on_domains_that_are_there():
     assert detect(others={"yolo": {"trained_on": ["hapke"]}}).detect.others["yolo"].trained_on == ("hapke",)
 
 
+def test_no_detector_is_trained_on_fitted_twins():
+    found = parse_config(
+        {"source": {"kind": "analog", "root": "data"}, "render": {"models": ["principled", "hapke", "fitted"]}}
+    )
+    assert found.domains == found.training_domains == ("analog", "principled", "hapke")
+    assert (found.ablation_model, found.models_to_fit) == ("hapke", ("principled",))
+
+
 def test_a_component_changes_only_the_named_options():
     gap = {"components": {"one": {"render": {"noise": True}}}}
     found = parse_config({"source": {"kind": "analog", "root": "data"}, "gap": gap})

@@ -109,13 +109,11 @@ def calibrate(
 
 
 def with_fit(options: RenderOptions, fitted: FittedMaterials) -> tuple[RenderOptions, Mapping[Model, np.ndarray]]:
-    """Return the options with the fitted parameters, gains and darkening, and the albedo factors (v,) by model.
+    """Return the options with the fitted parameters and gains, and the albedo factors (v,) by model.
 
     Materials of single objects in the options are unchanged.
     """
     changed: dict[str, object] = {"gain": dict(options.gain)}
-    if fitted.models:
-        changed |= {"falloff": fitted.falloff, "vignetting": fitted.vignetting}
     fitted_models = [model for model in MODELS if model in fitted.models]
     for model in fitted_models:
         changed["gain"] = {model: main_gain(fitted.models[model])} | dict(changed["gain"])  # type: ignore[call-overload]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -50,6 +50,13 @@ class Surfaces:
         names = ("all", "corner_normals", *(("rest", "rocks") if shadows else ()))
         with ThreadPoolExecutor(threads) as pool:
             list(pool.map(partial(getattr, self), names))
+
+    def sharing_rays(self, other: Surfaces) -> Surfaces:
+        """Return the surfaces with the ray structures of other surfaces, which must have the same triangles."""
+        shared = replace(self)
+        own = {item.name for item in fields(self)}
+        shared.__dict__.update({name: value for name, value in other.__dict__.items() if name not in own})
+        return shared
 
     @cached_property
     def ids(self) -> np.ndarray:

@@ -20,7 +20,6 @@ from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose, noise_generator, noise_seed
 from polarsim.render.sidecar import Shot, Sidecar, digest_of, write_sidecar
 from polarsim.run_files import lamps as lamp_files
-from polarsim.run_files import materials as material_files
 from polarsim.run_files import walls
 from polarsim.run_files.materials import FittedMaterials
 from polarsim.run_files.scene import mesh_files
@@ -28,7 +27,7 @@ from polarsim.run_files.scene import mesh_files
 log = logging.getLogger("polarsim.render")
 
 
-def input_digests(terrain: int, meshes: Path, cameras: Path, lamps: Path, materials: Path | None) -> dict[str, str]:
+def input_digests(terrain: int, meshes: Path, cameras: Path, lamps: Path) -> dict[str, str]:
     """Return the digests of the inputs common to all twins of a terrain, for `sources` of the sidecars.
 
     `cameras`, `meshes`: folders that may contain `walls.json`, as in `read_terrain`.
@@ -40,7 +39,6 @@ def input_digests(terrain: int, meshes: Path, cameras: Path, lamps: Path, materi
         "meshes": digest_of(mesh_files(meshes, terrain).values()),
         **({"walls": digest_of(wall_files)} if wall_files else {}),
         **({"lamps": digest_of([lamp_file])} if lamp_file.exists() else {}),
-        **({"materials": digest_of(material_files.files_of(materials))} if materials else {}),
     }
 
 

@@ -5,26 +5,31 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
+
+import numpy as np
 
 from polarsim.formats import coco, tables
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey, PositionCamera
 from polarsim.progress import track
 from polarsim.render.gain import calibration_photos, with_fit
 from polarsim.render.ground_truth import label_row, label_view
-from polarsim.render.lamps import lamps_of_rig, lamps_on
+from polarsim.render.lamps import Lamp, lamps_of_rig, lamps_on
 from polarsim.render.maps import write_view_maps
+from polarsim.render.models import Domain, model_of
 from polarsim.render.olat import render_view
 from polarsim.render.optics import apply_lens_to_olat_images
 from polarsim.render.options import Model, RenderOptions
-from polarsim.render.surfaces import build_surfaces
+from polarsim.render.sidecar import digest_of
+from polarsim.render.surfaces import Surfaces, build_surfaces
 from polarsim.render.twin_writer import TwinWriter, input_digests
 from polarsim.run_files.lamps import read_suns
-from polarsim.run_files.materials import read_materials
+from polarsim.run_files.light_fields import read_light_fields
+from polarsim.run_files.materials import FittedMaterials, files_of, read_materials
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
-from polarsim.run_files.scene import read_terrain
+from polarsim.run_files.scene import TerrainMesh, read_terrain
 
 log = logging.getLogger("polarsim.render")
 
@@ -38,6 +43,62 @@ class LabelPaths:
     annotations: Path  # COCO file
     table: Path
     maps: Path | None = None  # folder of the maps selected by `RenderOptions.maps`
+
+
+@dataclass(frozen=True)
+class TwinGroup:
+    """Twins of a terrain that are rendered together: the same options, light and surfaces."""
+
+    twins: Mapping[Model, Path]
+    options: RenderOptions
+    surfaces: Surfaces
+    fitted: FittedMaterials | None
+    fields: Mapping[str, tuple[float, ...]]  # coefficients of light fields by azimuth
+    sources: Mapping[str, str]  # digests of inputs, for sidecars
+
+    def lamps(self, suns: Mapping[str, np.ndarray], rig: LocalisedRig) -> dict[str, Lamp]:
+        """Return the lamps by name, with the light fields of the group."""
+        lamps = lamps_of_rig(suns, rig, self.options.lamp_radius_m)
+        return {name: replace(lamp, light_field=self.fields.get(name, ())) for name, lamp in lamps.items()}
+
+
+def twin_groups(
+    twins: Mapping[Domain, Path],
+    mesh: TerrainMesh,
+    options: RenderOptions,
+    materials: Path | None,
+    light: Path | None,
+    sources: Mapping[str, str],
+    threads: int,
+) -> list[TwinGroup]:
+    """Return the twins with the options of the run, then those of each fitted domain.
+
+    Fitted materials apply to the fitted domains, or to all twins if no domain is fitted.
+    """
+    domains = [domain for domain in twins if options.is_fitted(domain)]
+    plain = {model_of(domain): path for domain, path in twins.items() if domain not in domains}
+    fitted = None if materials is None else read_materials(materials, mesh)
+    fields = read_light_fields(light) if light and domains else {}
+    groups: list[TwinGroup] = []
+
+    def add(paths: Mapping[Model, Path], options: RenderOptions, fitted: FittedMaterials | None, light_of: str) -> None:
+        options, albedo = (options, {}) if fitted is None else with_fit(options, fitted)
+        surfaces = build_surfaces(mesh, options, albedo)
+        if groups:
+            groups[0].surfaces.prepare(shadows=True, threads=threads)
+            surfaces = surfaces.sharing_rays(groups[0].surfaces)
+        coefficients = {azimuth: field.coefficients for azimuth, field in fields.get(light_of, {}).items()}
+        used = {} if fitted is None or materials is None else {"materials": digest_of(files_of(materials))}
+        used |= {"light": digest_of([light])} if coefficients and light else {}
+        groups.append(TwinGroup(paths, options, surfaces, fitted, coefficients, {**sources, **used}))
+
+    if plain:
+        add(plain, options, None if domains else fitted, "")
+    for domain in domains:
+        add({model_of(domain): twins[domain]}, options.as_fitted(), fitted, model_of(domain))
+    if domains and not (fitted and fitted.models) and not fields:
+        log.info("terrain without fit to photos: fitted twins have disc lamps and vignetting only")
+    return groups
 
 
 def keys_by_view(
@@ -63,17 +124,19 @@ def render_twins(
     cameras: Path,
     meshes: Path,
     photos: Path | None,
-    twins: Mapping[Model, Path],
+    twins: Mapping[Domain, Path],
     labels: LabelPaths,
     options: RenderOptions,
     threads: int,
     materials: Path | None = None,
+    light: Path | None = None,
     lamps: Path | None = None,
     only: Set[PhotoKey] | None = None,
 ) -> None:
-    """Render KEY.png for every key and model, a 16-bit PNG of 12-bit values with black level 16, and write the labels.
+    """Render KEY.png for every key and domain, a 16-bit PNG of 12-bit values with black level 16, and write the labels.
 
-    KEY.json records the inputs of the image (`render.sidecar`). Rays are cast once for all models and the labels.
+    KEY.json records the inputs of the image (`render.sidecar`). Rays are cast once for all models with the options of
+    the run and the labels, and once for each fitted domain.
 
     Parameters
     ----------
@@ -83,7 +146,9 @@ def render_twins(
         `photos.parquet`; the gain is calibrated on the photos. Without usable photos, the gain is derived from NASA's
         recommended exposures. A gain in the options has priority over both.
     materials : Path or None
-        Folder with the fitted materials and lamps of the terrain; they override the options.
+        Folder with the fitted materials and lamps of the terrain; they override the options. See `twin_groups`.
+    light : Path or None
+        File with the light fields of the lamps, for fitted domains.
     lamps : Path or None
         Folder with `lamps.json` of the Sun lamps, if different from `cameras`.
     only : set of PhotoKey or None
@@ -93,17 +158,18 @@ def render_twins(
     suns = read_suns(lamps or cameras, rigs)
     views = keys_by_view(keys, rigs, cameras)
     with ThreadPoolExecutor(max(1, threads)) as pool:
-        sourced = pool.submit(input_digests, terrain, meshes, cameras, lamps or cameras, materials)
+        sourced = pool.submit(input_digests, terrain, meshes, cameras, lamps or cameras)
         mesh = read_terrain(meshes, terrain, pool, cameras)
         sources = sourced.result()
-    fitted = None if materials is None else read_materials(materials, mesh)
-    options, albedo = (options, {}) if fitted is None else with_fit(options, fitted)
-    surfaces = build_surfaces(mesh, options, albedo)
+    groups = twin_groups(twins, mesh, options, materials, light, sources, threads)
     located = list(chain.from_iterable(views.values()))
-    calibrated = any(not options.gain.get(model) for model in twins)
+    calibrated = any(not group.options.gain.get(model) for group in groups for model in group.twins)
     references = calibration_photos(photos, located) if calibrated else {}
     first = {(key.position, key.camera) for key in references}
-    writer = TwinWriter(terrain, twins, cameras, sources, references, fitted, options)
+    writers = [
+        TwinWriter(terrain, group.twins, cameras, group.sources, references, group.fitted, group.options)
+        for group in groups
+    ]
     for folder in (labels.boxes, labels.instances):  # the folders must exist even if no key is written
         folder.mkdir(parents=True, exist_ok=True)
     all_labels: dict[PhotoKey, list[coco.Annotation]] = {}
@@ -113,18 +179,23 @@ def render_twins(
             continue
         camera = rig.camera(view[1])
         needed = {name for key in [*chosen, *(references if view in first else ())] for name in lamps_on(key)}
-        lamps_here = lamps_of_rig(suns, rig, options.lamp_radius_m)
-        active_lamps = {name: lamp for name, lamp in lamps_here.items() if name in needed}
         shadow_lamps = sorted({lamps_on(key)[0] for key in chosen if lamps_on(key)})
-        rendering = render_view(surfaces, camera, active_lamps, list(twins), shadow_lamps, options, threads)
-        olat_images = apply_lens_to_olat_images(rendering.whole, active_lamps, surfaces, camera, options, threads)
-        with ThreadPoolExecutor(max(1, threads)) as pool:
-            places = (labels.boxes, labels.instances)
-            labelled = pool.submit(label_view, chosen, rendering.ids, surfaces, camera, *places, options)
-            writer.write(chosen, olat_images, active_lamps, camera, pool)
-            all_labels |= labelled.result()
-        if labels.maps:
-            write_view_maps(labels.maps, chosen, surfaces, camera, active_lamps, options, threads)
+        for number, (group, writer) in enumerate(zip(groups, writers, strict=True)):
+            active_lamps = {name: lamp for name, lamp in group.lamps(suns, rig).items() if name in needed}
+            surfaces, shadows = group.surfaces, None if number else shadow_lamps
+            rendering = render_view(surfaces, camera, active_lamps, list(group.twins), shadows, group.options, threads)
+            olat_images = apply_lens_to_olat_images(
+                rendering.whole, active_lamps, surfaces, camera, group.options, threads
+            )
+            with ThreadPoolExecutor(max(1, threads)) as pool:
+                places = (labels.boxes, labels.instances)
+                labelled = None
+                if not number:
+                    labelled = pool.submit(label_view, chosen, rendering.ids, surfaces, camera, *places, group.options)
+                writer.write(chosen, olat_images, active_lamps, camera, pool)
+                all_labels |= labelled.result() if labelled else {}
+            if labels.maps and not number:
+                write_view_maps(labels.maps, chosen, surfaces, camera, active_lamps, group.options, threads)
     images = next(iter(twins.values()))
     _write_labels(labels, all_labels, rigs, {key: images / f"{key}.png" for key in all_labels})
 

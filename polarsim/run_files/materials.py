@@ -31,8 +31,8 @@ class _Fit(BaseModel, extra="forbid"):
 
 
 class _Table(BaseModel, extra="forbid"):
-    falloff: bool
-    vignetting: bool
+    azimuths: tuple[str, ...]
+    positions: tuple[str, ...]
     models: dict[str, _Fit]
 
 
@@ -49,12 +49,15 @@ class FittedMaterial:
 
 @dataclass(frozen=True)
 class FittedMaterials:
-    """Fit of a terrain: falloff of lamps, vignetting of lenses, and the models; no model if the fit failed."""
+    """Fit of a terrain by model; no model if the fit failed.
 
-    falloff: bool
-    vignetting: bool
+    Photos of other azimuths and positions are held out: they affect only the brightness of their lamp.
+    """
+
     models: dict[str, FittedMaterial]
-    looks: np.ndarray  # (v,) number of lamps and views in which a vertex is visible and lit
+    looks: np.ndarray  # (v,) number of fitted lamps and views in which a vertex is visible and lit
+    azimuths: tuple[str, ...] = ()  # lamps whose photos are fitted, with `rover`
+    positions: tuple[str, ...] = ()  # positions whose photos are fitted
 
 
 def write_materials(folder: Path, mesh: TerrainMesh, materials: FittedMaterials) -> None:
@@ -71,7 +74,7 @@ def write_materials(folder: Path, mesh: TerrainMesh, materials: FittedMaterials)
         }
         for model, fit in materials.models.items()
     }
-    content = {"falloff": materials.falloff, "vignetting": materials.vignetting, "models": models}
+    content = {"azimuths": materials.azimuths, "positions": materials.positions, "models": models}
     with writing_folder(folder) as into:
         tables.write_parquet(into / ALBEDO_FILE, table)
         write_json(into / TABLE_FILE, content)
@@ -94,7 +97,7 @@ def read_materials(folder: Path, mesh: TerrainMesh) -> FittedMaterials:
         model: FittedMaterial(fit.parameters, fit.lamps, fit.rocks, table[model].to_numpy(np.float32), fit.check)
         for model, fit in content.models.items()
     }
-    return FittedMaterials(content.falloff, content.vignetting, models, table["looks"].to_numpy())
+    return FittedMaterials(models, table["looks"].to_numpy(), content.azimuths, content.positions)
 
 
 def files_of(folder: Path) -> list[Path]:

@@ -20,7 +20,15 @@ from polarsim.schemas.detect import PREDICTIONS
 PHOTO = "photo"  # domain of photos; the other domains are models of twins
 TRACE = "trace.parquet"  # in the folder of each drive
 CONFIG = "config.yaml"  # merged configuration of the run
-_NO_MODELS = ("boxes", "instances", "coco", "tables", "maps", "materials")  # folders of renders/ that are no models
+_NO_MODELS = (
+    "boxes",
+    "instances",
+    "coco",
+    "tables",
+    "maps",
+    "materials",
+    "light",
+)  # in renders/
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,16 @@ from polarsim.render.fitting.fit import fit_materials
 from polarsim.render.gain import with_fit, with_fitted_intensities
 from polarsim.render.lamps import ROVER, Lamp
 from polarsim.render.options import FittingOptions, LambertParameters, RenderOptions
+from polarsim.run_files.light_fields import FittedField, write_light_fields
 from polarsim.run_files.materials import FittedMaterial, FittedMaterials, read_materials, write_materials
 from polarsim.run_files.scene import read_terrain
 
 from .conftest import render_into
 
-OPTIONS = RenderOptions(models=("lambert",), walls=False, bounce=0, fitting=FittingOptions(parameters={}))
+OPTIONS = RenderOptions(
+    models=("lambert",), walls=False, bounce=0, fitting=FittingOptions(parameters={}, held_out="no")
+)
+FITTED_OPTIONS = OPTIONS.model_copy(update={"materials_from_photos": True})
 KEYS = [PhotoKey.parse(f"01_A_{name}_L_{ms:04d}") for name in ("off_30", "off_180", "on_no") for ms in (32, 128, 512)]
 LIT = 60  # DN above black
 
@@ -42,7 +46,7 @@ def index(folders, paths):
 def fitted(folders, photos, out="materials", threads=1, options=OPTIONS):
     fit_materials(
         terrain=1, cameras=folders / "cameras", meshes=folders / "meshes", photos=photos, models=["lambert"],
-        materials=folders / out, options=options, threads=threads,
+        light=None, materials=folders / out, options=options, threads=threads,
     )  # fmt: skip
     return folders / out
 
@@ -60,14 +64,14 @@ def photographed(folders):
     albedo = np.where(np.arange(len(mesh.vertices)) < 4, 1.0, 2.0)
     lamps = {"30": 60.0, "180": 120.0, "rover": 90.0}
     fit = FittedMaterial({"albedo": 0.2}, lamps, {1: 2.0}, albedo.astype(np.float32))
-    truth = FittedMaterials(False, False, {"lambert": fit}, np.ones(len(albedo), int))
+    truth = FittedMaterials({"lambert": fit}, np.ones(len(albedo), int))
     write_materials(folders / "truth", mesh, truth)
-    return twins_of(folders, "photos", materials=folders / "truth")
+    return twins_of(folders, "photos", FITTED_OPTIONS, materials=folders / "truth")
 
 
 def test_twins_with_fitted_materials_reproduce_the_photos(folders, photographed):
     materials = fitted(folders, index(folders, photographed))
-    again = twins_of(folders, "again", materials=materials)
+    again = twins_of(folders, "again", FITTED_OPTIONS, materials=materials)
     plain = twins_of(folders, "plain")
     differ = {}
     for key, path in photographed.items():
@@ -110,14 +114,13 @@ def test_without_usable_photos_materials_are_constant_with_a_warning(folders, ph
 
 
 def test_a_gain_in_the_options_has_priority_over_the_fit_and_unknown_parameters_are_rejected():
-    found = FittedMaterials(True, True, {"lambert": fit_of({"albedo": 0.3}, **{"30": 2.0, "rover": 9.0})}, np.ones(4))
+    found = FittedMaterials({"lambert": fit_of({"albedo": 0.3}, **{"30": 2.0, "rover": 9.0})}, np.ones(4))
     options, albedo = with_fit(RenderOptions(gain={"lambert": 5}), found)
     assert options.gain["lambert"] == 5
     assert with_fit(RenderOptions(), found)[0].gain["lambert"] == 2
-    assert (options.falloff, options.vignetting) == (True, True)
     assert options.parameters("lambert") == LambertParameters(albedo=0.3)
     assert list(albedo) == ["lambert"]
-    unknown = FittedMaterials(True, True, {"lambert": fit_of({"w": 0.3}, **{"30": 2.0})}, np.ones(4))
+    unknown = FittedMaterials({"lambert": fit_of({"w": 0.3}, **{"30": 2.0})}, np.ones(4))
     with pytest.raises(FormatError):
         with_fit(RenderOptions(), unknown)
 
@@ -126,11 +129,50 @@ def test_fitted_intensities_are_relative_to_the_median_sun_lamp():
     lamps = {
         name: Lamp(np.zeros(3), intensity) for name, intensity in (("30", 1), ("180", 1), ("350", 1), (ROVER, 0.5))
     }
-    found = FittedMaterials(
-        True, True, {"lambert": fit_of({}, **{"30": 2.0, "180": 12.0, "270": 3.0, "rover": 6.0})}, np.ones(4)
-    )
+    found = FittedMaterials({"lambert": fit_of({}, **{"30": 2.0, "180": 12.0, "270": 3.0, "rover": 6.0})}, np.ones(4))
     active_lamps = with_fitted_intensities(lamps, found, "lambert")
     brightness = {name: lamp.intensity for name, lamp in active_lamps.items()}
     assert brightness == pytest.approx({"30": 2 / 3, "180": 4, "350": 1, ROVER: 1})  # there is no photo of 350
     assert with_fitted_intensities(lamps, None, "lambert") is lamps
     assert with_fitted_intensities(lamps, found, "hapke") is lamps
+
+
+def test_the_fitted_domain_stands_beside_models_whose_twins_keep_their_bytes(folders, caplog):
+    options = OPTIONS.model_copy(update={"models": ("principled", "fitted"), "bounce": 0.01})
+    paths = {"principled": folders / "beside", "fitted": folders / "fitted"}
+    with caplog.at_level("INFO", "polarsim.render"):
+        render_into(folders, paths, KEYS, options)
+    assert sum("without fit" in record.message for record in caplog.records) == 1
+    render_into(folders, {"principled": folders / "alone"}, KEYS, options, labels="labels_alone")
+    files = sorted(path.name for path in paths["fitted"].iterdir())
+    assert files == sorted(path.name for path in paths["principled"].iterdir())
+    for name in files:
+        assert (folders / "beside" / name).read_bytes() == (folders / "alone" / name).read_bytes()
+    for label in ("boxes", "instances"):
+        for path in (folders / "labels" / label).iterdir():
+            assert path.read_bytes() == (folders / "labels_alone" / label / path.name).read_bytes()
+    beside, soft = (png.read_png(folder / f"{KEYS[1]}.png").astype(float) for folder in paths.values())
+    assert (np.abs(beside - soft) > 5).mean() > 0.2  # falloff, penumbrae and vignetting
+    sidecar = json.loads((paths["fitted"] / f"{KEYS[1]}.json").read_text())
+    assert (sidecar["model"], sidecar["lamps"]["30"]["radius_m"]) == ("principled", 0.045)
+
+
+def test_light_fields_apply_to_fitted_twins_only(folders):
+    field = FittedField(coefficients=(1.0, *[0.0] * 8), terrains=(3,))
+    write_light_fields(folders / "light.json", {"principled": {"30": field}})
+    options = OPTIONS.model_copy(update={"models": ("principled", "fitted")})
+    paths = {"principled": folders / "plain", "fitted": folders / "fitted"}
+    render_into(folders, paths, KEYS, options, light=folders / "light.json")
+    plain, fitted = (json.loads((folder / f"{KEYS[1]}.json").read_text()) for folder in paths.values())
+    assert fitted["lamps"]["30"]["light_field"] == list(field.coefficients)
+    assert "light_field" not in plain["lamps"]["30"]
+    assert ("light" in fitted["sources"], "light" in plain["sources"]) == (True, False)
+
+
+def test_options_of_a_run_take_precedence_over_those_of_fitted_twins():
+    changed = RenderOptions(lamp_radius_m=0.02, blur_px=1.0, bounces=1).as_fitted()
+    assert (changed.lamp_radius_m, changed.blur_px, changed.bounces, changed.vignetting) == (0.02, 1.0, 1, True)
+    assert RenderOptions(models=("fitted", "hapke")).fitted_models == ("principled",)
+    assert RenderOptions(models=("lambert", "hapke"), materials_from_photos=True).fitted_models == ("lambert", "hapke")
+    with pytest.raises(ValueError, match="same"):
+        RenderOptions(models=("fitted", "principled"), materials_from_photos=True)

@@ -23,20 +23,20 @@ MESH = TerrainMesh(
 FIT = FittedMaterial(
     {"albedo": 0.2}, {"30": 1.5, "rover": 12.25}, {7: 1.25}, np.linspace(0.5, 1.2, 8, dtype=np.float32), {"a": 1}
 )
-FOUND = FittedMaterials(True, False, {"lambert": FIT}, np.arange(8))
+FOUND = FittedMaterials({"lambert": FIT}, np.arange(8), ("180", "rover"), ("A", "C"))
 
 
 def test_a_fit_reads_back(tmp_path):
     write_materials(tmp_path / "fit", MESH, FOUND)
     again = read_materials(tmp_path / "fit", MESH)
-    assert (again.falloff, again.vignetting, list(again.models)) == (True, False, ["lambert"])
+    assert (again.azimuths, again.positions, list(again.models)) == (("180", "rover"), ("A", "C"), ["lambert"])
     np.testing.assert_array_equal(again.models["lambert"].albedo, FIT.albedo)
     np.testing.assert_array_equal(again.looks, np.arange(8))
     assert replace(again.models["lambert"], albedo=FIT.albedo) == FIT
 
 
 def test_an_empty_fit_reads_back(tmp_path):
-    write_materials(tmp_path / "fit", MESH, FittedMaterials(False, False, {}, np.zeros(8, int)))
+    write_materials(tmp_path / "fit", MESH, FittedMaterials({}, np.zeros(8, int)))
     assert read_materials(tmp_path / "fit", MESH).models == {}
 
 
@@ -54,7 +54,7 @@ def test_a_fit_for_other_meshes_is_an_error(tmp_path):
 @pytest.mark.parametrize(
     "spoil",
     [
-        lambda content: content.pop("falloff"),
+        lambda content: content.pop("azimuths"),
         lambda content: content["models"]["lambert"].pop("lamps"),
         lambda content: content["models"].update(hapke=content["models"]["lambert"]),
         lambda content: content.update(models=[]),

@@ -40,8 +40,6 @@ def scored(tmp_path):
         true = np.where(rock, 0.4, 0.2 + 0.1 * mesh.vertices[:, 0])
         factor = 3 * true * np.where(rock, 1 + off_rock, 1 + off_ground)
         found = FittedMaterials(
-            True,
-            True,
             {"hapke": FittedMaterial({}, {}, {}, factor.astype(np.float32), CHECK)},
             np.full(len(true), looks),
         )

@@ -97,12 +97,13 @@ def test_stages_are_targets_and_options_add_jobs_and_inputs(dry_run, tmp_path):
     assert set(STAGES) <= set(jobs)
     assert text.count("renders/maps/Terrain") == 4
     assert jobs["fit_materials"] == jobs["score_materials"] == 4  # one per terrain, with ground truth
+    assert jobs["fit_light"] == 1  # the lamps of all terrains
     assert (jobs["publish"], jobs["publish_run"]) == (1, 3)
     (user,) = jobs_with(text, str(edited))
     assert user.startswith("rule propagate_labels:")
     assert "Terrain01" in user
     assert "renders/maps/Terrain" not in demo.stdout + demo.stderr
-    assert not {"fit_materials", "score_materials", "publish_run"} & set(planned(demo))
+    assert not {"fit_light", "fit_materials", "score_materials", "publish_run"} & set(planned(demo))
 
 
 def test_the_ablation_renders_every_component_per_terrain_and_trains_two_detectors(dry_run):

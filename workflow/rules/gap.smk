@@ -51,6 +51,7 @@ rule render_component:
         lamps=GAP.lamps,
         meshes=GAP.meshes,
         materials=GAP.materials,
+        light=GAP.light,
         photos=PATHS.photos_of_terrain,
         splits=expand("results/{{run}}/detect/{split}/split.csv", split=SPLITS),
     output:

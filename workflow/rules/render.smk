@@ -10,12 +10,33 @@ rule render:
         of_run("results/{run}/renders/reflectance.csv"),
 
 
+rule fit_light:
+    """Light fields of the Sun lamps, fitted to the photos of all terrains."""
+    input:
+        cameras=expand("results/{{run}}/cameras/Terrain{terrain}", terrain=TERRAINS),
+        meshes=expand("results/{{run}}/meshes/Terrain{terrain}", terrain=TERRAINS),
+        photos=expand("results/{{run}}/acquire/Terrain{terrain}/photos.parquet", terrain=TERRAINS),
+    output:
+        light=expand("results/{{run}}/renders/light/Terrain{terrain}.json", terrain=TERRAINS),
+    priority: TWINS_WAIT
+    resources:
+        mem_mb=memory_per_attempt(3000),
+        runtime=30,
+    params:
+        terrains=list(CONFIG.terrains),
+        models=list(CONFIG.models_to_fit),
+        options=options("render"),
+    script:
+        "../scripts/fit_light.py"
+
+
 rule fit_materials:
     """Albedo, model parameters and lamp brightness, fitted to the photos of a terrain."""
     input:
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
         photos=PATHS.photos_of_terrain,
+        light=PATHS.fitted_light,
     output:
         materials=directory("results/{run}/renders/materials/Terrain{terrain}"),
     priority: TWINS_WAIT
@@ -23,19 +44,20 @@ rule fit_materials:
         mem_mb=memory_per_attempt(6000),
         runtime=30,
     params:
-        models=MODELS,
+        models=list(CONFIG.models_to_fit),
         options=options("render"),
     script:
         "../scripts/fit_materials.py"
 
 
 rule render_twins:
-    """Twins of every photo of a terrain with every reflectance model, and exact labels, from the same rays."""
+    """Twins of every photo of a terrain in every domain, and exact labels."""
     input:
         cameras="results/{run}/cameras/Terrain{terrain}",
         meshes="results/{run}/meshes/Terrain{terrain}",
         photos=PATHS.photos_of_terrain,
         materials=PATHS.materials_of_terrain,
+        light=PATHS.light_of_terrain,
     output:
         twins=directory(expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=MODELS)),
         maps=directory("results/{run}/renders/maps/Terrain{terrain}") if CONFIG.render.maps else [],

@@ -13,6 +13,7 @@ with reporting(log=snakemake.log[0]):
         cameras=Path(snakemake.input.cameras),
         meshes=Path(snakemake.input.meshes),
         photos=optional_path(snakemake.input.photos),
+        light=Path(snakemake.input.light),
         models=snakemake.params.models,
         materials=Path(snakemake.output.materials),
         options=RenderOptions(**snakemake.params.options),

@@ -30,6 +30,7 @@ with reporting(log=snakemake.log[0]):
         options=RenderOptions(**snakemake.params.options),
         threads=snakemake.threads,
         materials=optional_path(snakemake.input.materials),
+        light=optional_path(snakemake.input.light),
         lamps=optional_path(snakemake.input.lamps),
         only=tested_keys(splits=list_of_paths(snakemake.input.splits)),
     )

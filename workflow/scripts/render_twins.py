@@ -30,4 +30,5 @@ with reporting(log=snakemake.log[0]):
         options=RenderOptions(**snakemake.params.options),
         threads=snakemake.threads,
         materials=optional_path(snakemake.input.materials),
+        light=optional_path(snakemake.input.light),
     )

@@ -20,6 +20,7 @@ log = logging.getLogger("polarsim.render")
 _FULL = WHITE_LEVEL - BLACK_LEVEL - 200  # DN above black up to which the sensor is linear
 _DARK = 4  # DN above black, below which a pixel has no information
 _PER_GREY = 1 / ELECTRONS_PER_DN  # variance of shot noise over the signal, DN
+_WHOLE = 0.999  # minimum share of defined pixels under a pixel of a smaller image
 _READ = 0.9  # standard deviation of read noise and rounding, DN
 
 
@@ -29,6 +30,21 @@ class Linear:
 
     rate: np.ndarray
     variance: np.ndarray
+
+    def resized(self, lens: Lens) -> Linear:
+        """Return the image at the smaller size of a lens, averaged over pixels; undefined pixels spread."""
+        import cv2
+
+        size = (lens.width, lens.height)
+        if self.rate.shape == lens.shape:
+            return self
+        defined = np.isfinite(self.variance)
+        rate, variance, share = (
+            cv2.resize(values.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+            for values in (self.rate, np.where(defined, self.variance, 0), defined)
+        )
+        pixels = self.rate.size / rate.size
+        return Linear(rate, np.where(share > _WHOLE, variance / np.float32(pixels), np.inf).astype(np.float32))
 
     def less(self, other: Linear) -> Linear:
         """Subtract the light of another exposure bracket."""

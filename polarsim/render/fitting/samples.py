@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy import ndimage
@@ -13,6 +13,7 @@ from polarsim.geometry.vectors import dot, length
 from polarsim.render.fitting.exposures import Linear
 from polarsim.render.hits import cast_strip, for_strips
 from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp
+from polarsim.render.light_field import relative_irradiance
 from polarsim.render.lighting import lighting
 from polarsim.render.materials import Reflectance, hemispherical_albedo
 from polarsim.render.optics import vignette
@@ -46,7 +47,8 @@ class FitSamples:
     to_lamp: np.ndarray  # (n, 3) unit
     to_viewer: np.ndarray  # (n, 3) unit
     intensity: np.ndarray  # (n,) surveyed intensity of the lamp
-    distance: np.ndarray  # (n,) metres to the lamp
+    distance: np.ndarray  # (n,) metres to the lamp; `REFERENCE_DISTANCE` for a lamp with a light field
+    relative: np.ndarray  # (n,) irradiance of the light field of the lamp; 1 without field
     vignette: np.ndarray  # (n,) transmission of the lens if it vignettes
 
     def __len__(self) -> int:
@@ -65,35 +67,36 @@ class FitSamples:
 
 
 @dataclass(frozen=True)
-class Darkening:
-    """Darkening effects other than reflectance: falloff of lamps with distance, vignetting of lenses."""
-
-    falloff: bool
-    vignetting: bool
-
-
-@dataclass(frozen=True)
 class Setting:
     """Everything that determines the radiance of samples except the albedo."""
 
     model: Model
     parameters: Parameters
-    darkening: Darkening
     engine: Reflectance
     options: RenderOptions
 
     def radiance(self, samples: FitSamples) -> np.ndarray:
         """Return the radiance (n,) of the samples at unit albedo, as in OLAT images of `render_view` with the lens."""
         radiance = self.engine(self.parameters, samples.normal, samples.to_lamp, samples.to_viewer)
-        radiance *= dot(samples.normal, samples.to_lamp)
-        if self.darkening.falloff:
+        radiance *= dot(samples.normal, samples.to_lamp) * samples.relative
+        if self.options.falloff:
             radiance *= np.float32(REFERENCE_DISTANCE**2) / samples.distance**2
         if self.model not in CHRONO:
             albedo = hemispherical_albedo(self.parameters) / np.pi
             radiance += np.float32(self.options.bounce * albedo) * (1 + samples.normal[:, 2]) / np.float32(2)
             radiance += np.float32(self.options.ambient * albedo)
         radiance *= samples.intensity
-        return radiance * samples.vignette if self.darkening.vignetting else radiance
+        return radiance * samples.vignette if self.options.vignetting else radiance
+
+
+def with_light_fields(samples: FitSamples, fields: Mapping[str, Sequence[float]], names: Sequence[str]) -> FitSamples:
+    """Return the samples under lamps with the given light fields, by name; `names`: see `samples_of_view`."""
+    relative, distance = samples.relative.copy(), samples.distance.copy()
+    for name, coefficients in fields.items():
+        chosen = np.flatnonzero(samples.lamp == names.index(name))
+        relative[chosen] = relative_irradiance(coefficients, samples.point.take(chosen, axis=0))
+        distance[chosen] = REFERENCE_DISTANCE  # the field includes the falloff
+    return replace(samples, relative=relative, distance=distance)
 
 
 def samples_of_view(
@@ -145,6 +148,7 @@ def samples_of_view(
                 part.to_viewer,
                 np.full(count, lamp.intensity, np.float32),
                 length(lamp.position.astype(np.float32) - part.point),
+                np.ones(count, np.float32),
                 darkening.reshape(-1)[at],
             )
             by_strip[name, rows.start] = at, samples

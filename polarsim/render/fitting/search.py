@@ -6,16 +6,13 @@ per cell and one brightness per lamp explain all observations. The search minimi
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from pydantic import ValidationError
 
-from polarsim.render.fitting.samples import Darkening, FitSamples, Setting
-from polarsim.render.materials import Reflectance
-from polarsim.render.options import Model, Parameters, RenderOptions
+from polarsim.render.fitting.samples import FitSamples, Setting
+from polarsim.render.options import Parameters
 
 CELL = 0.06  # metres
 _MAX_SAMPLES = 250_000
@@ -23,7 +20,6 @@ _REWEIGHTINGS = 5  # rounds of the robust fit of albedos and lamps
 _SCALE = 0.1  # scale of residuals, natural logarithm
 _MAX_RESIDUAL = 5.0  # scaled residuals are clipped here: shadow edges and other outliers
 _EVALUATIONS = 45  # maximum number of cost evaluations per parameter
-_ALTERNATIONS = 3  # rounds of fitting the parameters and choosing the darkening
 _MIN_SAMPLES = 3  # minimum number of samples per cell, lamp and view
 
 
@@ -74,38 +70,6 @@ def cells_of(samples: FitSamples, rng: np.random.Generator) -> Cells | None:
     cell = np.unique(groups[:, :3], axis=0, return_inverse=True)[1].ravel()
     light = np.bincount(of_sample, samples.rate, len(groups))
     return Cells(samples, of_sample, light, cell, groups[:, 3])
-
-
-def fitted_models(
-    cells: Cells, start: Mapping[Model, Parameters], engine: Reflectance, options: RenderOptions
-) -> tuple[Darkening, dict[Model, Parameters]]:
-    """Fit the darkening, common to all models, and the parameters of each model.
-
-    Both depend on each other and are therefore fitted in turn.
-    """
-    fitted = dict(start)
-    darkening = best_darkening(cells, fitted, engine, options)
-    for _ in range(_ALTERNATIONS):
-        fitted = {
-            model: fitted_parameters(cells, Setting(model, parameters, darkening, engine, options))
-            for model, parameters in start.items()
-        }
-        before, darkening = darkening, best_darkening(cells, fitted, engine, options)
-        if darkening == before:
-            return darkening, fitted
-    return before, fitted
-
-
-def best_darkening(
-    cells: Cells, models: Mapping[Model, Parameters], engine: Reflectance, options: RenderOptions
-) -> Darkening:
-    """Return the darkening with the lowest residual, summed over all models."""
-
-    def cost(darkening: Darkening) -> float:
-        settings = (Setting(model, parameters, darkening, engine, options) for model, parameters in models.items())
-        return sum(cells.disagreement(setting) for setting in settings)
-
-    return min((Darkening(*both) for both in itertools.product((False, True), repeat=2)), key=cost)
 
 
 def fitted_parameters(cells: Cells, setting: Setting) -> Parameters:

@@ -1,0 +1,176 @@
+"""Fit of the light fields of the Sun lamps to the photos of all terrains, with tests on left-out terrains.
+
+The lamps of a laboratory are the same for all terrains. Over several terrains and views, relief and albedo average out,
+and what remains of photo over twin is the beam of the lamp.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.photo import NO_ROCK, SUNS
+from polarsim.render.fitting.samples import FitSamples, Setting
+from polarsim.render.fitting.terrain import LAMPS, samples_of_terrain
+from polarsim.render.lamps import REFERENCE_DISTANCE
+from polarsim.render.light_field import POWERS, relative_irradiance, terms
+from polarsim.render.olat import reflectance_engine
+from polarsim.render.options import Model, RenderOptions
+from polarsim.run_files.light_fields import FittedField, write_light_fields
+from polarsim.run_files.scene import TerrainMesh, read_terrain
+
+log = logging.getLogger("polarsim.render")
+
+_SCALE = 0.25  # scale of the photos: the field is smooth
+_MAX_SAMPLES = 20_000  # per terrain and lamp
+_MIN_SAMPLES = 1000  # of a lamp
+_ROUNDS = 15
+_MIN_SCATTER = 0.03  # minimum scatter of the residuals, natural logarithm
+_CAUCHY_SCALE = 2.5  # scale of the Cauchy weight, in units of the scatter
+_RIDGE = 1e-3  # weight of a field of 1, per observation: parts of the sand may be invisible or in shadow
+
+
+@dataclass(frozen=True)
+class Brightness:
+    """Photo over twin on the ground of a terrain under one lamp, n samples."""
+
+    point: np.ndarray  # (n, 2) sandbox frame, metres
+    ratio: np.ndarray  # (n,) natural logarithm, for a lamp without falloff
+    falloff: np.ndarray  # (n,) natural logarithm of the inverse square of the distance
+    view: np.ndarray  # (n,)
+
+    def stops(self, field: np.ndarray | float) -> float:
+        """Return the median |log2| of photo over twin around the median of each view; `field` (n,) is a logarithm."""
+        residual = self.ratio - field
+        for view in np.unique(self.view):
+            residual[self.view == view] -= np.median(residual[self.view == view])
+        return float(f"{np.median(np.abs(residual)) / np.log(2):.4g}")
+
+
+def fit_light(
+    *,
+    cameras: Mapping[int, Path],
+    meshes: Mapping[int, Path],
+    photos: Mapping[int, Path],
+    models: Sequence[Model],
+    light: Mapping[int, Path],
+    options: RenderOptions,
+    threads: int,
+) -> None:
+    """Fit the light fields under every model; write a file per terrain.
+
+    `cameras`, `meshes`, `photos`: folders and `photos.parquet` of each terrain.
+    """
+    engine, options = reflectance_engine(options, threads), options.as_fitted()
+    found: dict[int, tuple[TerrainMesh, FitSamples]] = {}
+    for terrain, index in photos.items():
+        mesh = read_terrain(meshes[terrain], terrain)
+        samples = samples_of_terrain(terrain, cameras[terrain], mesh, index, options, threads, _SCALE)
+        if samples is not None:
+            found[terrain] = mesh, samples[0]
+    fields: dict[int, dict[str, dict[str, FittedField]]] = {terrain: {} for terrain in light}
+    for model in models:
+        setting = Setting(model, options.parameters(model), engine, options.model_copy(update={"falloff": False}))
+        seen = {terrain: brightness_of(samples, mesh, setting) for terrain, (mesh, samples) in found.items()}
+        for terrain, of_terrain in light_fields(seen, set(light), options.fitting.held_out).items():
+            fields[terrain][model] = of_terrain
+    if not any(fields[terrain].get(model) for terrain in light for model in models):
+        log.warning("no light field: no photo shows lit sand; lamps have the inverse-square falloff")
+    for terrain, path in light.items():
+        write_light_fields(path, fields[terrain])
+
+
+def brightness_of(samples: FitSamples, mesh: TerrainMesh, setting: Setting) -> dict[str, Brightness]:
+    """Return photo over twin on the ground by Sun lamp; lamps with few samples are omitted."""
+    ground = mesh.rock_of_face.take(samples.face) == NO_ROCK
+    found = {}
+    for name in SUNS:
+        chosen = np.flatnonzero(ground & (samples.lamp == LAMPS.index(name)))
+        part = samples.part(chosen[:: -(-len(chosen) // _MAX_SAMPLES) or 1])
+        radiance = setting.radiance(part)
+        part, radiance = part.part(radiance > 0), radiance[radiance > 0]
+        if len(part) < _MIN_SAMPLES:
+            continue
+        falloff = 2 * np.log(REFERENCE_DISTANCE / part.distance.astype(float))
+        point = part.point[:, :2].astype(float)
+        found[name] = Brightness(point, np.log(part.rate.astype(float) / radiance), falloff, part.view)
+    return found
+
+
+def light_fields(
+    seen: Mapping[int, Mapping[str, Brightness]], terrains: Set[int], held_out: str
+) -> dict[int, dict[str, FittedField]]:
+    """Return the fields of every terrain by azimuth, from photo over twin by terrain and azimuth.
+
+    The field of an azimuth is omitted if, on left-out terrains, its median error is not lower than that of the inverse
+    square of the distance. The photos of a terrain under the held-out azimuth do not affect its field.
+    """
+    fields: dict[int, dict[str, FittedField]] = {terrain: {} for terrain in terrains}
+    for azimuth in SUNS:
+        parts = {terrain: by_lamp[azimuth] for terrain, by_lamp in sorted(seen.items()) if azimuth in by_lamp}
+        if not parts:
+            continue
+        everywhere = fit_field(list(parts.values()))
+        others = {
+            terrain: fit_field([part for other, part in parts.items() if other != terrain])
+            for terrain in terrains
+            if set(parts) - {terrain}
+        }
+        errors = {
+            terrain: {
+                "even": part.stops(0.0),
+                "inverse_square": part.stops(part.falloff),
+                "field": part.stops(np.log(relative_irradiance(others[terrain], part.point))),
+            }
+            for terrain, part in parts.items()
+            if terrain in others
+        }
+        if errors:
+            medians = {kind: float(np.median([error[kind] for error in errors.values()])) for kind in _KINDS}
+            used = medians["field"] < medians["inverse_square"]
+            log.info(
+                "light field of azimuth %s%s: median error on left-out terrains %.3f stops, inverse square %.3f, "
+                "even %.3f",
+                azimuth, "" if used else " not used", medians["field"], medians["inverse_square"], medians["even"],
+            )  # fmt: skip
+            if not used:
+                continue
+        for terrain in terrains:
+            if azimuth != held_out:
+                field, fitted = everywhere, tuple(parts)
+            elif terrain in others:
+                field, fitted = others[terrain], tuple(other for other in parts if other != terrain)
+            else:
+                continue
+            fields[terrain][azimuth] = FittedField(
+                coefficients=field, terrains=fitted, held_out_stops=errors.get(terrain, {})
+            )
+    return fields
+
+
+def fit_field(parts: Sequence[Brightness]) -> tuple[float, ...]:
+    """Fit a field to photo over twin of terrains, with a free brightness of every view, by Cauchy weights."""
+    groups = [part.view + 1000 * number for number, part in enumerate(parts)]
+    _, group = np.unique(np.concatenate(groups), return_inverse=True)
+    of_field = np.concatenate([terms(part.point) for part in parts])
+    ratio = np.concatenate([part.ratio for part in parts])
+    design = np.concatenate([of_field, group[:, None] == np.arange(group.max() + 1)], axis=1)
+    pull = np.zeros(design.shape[1])
+    pull[: len(POWERS)] = _RIDGE * len(ratio)
+    weight = np.ones(len(ratio))
+    for _ in range(_ROUNDS):
+        weighted = design * weight[:, None]
+        # einsum instead of BLAS, whose results depend on the number of threads
+        normal = np.einsum("ni,nj->ij", weighted, design)
+        solution = np.linalg.solve(normal + np.diag(pull), np.einsum("ni,n->i", weighted, ratio))
+        residual = ratio - np.einsum("ni,i->n", design, solution)
+        scatter = max(1.4826 * float(np.median(np.abs(residual))), _MIN_SCATTER)
+        weight = 1 / (1 + (residual / (_CAUCHY_SCALE * scatter)) ** 2)
+    return tuple(float(f"{value:.5g}") for value in solution[: len(POWERS)])
+
+
+_KINDS = ("even", "inverse_square", "field")

@@ -1,0 +1,52 @@
+"""Light fields of the Sun lamps of a terrain, by reflectance model and azimuth: `renders/light/TerrainTT.json`.
+
+A field describes the irradiance over the sand (`render.light_field`). Fields are fitted per reflectance model, because
+the models differ in their trend over the sand, and shared by all terrains. The field of the held-out azimuth is fitted
+without the photos of the terrain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from pydantic import BaseModel, FiniteFloat, TypeAdapter, ValidationError
+
+from polarsim.errors import FormatError
+from polarsim.formats.files import read_json, write_json
+from polarsim.formats.readers import reader
+from polarsim.formats.yaml_files import describe_error
+
+
+class FittedField(BaseModel, extra="forbid", frozen=True):
+    """Light field of a lamp and its errors on the photos of a terrain, which are not fitted for the errors.
+
+    The errors are the median |log2| of photo over twin on lit sand around their median, stops: of even irradiance, of
+    the inverse square of the distance, and of a field fitted to all other terrains. Empty with a single terrain.
+    """
+
+    coefficients: tuple[FiniteFloat, ...]
+    terrains: tuple[int, ...]  # terrains whose photos are fitted
+    held_out_stops: dict[str, float] = {}  # even, inverse_square, field
+
+
+Fields = Mapping[str, Mapping[str, FittedField]]  # by reflectance model and azimuth
+_FILE: TypeAdapter[dict[str, dict[str, FittedField]]] = TypeAdapter(dict[str, dict[str, FittedField]])
+
+
+def write_light_fields(path: Path, fields: Fields) -> None:
+    """Write the fields of a terrain."""
+    content = {
+        model: {azimuth: field.model_dump(mode="json") for azimuth, field in sorted(of_model.items())}
+        for model, of_model in sorted(fields.items())
+    }
+    write_json(path, content)
+
+
+@reader("light fields")
+def read_light_fields(path: Path) -> dict[str, dict[str, FittedField]]:
+    """Read the fields of a terrain."""
+    try:
+        return _FILE.validate_python(read_json(path))
+    except ValidationError as error:
+        raise FormatError(describe_error(error, "the file"), path=path) from error

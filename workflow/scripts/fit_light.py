@@ -1,0 +1,17 @@
+"""Fit the light fields of the Sun lamps to the photos of all terrains."""
+
+from polarsim.job_files import list_of_paths
+from polarsim.render.fitting.light import fit_light
+from polarsim.render.options import RenderOptions
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    fit_light(
+        cameras=dict(zip(snakemake.params.terrains, list_of_paths(snakemake.input.cameras), strict=True)),
+        meshes=dict(zip(snakemake.params.terrains, list_of_paths(snakemake.input.meshes), strict=True)),
+        photos=dict(zip(snakemake.params.terrains, list_of_paths(snakemake.input.photos), strict=True)),
+        models=snakemake.params.models,
+        light=dict(zip(snakemake.params.terrains, list_of_paths(snakemake.output.light), strict=True)),
+        options=RenderOptions(**snakemake.params.options),
+        threads=snakemake.threads,
+    )
