@@ -152,8 +152,20 @@ class RunPaths:
 
     @property
     def light_of_terrain(self) -> str | list[str]:
-        """The light fields of the lamps of a terrain; empty if no twins are fitted or the source has no photos."""
-        return self.fitted_light if self._has_fit else []
+        """The light fields of the lamps of a terrain; empty if no twins are fitted or no photos exist."""
+        return self.fitted_light if self.config.render.fitted_models and self.photos_for_light else []
+
+    @property
+    def photos_for_light(self) -> list[str]:
+        """The photos of the run that show its lamps: own photos, else published cover photos."""
+        if self.config.data_source.has_photos:
+            return [f"results/{{run}}/acquire/Terrain{terrain}/photos.parquet" for terrain in self.terrains]
+        root = self.config.annotated_root
+        return (
+            ["results/{run}/covers/photos"]
+            if any(cover_photos(root, terrain) for terrain in self.config.terrains)
+            else []
+        )
 
     @property
     def _has_fit(self) -> bool:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from polarsim.geometry.light_field import relative_irradiance
 from polarsim.geometry.vectors import dot, length
 from polarsim.photo import PhotoKey
-from polarsim.render.light_field import relative_irradiance
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.survey import ROVER_LIGHT_SHARE
 

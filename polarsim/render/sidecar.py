@@ -15,10 +15,10 @@ import polarsim
 from polarsim.errors import FormatError, with_path
 from polarsim.formats.files import read_json, write_text
 from polarsim.geometry.camera import Camera
+from polarsim.geometry.light_field import POWERS
 from polarsim.geometry.poses import Pose
 from polarsim.photo import BLACK_LEVEL
 from polarsim.render.lamps import Lamp
-from polarsim.render.light_field import POWERS
 from polarsim.render.options import Model, RenderOptions
 from polarsim.run_files.rigs import lens_content, lens_of
 

@@ -26,7 +26,7 @@ from polarsim.render.sidecar import digest_of
 from polarsim.render.surfaces import Surfaces, build_surfaces
 from polarsim.render.twin_writer import TwinWriter, input_digests
 from polarsim.run_files.lamps import read_suns
-from polarsim.run_files.light_fields import read_light_fields
+from polarsim.run_files.light_fields import read_light_fields, sun_coefficients
 from polarsim.run_files.materials import FittedMaterials, files_of, read_materials
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.run_files.scene import TerrainMesh, read_terrain
@@ -81,19 +81,21 @@ def twin_groups(
     fields = read_light_fields(light) if light and domains else {}
     groups: list[TwinGroup] = []
 
-    def add(paths: Mapping[Model, Path], options: RenderOptions, fitted: FittedMaterials | None, light_of: str) -> None:
+    def add(
+        paths: Mapping[Model, Path], options: RenderOptions, fitted: FittedMaterials | None, light_of: str = ""
+    ) -> None:
         options, albedo = (options, {}) if fitted is None else with_fit(options, fitted)
         surfaces = build_surfaces(mesh, options, albedo)
         if groups:
             groups[0].surfaces.prepare(shadows=True, threads=threads)
             surfaces = surfaces.sharing_rays(groups[0].surfaces)
-        coefficients = {azimuth: field.coefficients for azimuth, field in fields.get(light_of, {}).items()}
+        coefficients = sun_coefficients(fields.get(light_of, {})) if light_of else {}
         used = {} if fitted is None or materials is None else {"materials": digest_of(files_of(materials))}
-        used |= {"light": digest_of([light])} if coefficients and light else {}
+        used |= {"light": digest_of([light])} if light_of and light else {}
         groups.append(TwinGroup(paths, options, surfaces, fitted, coefficients, {**sources, **used}))
 
     if plain:
-        add(plain, options, None if domains else fitted, "")
+        add(plain, options, None if domains else fitted)
     for domain in domains:
         add({model_of(domain): twins[domain]}, options.as_fitted(), fitted, model_of(domain))
     if domains and not (fitted and fitted.models) and not fields:

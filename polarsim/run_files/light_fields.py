@@ -1,8 +1,8 @@
 """Light fields of the Sun lamps of a terrain, by reflectance model and azimuth: `renders/light/TerrainTT.json`.
 
-A field describes the irradiance over the sand (`render.light_field`). Fields are fitted per reflectance model, because
-the models differ in their trend over the sand, and shared by all terrains. The field of the held-out azimuth is fitted
-without the photos of the terrain.
+A field describes the irradiance over the sand (`geometry.light_field`). Fields are fitted per reflectance model,
+because the models differ in their trend over the sand, and shared by all terrains. The field of the held-out azimuth is
+fitted without the photos of the terrain.
 """
 
 from __future__ import annotations
@@ -16,13 +16,15 @@ from polarsim.errors import FormatError
 from polarsim.formats.files import read_json, write_json
 from polarsim.formats.readers import reader
 from polarsim.formats.yaml_files import describe_error
+from polarsim.geometry.light_field import EVEN
+from polarsim.photo import SUNS
 
 
 class FittedField(BaseModel, extra="forbid", frozen=True):
-    """Light field of a lamp and its errors on the photos of a terrain, which are not fitted for the errors.
+    """Light field of a lamp, and errors of fields on the photos of a terrain, stops.
 
-    The errors are the median |log2| of photo over twin on lit sand around their median, stops: of even irradiance, of
-    the inverse square of the distance, and of a field fitted to all other terrains. Empty with a single terrain.
+    The errors are medians of |log2| of photo over twin on lit sand, around the median of each view: of even irradiance,
+    of the inverse square of the distance, and of a field fitted to all other terrains. Empty with a single terrain.
     """
 
     coefficients: tuple[FiniteFloat, ...]
@@ -50,3 +52,12 @@ def read_light_fields(path: Path) -> dict[str, dict[str, FittedField]]:
         return _FILE.validate_python(read_json(path))
     except ValidationError as error:
         raise FormatError(describe_error(error, "the file"), path=path) from error
+
+
+def sun_coefficients(fields: Mapping[str, FittedField]) -> dict[str, tuple[float, ...]]:
+    """Return the coefficients of the fields of all Sun lamps; even light for lamps without a field.
+
+    Real spotlights are more even than the inverse square: median errors on six cover photos of azimuth 30 are 0.26
+    stops with even light and 0.38 with the inverse square.
+    """
+    return {azimuth: fields[azimuth].coefficients if azimuth in fields else EVEN for azimuth in SUNS}

@@ -152,7 +152,7 @@ def test_the_fitted_domain_stands_beside_models_whose_twins_keep_their_bytes(fol
         for path in (folders / "labels" / label).iterdir():
             assert path.read_bytes() == (folders / "labels_alone" / label / path.name).read_bytes()
     beside, soft = (png.read_png(folder / f"{KEYS[1]}.png").astype(float) for folder in paths.values())
-    assert (np.abs(beside - soft) > 5).mean() > 0.2  # falloff, penumbrae and vignetting
+    assert (np.abs(beside - soft) > 5).mean() > 0.1  # penumbrae, vignetting, falloff of the rover light
     sidecar = json.loads((paths["fitted"] / f"{KEYS[1]}.json").read_text())
     assert (sidecar["model"], sidecar["lamps"]["30"]["radius_m"]) == ("principled", 0.045)
 

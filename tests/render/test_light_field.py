@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from polarsim.geometry.light_field import POWERS, REACH_M, relative_irradiance, terms
 from polarsim.render.lamps import Lamp
-from polarsim.render.light_field import POWERS, REACH_M, relative_irradiance, terms
 
 POINTS = np.array([[0.0, 0.0, 0.1], [1.0, -0.5, 0.0], [-1.9, 1.2, 0.3], [0.3, 1.9, -0.1]])
 COEFFICIENTS = tuple(np.linspace(-0.4, 0.5, len(POWERS)).tolist())

@@ -9,7 +9,7 @@ with reporting(log=snakemake.log[0]):
     fit_light(
         cameras=dict(zip(snakemake.params.terrains, list_of_paths(snakemake.input.cameras), strict=True)),
         meshes=dict(zip(snakemake.params.terrains, list_of_paths(snakemake.input.meshes), strict=True)),
-        photos=dict(zip(snakemake.params.terrains, list_of_paths(snakemake.input.photos), strict=True)),
+        photos=list_of_paths(snakemake.input.photos),
         models=snakemake.params.models,
         light=dict(zip(snakemake.params.terrains, list_of_paths(snakemake.output.light), strict=True)),
         options=RenderOptions(**snakemake.params.options),

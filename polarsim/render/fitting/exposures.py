@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from polarsim.errors import PolarsimError
+from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import png
 from polarsim.geometry.lens import Lens
 from polarsim.photo import BLACK_LEVEL, ELECTRONS_PER_DN, SUNS, WHITE_LEVEL, PhotoKey
 from polarsim.render.lamps import ROVER, lamps_on
 
 log = logging.getLogger("polarsim.render")
+Reader = Callable[[Path, tuple[int, int]], np.ndarray]  # path and (width, height) -> 12-bit photo (h, w)
 
 _FULL = WHITE_LEVEL - BLACK_LEVEL - 200  # DN above black up to which the sensor is linear
 _DARK = 4  # DN above black, below which a pixel has no information
@@ -72,8 +73,19 @@ def merge_exposures(photos: Iterable[tuple[np.ndarray, float]]) -> Linear | None
         return Linear(np.where(weights > 0, total / weights, 0).astype(np.float32), (1 / weights).astype(np.float32))
 
 
-def single_lamps(paths: Mapping[PhotoKey, Path], lens: Lens) -> dict[str, Linear]:
+def read_published(path: Path, size: tuple[int, int]) -> np.ndarray:
+    """Read a published photo of 8 bits, grey or colour, as 12-bit values (h, w) uint16: the lower 4 bits are lost."""
+    pixels = png.read_png(path)
+    grey = pixels if pixels.ndim == 2 else pixels[..., 0]  # the colours of a grey image are equal
+    if pixels.dtype != np.uint8 or grey.shape != size[::-1]:
+        raise FormatError(f"{pixels.dtype} {grey.shape}, expected {size[0]} x {size[1]} pixels of 8 bits", path=path)
+    return grey.astype(np.uint16) << 4
+
+
+def single_lamps(paths: Mapping[PhotoKey, Path], lens: Lens, read: Reader = png.read_photo) -> dict[str, Linear]:
     """Return linear images of single lamps, from the photos of a view; lamps without photos are omitted.
+
+    `read`: function that reads a photo of 12 bits, given path and size.
 
     Images of Sun lamps are merged from photos without the rover light. The image of the rover light is merged from
     photos without a Sun lamp if available, else from differences of photos with and without the rover light.
@@ -83,14 +95,14 @@ def single_lamps(paths: Mapping[PhotoKey, Path], lens: Lens) -> dict[str, Linear
         sets.setdefault(lamps_on(key), []).append(key)
     images: dict[str, Linear] = {}
     for name in (*SUNS, ROVER):
-        image = merge_exposures(_photos(sets.get((name,), []), paths, lens))
+        image = merge_exposures(_photos(sets.get((name,), []), paths, lens, read))
         if image is not None:
             images[name] = image
     if ROVER in images:
         return images
     differences = []
     for name in (name for name in SUNS if name in images):
-        both = merge_exposures(_photos(sets.get((name, ROVER), []), paths, lens))
+        both = merge_exposures(_photos(sets.get((name, ROVER), []), paths, lens, read))
         if both is not None:
             differences.append(both.less(images[name]))
     if differences:
@@ -106,9 +118,11 @@ def mean_of(images: Sequence[Linear]) -> Linear:
         return Linear(np.where(certainty > 0, total / certainty, 0).astype(np.float32), 1 / certainty)
 
 
-def _photos(keys: Iterable[PhotoKey], paths: Mapping[PhotoKey, Path], lens: Lens) -> Iterable[tuple[np.ndarray, float]]:
+def _photos(
+    keys: Iterable[PhotoKey], paths: Mapping[PhotoKey, Path], lens: Lens, read: Reader
+) -> Iterable[tuple[np.ndarray, float]]:
     for key in keys:
         try:
-            yield png.read_photo(paths[key], (lens.width, lens.height)), key.exposure_ms
+            yield read(paths[key], (lens.width, lens.height)), key.exposure_ms
         except PolarsimError as error:
-            log.warning("%s; the photo is not used to fit materials", error)
+            log.warning("%s; the photo is not fitted", error)

@@ -18,8 +18,9 @@ from polarsim.render.fitting.texels import Solution, Texels, solve, texels_of
 from polarsim.render.materials import Reflectance, between_corners
 from polarsim.render.olat import reflectance_engine
 from polarsim.render.options import Model, RenderOptions
-from polarsim.run_files.light_fields import read_light_fields
+from polarsim.run_files.light_fields import read_light_fields, sun_coefficients
 from polarsim.run_files.materials import FittedMaterial, FittedMaterials, rock_of_vertex, write_materials
+from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.scene import TerrainMesh, read_terrain
 
 log = logging.getLogger("polarsim.render")
@@ -44,12 +45,11 @@ def fit_materials(
     `cameras`, `meshes`: folders of the terrain. `photos`: `photos.parquet`, may be empty. `light`: light fields.
     """
     mesh = read_terrain(meshes, terrain, cameras=cameras)
-    found = samples_of_terrain(terrain, cameras, mesh, photos, options, threads)
+    paths = pictures_at(photos) if photos else {}
+    found = samples_of_terrain(terrain, cameras, mesh, paths, options, threads)
     engine = reflectance_engine(options, threads)
-    fields: Coefficients = {
-        model: {name: field.coefficients for name, field in of_model.items()}
-        for model, of_model in (read_light_fields(light) if light else {}).items()
-    }
+    light_fields = read_light_fields(light) if light else {}
+    fields = {model: sun_coefficients(light_fields.get(model, {})) for model in models}
     fitted = None if found is None else fit(found[0], mesh, models, engine, options.as_fitted(), fields, options)
     if fitted is None or found is None:
         log.warning("terrain %02d: no photo shows lit surfaces; twins are rendered with constant materials", terrain)

@@ -13,14 +13,17 @@ from pathlib import Path
 
 import numpy as np
 
+from polarsim.formats import png
+from polarsim.geometry.light_field import EVEN, POWERS, relative_irradiance, terms
 from polarsim.photo import NO_ROCK, SUNS
+from polarsim.render.fitting.exposures import read_published
 from polarsim.render.fitting.samples import FitSamples, Setting
 from polarsim.render.fitting.terrain import LAMPS, samples_of_terrain
 from polarsim.render.lamps import REFERENCE_DISTANCE
-from polarsim.render.light_field import POWERS, relative_irradiance, terms
 from polarsim.render.olat import reflectance_engine
 from polarsim.render.options import Model, RenderOptions
 from polarsim.run_files.light_fields import FittedField, write_light_fields
+from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.scene import TerrainMesh, read_terrain
 
 log = logging.getLogger("polarsim.render")
@@ -55,7 +58,7 @@ def fit_light(
     *,
     cameras: Mapping[int, Path],
     meshes: Mapping[int, Path],
-    photos: Mapping[int, Path],
+    photos: Sequence[Path],
     models: Sequence[Model],
     light: Mapping[int, Path],
     options: RenderOptions,
@@ -63,13 +66,15 @@ def fit_light(
 ) -> None:
     """Fit the light fields under every model; write a file per terrain.
 
-    `cameras`, `meshes`, `photos`: folders and `photos.parquet` of each terrain.
+    `cameras`, `meshes`: folders of each terrain. `photos`: tables `photos.parquet`, or a folder of published photos.
     """
     engine, options = reflectance_engine(options, threads), options.as_fitted()
     found: dict[int, tuple[TerrainMesh, FitSamples]] = {}
-    for terrain, index in photos.items():
-        mesh = read_terrain(meshes[terrain], terrain)
-        samples = samples_of_terrain(terrain, cameras[terrain], mesh, index, options, threads, _SCALE)
+    paths = {key: path for source in photos for key, path in pictures_at(source).items()}
+    read = png.read_photo if all(source.suffix == ".parquet" for source in photos) else read_published
+    for terrain in sorted({key.terrain for key in paths} & set(light)):
+        mesh = read_terrain(meshes[terrain], terrain, cameras=cameras[terrain])
+        samples = samples_of_terrain(terrain, cameras[terrain], mesh, paths, options, threads, _SCALE, read)
         if samples is not None:
             found[terrain] = mesh, samples[0]
     fields: dict[int, dict[str, dict[str, FittedField]]] = {terrain: {} for terrain in light}
@@ -79,7 +84,7 @@ def fit_light(
         for terrain, of_terrain in light_fields(seen, set(light), options.fitting.held_out).items():
             fields[terrain][model] = of_terrain
     if not any(fields[terrain].get(model) for terrain in light for model in models):
-        log.warning("no light field: no photo shows lit sand; lamps have the inverse-square falloff")
+        log.warning("no light field: no photo shows lit sand; the light of lamps is even")
     for terrain, path in light.items():
         write_light_fields(path, fields[terrain])
 
@@ -106,8 +111,8 @@ def light_fields(
 ) -> dict[int, dict[str, FittedField]]:
     """Return the fields of every terrain by azimuth, from photo over twin by terrain and azimuth.
 
-    The field of an azimuth is omitted if, on left-out terrains, its median error is not lower than that of the inverse
-    square of the distance. The photos of a terrain under the held-out azimuth do not affect its field.
+    The field of an azimuth is even if, on left-out terrains, the median error of a fitted field is not lower. The
+    photos of a terrain under the held-out azimuth do not affect its field. Azimuths without photos are omitted.
     """
     fields: dict[int, dict[str, FittedField]] = {terrain: {} for terrain in terrains}
     for azimuth in SUNS:
@@ -131,14 +136,14 @@ def light_fields(
         }
         if errors:
             medians = {kind: float(np.median([error[kind] for error in errors.values()])) for kind in _KINDS}
-            used = medians["field"] < medians["inverse_square"]
+            used = medians["field"] < medians["even"]
             log.info(
                 "light field of azimuth %s%s: median error on left-out terrains %.3f stops, inverse square %.3f, "
                 "even %.3f",
-                azimuth, "" if used else " not used", medians["field"], medians["inverse_square"], medians["even"],
+                azimuth, "" if used else ": even", medians["field"], medians["inverse_square"], medians["even"],
             )  # fmt: skip
             if not used:
-                continue
+                everywhere, others = EVEN, dict.fromkeys(others, EVEN)
         for terrain in terrains:
             if azimuth != held_out:
                 field, fitted = everywhere, tuple(parts)

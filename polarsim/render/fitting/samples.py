@@ -9,11 +9,11 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.geometry.camera import Camera
+from polarsim.geometry.light_field import relative_irradiance
 from polarsim.geometry.vectors import dot, length
 from polarsim.render.fitting.exposures import Linear
 from polarsim.render.hits import cast_strip, for_strips
 from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp
-from polarsim.render.light_field import relative_irradiance
 from polarsim.render.lighting import lighting
 from polarsim.render.materials import Reflectance, hemispherical_albedo
 from polarsim.render.optics import vignette

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
+from polarsim.formats import png
 from polarsim.photo import SUNS, PhotoKey, PositionCamera
 from polarsim.progress import track
-from polarsim.render.fitting.exposures import single_lamps
+from polarsim.render.fitting.exposures import Reader, single_lamps
 from polarsim.render.fitting.samples import FitSamples, samples_of_view
 from polarsim.render.lamps import ROVER, lamps_of_rig
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.lamps import read_suns
-from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.rigs import read_all_localised
 from polarsim.run_files.scene import TerrainMesh
 
@@ -25,20 +26,22 @@ def samples_of_terrain(
     terrain: int,
     cameras: Path,
     mesh: TerrainMesh,
-    photos: Path | None,
+    photos: Mapping[PhotoKey, Path],
     options: RenderOptions,
     threads: int,
     scale: float = 1.0,
+    read: Reader = png.read_photo,
 ) -> tuple[FitSamples, list[PositionCamera]] | None:
     """Return the samples of all views with a proven pose, and the views; None without samples.
 
-    `scale`: scale of the photos from which the samples are selected.
+    `photos`: photos of the run; those of other terrains are ignored. `scale`: scale of the photos from which the
+    samples are selected. `read`: see `single_lamps`.
     """
     rigs = read_all_localised(cameras)
     suns = read_suns(cameras, rigs)
     surfaces = build_surfaces(mesh, options)
     paths: dict[PositionCamera, dict[PhotoKey, Path]] = {}
-    for key, path in (pictures_at(photos) if photos else {}).items():
+    for key, path in photos.items():
         if key.terrain == terrain and path.is_file():
             paths.setdefault((key.position, key.camera), {})[key] = path
     views = [view for view in sorted(paths) if view[0] in rigs and not rigs[view[0]].unproven]
@@ -47,9 +50,8 @@ def samples_of_terrain(
         rig = rigs[view[0]]
         camera, lamps = rig.camera(view[1]), lamps_of_rig(suns, rig)
         small = camera if scale == 1 else camera.scaled(scale)
-        photos_of_lamp = {
-            name: photo.resized(small.lens) for name, photo in single_lamps(paths[view], camera.lens).items()
-        }
+        images = single_lamps(paths[view], camera.lens, read)
+        photos_of_lamp = {name: image.resized(small.lens) for name, image in images.items()}
         parts += samples_of_view(surfaces, number, small, lamps, photos_of_lamp, LAMPS, threads)
     parts = [part.part(part.face < len(mesh.faces)) for part in parts]  # excludes skirts
     samples = FitSamples.joined(parts) if parts else None

@@ -1,13 +1,17 @@
 """Recovery of the light fields of lamps from photo over twin."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from polarsim.errors import FormatError
+from polarsim.geometry.light_field import EVEN, POWERS, relative_irradiance
 from polarsim.photo import SUNS
 from polarsim.render.fitting.light import Brightness, fit_field, light_fields
 from polarsim.render.fitting.samples import Setting, with_light_fields
 from polarsim.render.fitting.terrain import LAMPS
-from polarsim.render.light_field import POWERS, relative_irradiance
+from polarsim.run_files.light_fields import read_light_fields, sun_coefficients, write_light_fields
 
 TRUE = tuple(np.where(np.array([i + j for i, j in POWERS]) == 1, 0.6, -0.3).tolist())
 OTHER = tuple(-value for value in TRUE)
@@ -41,21 +45,38 @@ def test_fields_are_shared_and_only_that_of_the_held_out_azimuth_is_without_the_
     assert alike[1]["30"].coefficients == alike[2]["30"].coefficients
     assert alike[1]["30"].terrains == (1, 2, 3)
     others = {f"t{terrain}": TRUE for terrain in (2, 3, 4, 5)}
-    held = light_fields(seen(t1=OTHER, **others), {1, 2}, "30")
+    held = light_fields(seen(t1=OTHER, **others), {1, 2, 3, 4, 5}, "30")
     assert held[1]["30"].terrains == (2, 3, 4, 5)
-    assert held[1]["30"].coefficients == light_fields(seen(t1=TRUE, **others), {1}, "30")[1]["30"].coefficients
+    same = light_fields(seen(t1=TRUE, **others), {1, 2, 3, 4, 5}, "30")
+    assert held[1]["30"].coefficients == same[1]["30"].coefficients
     assert held[2]["30"].coefficients != held[1]["30"].coefficients
     assert held[1]["30"].held_out_stops["field"] > 5 * held[2]["30"].held_out_stops["field"]
 
 
-def test_a_field_that_explains_left_out_terrains_no_better_than_the_inverse_square_is_not_used():
+def test_light_is_even_if_a_field_explains_left_out_terrains_no_better():
     parts = {}
-    for terrain, slope in ((1, 0.3), (2, -0.3)):  # two lamps with inverse-square falloff and opposite aims
-        plain = brightness(terrain)
-        ratio = plain.falloff + slope * plain.point[:, 0]
-        parts[terrain] = {"30": Brightness(plain.point, ratio, plain.falloff, plain.view)}
-    assert light_fields(parts, {1, 2}, "no") == {1: {}, 2: {}}
+    for terrain, slope in ((1, 0.3), (2, -0.3)):  # lamps with opposite aims
+        plain = brightness(terrain, EVEN)
+        parts[terrain] = {"30": replace(plain, ratio=plain.ratio + slope * plain.point[:, 0])}
+    found = light_fields(parts, {1, 2}, "no")
+    assert found[1]["30"].coefficients == found[2]["30"].coefficients == EVEN
+    assert found[1]["30"].held_out_stops["field"] > found[1]["30"].held_out_stops["even"]
     assert light_fields(seen(t1=TRUE, t2=TRUE), {1, 2}, "no")[1]["30"].held_out_stops["field"] < 0.1
+
+
+def test_lamps_without_photos_have_even_light():
+    found = sun_coefficients(light_fields(seen(t1=TRUE, t2=TRUE), {1, 2}, "no")[1])
+    assert set(found) == set(SUNS)
+    assert [azimuth for azimuth, field in found.items() if field != EVEN] == ["30"]
+
+
+def test_fields_of_a_terrain_read_back(tmp_path):
+    fields = {"principled": light_fields(seen(t1=TRUE, t2=TRUE), {1, 2}, "no")[1]}
+    write_light_fields(tmp_path / "light.json", fields)
+    assert read_light_fields(tmp_path / "light.json") == fields
+    (tmp_path / "light.json").write_text('{"principled": {"30": {"coefficients": ["a"], "terrains": []}}}')
+    with pytest.raises(FormatError, match=r"light\.json"):
+        read_light_fields(tmp_path / "light.json")
 
 
 def test_a_single_terrain_has_no_field_of_the_held_out_azimuth():

@@ -13,6 +13,7 @@ import numpy as np
 REACH_M = 2.0  # half width of the sandbox: the unit of x and y, and the limit beyond which the field is constant
 _DEGREE = 3
 POWERS = tuple((i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i) if i + j)  # of x and y, by term
+EVEN = (0.0,) * len(POWERS)  # the same irradiance everywhere
 
 
 def terms(points: np.ndarray) -> np.ndarray:
