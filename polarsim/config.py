@@ -26,7 +26,7 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.photo import TERRAINS, PhotoKey, positions
 from polarsim.publish.options import PublishOptions
 from polarsim.randomness import without_negative_zeros
-from polarsim.render.models import FITTED, model_of
+from polarsim.render.models import FITTED, Domain, model_of
 from polarsim.render.options import Model, RenderOptions
 from polarsim.rocks.options import RocksOptions
 from polarsim.rover.cameras.options import PACKAGED_FILES
@@ -213,7 +213,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
     @property
     def ablation_model(self) -> Model:
         """Reflectance model of the ablation: the last model whose twins are compared."""
-        return (self.compared_models or self.render.fitted_models)[-1]
+        return (self.compared_models or (model_of(FITTED),))[-1]
 
     @property
     def compared_models(self) -> tuple[Model, ...]:
@@ -221,10 +221,10 @@ class Config(BaseModel, extra="forbid", frozen=True):
         return tuple(model_of(domain) for domain in self.render.models if domain != FITTED)
 
     @property
-    def models_to_fit(self) -> tuple[Model, ...]:
-        """Reflectance models whose light and materials are fitted to photos."""
+    def domains_to_fit(self) -> tuple[Domain, ...]:
+        """Domains of twins whose light and materials are fitted to photos, with the ablation's."""
         of_ablation = any(component.materials == "fitted" for component in self.gap.components.values())
-        return tuple(dict.fromkeys([*self.render.fitted_models, *([self.ablation_model] if of_ablation else [])]))
+        return tuple(dict.fromkeys([*self.render.fitted_domains, *([self.ablation_model] if of_ablation else [])]))
 
     @property
     def ablation_detectors(self) -> tuple[str, ...]:

@@ -153,7 +153,7 @@ class RunPaths:
     @property
     def light_of_terrain(self) -> str | list[str]:
         """The light fields of the lamps of a terrain; empty if no twins are fitted or no photos exist."""
-        return self.fitted_light if self.config.render.fitted_models and self.photos_for_light else []
+        return self.fitted_light if self.config.render.fitted_domains and self.photos_for_light else []
 
     @property
     def photos_for_light(self) -> list[str]:
@@ -169,7 +169,7 @@ class RunPaths:
 
     @property
     def _has_fit(self) -> bool:
-        return bool(self.config.render.fitted_models) and self.config.data_source.has_photos
+        return bool(self.config.render.fitted_domains) and self.config.data_source.has_photos
 
     def twins_of_another_terrain(self, wildcards: Wildcards) -> list[str]:
         """Return the twins of the next terrain of the run with every model; empty for a single terrain."""

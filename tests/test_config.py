@@ -80,7 +80,7 @@ def test_no_detector_is_trained_on_fitted_twins():
         {"source": {"kind": "analog", "root": "data"}, "render": {"models": ["principled", "hapke", "fitted"]}}
     )
     assert found.domains == found.training_domains == ("analog", "principled", "hapke")
-    assert (found.ablation_model, found.models_to_fit) == ("hapke", ("principled",))
+    assert (found.ablation_model, found.domains_to_fit) == ("hapke", ("fitted",))
 
 
 def test_a_component_changes_only_the_named_options():

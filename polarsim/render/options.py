@@ -326,9 +326,9 @@ class RenderOptions(SensorOptions):
         return domain == FITTED or self.materials_from_photos
 
     @property
-    def fitted_models(self) -> tuple[Model, ...]:
-        """Reflectance models of the domains that are fitted to photos."""
-        return tuple(model_of(domain) for domain in self.models if self.is_fitted(domain))
+    def fitted_domains(self) -> tuple[Domain, ...]:
+        """Domains of twins that are fitted to photos."""
+        return tuple(domain for domain in self.models if self.is_fitted(domain))
 
     def as_fitted(self) -> Self:
         """Return the options of fitted twins. Options that differ from their default are kept."""

@@ -81,25 +81,28 @@ def twin_groups(
     fields = read_light_fields(light) if light and domains else {}
     groups: list[TwinGroup] = []
 
-    def add(
-        paths: Mapping[Model, Path], options: RenderOptions, fitted: FittedMaterials | None, light_of: str = ""
-    ) -> None:
-        options, albedo = (options, {}) if fitted is None else with_fit(options, fitted)
-        surfaces = build_surfaces(mesh, options, albedo)
+    def add(paths: Mapping[Model, Path], of_domain: Domain | None = None) -> None:
+        used = options if of_domain is None else options.as_fitted()
+        applied = None if fitted is None or (of_domain is None and domains) else fitted
+        if applied and of_domain:
+            applied = applied.of_domain(of_domain, model_of(of_domain))
+        used, albedo = (used, {}) if applied is None else with_fit(used, applied)
+        surfaces = build_surfaces(mesh, used, albedo)
         if groups:
             groups[0].surfaces.prepare(shadows=True, threads=threads)
             surfaces = surfaces.sharing_rays(groups[0].surfaces)
-        coefficients = sun_coefficients(fields.get(light_of, {})) if light_of else {}
-        used = {} if fitted is None or materials is None else {"materials": digest_of(files_of(materials))}
-        used |= {"light": digest_of([light])} if light_of and light else {}
-        groups.append(TwinGroup(paths, options, surfaces, fitted, coefficients, {**sources, **used}))
+        files = {"materials": files_of(materials)} if applied and materials else {}
+        files |= {"light": [light]} if of_domain and light else {}
+        digests = {name: digest_of(paths) for name, paths in files.items()}
+        coefficients = sun_coefficients(fields.get(of_domain, {})) if of_domain else {}
+        groups.append(TwinGroup(paths, used, surfaces, applied, coefficients, {**sources, **digests}))
 
     if plain:
-        add(plain, options, None if domains else fitted)
+        add(plain)
     for domain in domains:
-        add({model_of(domain): twins[domain]}, options.as_fitted(), fitted, model_of(domain))
+        add({model_of(domain): twins[domain]}, domain)
     if domains and not (fitted and fitted.models) and not fields:
-        log.info("terrain without fit to photos: fitted twins have disc lamps and vignetting only")
+        log.info("no fit to photos: fitted twins have disc lamps and vignetting only")
     return groups
 
 

@@ -1,7 +1,7 @@
-"""Light fields of the Sun lamps of a terrain, by reflectance model and azimuth: `renders/light/TerrainTT.json`.
+"""Light fields of the Sun lamps of a terrain, by domain of twins and azimuth: `renders/light/TerrainTT.json`.
 
-A field describes the irradiance over the sand (`geometry.light_field`). Fields are fitted per reflectance model,
-because the models differ in their trend over the sand, and shared by all terrains. The field of the held-out azimuth is
+A field describes the irradiance over the sand (`geometry.light_field`). Fields are fitted per domain, because
+reflectance models differ in their trend over the sand, and shared by all terrains. The field of the held-out azimuth is
 fitted without the photos of the terrain.
 """
 
@@ -32,7 +32,7 @@ class FittedField(BaseModel, extra="forbid", frozen=True):
     held_out_stops: dict[str, float] = {}  # even, inverse_square, field
 
 
-Fields = Mapping[str, Mapping[str, FittedField]]  # by reflectance model and azimuth
+Fields = Mapping[str, Mapping[str, FittedField]]  # by domain of twins and azimuth
 _FILE: TypeAdapter[dict[str, dict[str, FittedField]]] = TypeAdapter(dict[str, dict[str, FittedField]])
 
 

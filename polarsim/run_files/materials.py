@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +49,7 @@ class FittedMaterial:
 
 @dataclass(frozen=True)
 class FittedMaterials:
-    """Fit of a terrain by model; no model if the fit failed.
+    """Fit of a terrain by domain of twins (`fitted`, or a reflectance model); no model if the fit failed.
 
     Photos of other azimuths and positions are held out: they affect only the brightness of their lamp.
     """
@@ -58,6 +58,10 @@ class FittedMaterials:
     looks: np.ndarray  # (v,) number of fitted lamps and views in which a vertex is visible and lit
     azimuths: tuple[str, ...] = ()  # lamps whose photos are fitted, with `rover`
     positions: tuple[str, ...] = ()  # positions whose photos are fitted
+
+    def of_domain(self, domain: str, model: str) -> FittedMaterials:
+        """Return the fit of a domain only, under the name of its reflectance model."""
+        return replace(self, models={model: self.models[domain]} if domain in self.models else {})
 
 
 def write_materials(folder: Path, mesh: TerrainMesh, materials: FittedMaterials) -> None:

@@ -45,7 +45,7 @@ def index(folders, paths):
 
 def fitted(folders, photos, out="materials", threads=1, options=OPTIONS):
     fit_materials(
-        terrain=1, cameras=folders / "cameras", meshes=folders / "meshes", photos=photos, models=["lambert"],
+        terrain=1, cameras=folders / "cameras", meshes=folders / "meshes", photos=photos, domains=["lambert"],
         light=None, materials=folders / out, options=options, threads=threads,
     )  # fmt: skip
     return folders / out
@@ -142,7 +142,7 @@ def test_the_fitted_domain_stands_beside_models_whose_twins_keep_their_bytes(fol
     paths = {"principled": folders / "beside", "fitted": folders / "fitted"}
     with caplog.at_level("INFO", "polarsim.render"):
         render_into(folders, paths, KEYS, options)
-    assert sum("without fit" in record.message for record in caplog.records) == 1
+    assert sum("no fit to photos" in record.message for record in caplog.records) == 1
     render_into(folders, {"principled": folders / "alone"}, KEYS, options, labels="labels_alone")
     files = sorted(path.name for path in paths["fitted"].iterdir())
     assert files == sorted(path.name for path in paths["principled"].iterdir())
@@ -159,7 +159,7 @@ def test_the_fitted_domain_stands_beside_models_whose_twins_keep_their_bytes(fol
 
 def test_light_fields_apply_to_fitted_twins_only(folders):
     field = FittedField(coefficients=(1.0, *[0.0] * 8), terrains=(3,))
-    write_light_fields(folders / "light.json", {"principled": {"30": field}})
+    write_light_fields(folders / "light.json", {"fitted": {"30": field}})
     options = OPTIONS.model_copy(update={"models": ("principled", "fitted")})
     paths = {"principled": folders / "plain", "fitted": folders / "fitted"}
     render_into(folders, paths, KEYS, options, light=folders / "light.json")
@@ -172,7 +172,7 @@ def test_light_fields_apply_to_fitted_twins_only(folders):
 def test_options_of_a_run_take_precedence_over_those_of_fitted_twins():
     changed = RenderOptions(lamp_radius_m=0.02, blur_px=1.0, bounces=1).as_fitted()
     assert (changed.lamp_radius_m, changed.blur_px, changed.bounces, changed.vignetting) == (0.02, 1.0, 1, True)
-    assert RenderOptions(models=("fitted", "hapke")).fitted_models == ("principled",)
-    assert RenderOptions(models=("lambert", "hapke"), materials_from_photos=True).fitted_models == ("lambert", "hapke")
+    assert RenderOptions(models=("fitted", "hapke")).fitted_domains == ("fitted",)
+    assert RenderOptions(models=("lambert", "hapke"), materials_from_photos=True).fitted_domains == ("lambert", "hapke")
     with pytest.raises(ValueError, match="same"):
         RenderOptions(models=("fitted", "principled"), materials_from_photos=True)

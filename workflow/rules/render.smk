@@ -24,7 +24,7 @@ rule fit_light:
         runtime=30,
     params:
         terrains=list(CONFIG.terrains),
-        models=list(CONFIG.models_to_fit),
+        domains=list(CONFIG.domains_to_fit),
         options=options("render"),
     script:
         "../scripts/fit_light.py"
@@ -44,7 +44,7 @@ rule fit_materials:
         mem_mb=memory_per_attempt(6000),
         runtime=30,
     params:
-        models=list(CONFIG.models_to_fit),
+        domains=list(CONFIG.domains_to_fit),
         options=options("render"),
     script:
         "../scripts/fit_materials.py"

@@ -10,7 +10,7 @@ with reporting(log=snakemake.log[0]):
         cameras=dict(zip(snakemake.params.terrains, list_of_paths(snakemake.input.cameras), strict=True)),
         meshes=dict(zip(snakemake.params.terrains, list_of_paths(snakemake.input.meshes), strict=True)),
         photos=list_of_paths(snakemake.input.photos),
-        models=snakemake.params.models,
+        domains=snakemake.params.domains,
         light=dict(zip(snakemake.params.terrains, list_of_paths(snakemake.output.light), strict=True)),
         options=RenderOptions(**snakemake.params.options),
         threads=snakemake.threads,

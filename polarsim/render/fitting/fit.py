@@ -16,8 +16,9 @@ from polarsim.render.fitting.search import cells_of, fitted_parameters
 from polarsim.render.fitting.terrain import LAMPS, lamps_in, samples_of_terrain
 from polarsim.render.fitting.texels import Solution, Texels, solve, texels_of
 from polarsim.render.materials import Reflectance, between_corners
+from polarsim.render.models import Domain, model_of
 from polarsim.render.olat import reflectance_engine
-from polarsim.render.options import Model, RenderOptions
+from polarsim.render.options import RenderOptions
 from polarsim.run_files.light_fields import read_light_fields, sun_coefficients
 from polarsim.run_files.materials import FittedMaterial, FittedMaterials, rock_of_vertex, write_materials
 from polarsim.run_files.pictures import pictures_at
@@ -25,7 +26,7 @@ from polarsim.run_files.scene import TerrainMesh, read_terrain
 
 log = logging.getLogger("polarsim.render")
 
-Coefficients = Mapping[Model, Mapping[str, Sequence[float]]]  # light fields by model and lamp
+Coefficients = Mapping[Domain, Mapping[str, Sequence[float]]]  # light fields by domain and lamp
 
 
 def fit_materials(
@@ -35,7 +36,7 @@ def fit_materials(
     meshes: Path,
     photos: Path | None,
     light: Path | None,
-    models: Sequence[Model],
+    domains: Sequence[Domain],
     materials: Path,
     options: RenderOptions,
     threads: int,
@@ -49,8 +50,8 @@ def fit_materials(
     found = samples_of_terrain(terrain, cameras, mesh, paths, options, threads)
     engine = reflectance_engine(options, threads)
     light_fields = read_light_fields(light) if light else {}
-    fields = {model: sun_coefficients(light_fields.get(model, {})) for model in models}
-    fitted = None if found is None else fit(found[0], mesh, models, engine, options.as_fitted(), fields, options)
+    fields = {domain: sun_coefficients(light_fields.get(domain, {})) for domain in domains}
+    fitted = None if found is None else fit(found[0], mesh, domains, engine, options.as_fitted(), fields, options)
     if fitted is None or found is None:
         log.warning("terrain %02d: no photo shows lit surfaces; twins are rendered with constant materials", terrain)
         fitted = FittedMaterials({}, np.zeros(len(mesh.vertices), np.int64))
@@ -62,13 +63,13 @@ def fit_materials(
 def fit(
     samples: FitSamples,
     mesh: TerrainMesh,
-    models: Sequence[Model],
+    domains: Sequence[Domain],
     engine: Reflectance,
     options: RenderOptions,
     fields: Coefficients | None = None,
     plain: RenderOptions | None = None,
 ) -> FittedMaterials | None:
-    """Fit the materials to the samples under every model; None if there are too few samples.
+    """Fit the materials of every domain of twins to the samples; None if there are too few samples.
 
     The photos of the held-out azimuth affect only the brightness of its lamp. `fields`: light fields of the lamps.
     `plain`: options of twins without fit, for the comparison; None: `options`.
@@ -76,8 +77,9 @@ def fit(
     held_out = LAMPS.index(options.fitting.held_out) if options.fitting.held_out != "no" else -1
     fitted: dict[str, FittedMaterial] = {}
     observations = np.zeros(len(mesh.vertices), np.int64)
-    for model in models:
-        lit = with_light_fields(samples, (fields or {}).get(model, {}), LAMPS)
+    for domain in domains:
+        model = model_of(domain)
+        lit = with_light_fields(samples, (fields or {}).get(domain, {}), LAMPS)
         cells = cells_of(lit.part(lit.lamp != held_out), generator(options.seed, "materials"))
         if cells is None:
             return None
@@ -95,7 +97,7 @@ def fit(
             brightness = float(np.median(rest.ratio - solution.albedo[rest.vertex]))
             check = _check(samples, lit, training, solution, before, after, mesh, held_out)
             solution = replace(solution, lamps=dict(sorted({**solution.lamps, held_out: brightness}.items())))
-        fitted[model] = FittedMaterial(
+        fitted[domain] = FittedMaterial(
             parameters.model_dump(mode="json"),
             {LAMPS[number]: float(np.exp(gain)) for number, gain in solution.lamps.items()},
             {rock: float(np.exp(mean)) for rock, mean in solution.rocks.items()},
@@ -103,7 +105,7 @@ def fit(
             check,
         )
         observations = np.bincount(training.vertex, minlength=len(mesh.vertices))
-        log.info("%s: %s, lamps %s, %s", model, parameters, fitted[model].lamps, check)
+        log.info("%s: %s, lamps %s, %s", domain, parameters, fitted[domain].lamps, check)
     return FittedMaterials(fitted, observations, lamps_in(samples.part(samples.lamp != held_out)))
 
 

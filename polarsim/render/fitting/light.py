@@ -20,8 +20,9 @@ from polarsim.render.fitting.exposures import read_published
 from polarsim.render.fitting.samples import FitSamples, Setting
 from polarsim.render.fitting.terrain import LAMPS, samples_of_terrain
 from polarsim.render.lamps import REFERENCE_DISTANCE
+from polarsim.render.models import Domain, model_of
 from polarsim.render.olat import reflectance_engine
-from polarsim.render.options import Model, RenderOptions
+from polarsim.render.options import RenderOptions
 from polarsim.run_files.light_fields import FittedField, write_light_fields
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.scene import TerrainMesh, read_terrain
@@ -59,12 +60,12 @@ def fit_light(
     cameras: Mapping[int, Path],
     meshes: Mapping[int, Path],
     photos: Sequence[Path],
-    models: Sequence[Model],
+    domains: Sequence[Domain],
     light: Mapping[int, Path],
     options: RenderOptions,
     threads: int,
 ) -> None:
-    """Fit the light fields under every model; write a file per terrain.
+    """Fit the light fields of every domain of twins; write a file per terrain.
 
     `cameras`, `meshes`: folders of each terrain. `photos`: tables `photos.parquet`, or a folder of published photos.
     """
@@ -78,12 +79,13 @@ def fit_light(
         if samples is not None:
             found[terrain] = mesh, samples[0]
     fields: dict[int, dict[str, dict[str, FittedField]]] = {terrain: {} for terrain in light}
-    for model in models:
+    for domain in domains:
+        model = model_of(domain)
         setting = Setting(model, options.parameters(model), engine, options.model_copy(update={"falloff": False}))
         seen = {terrain: brightness_of(samples, mesh, setting) for terrain, (mesh, samples) in found.items()}
         for terrain, of_terrain in light_fields(seen, set(light), options.fitting.held_out).items():
-            fields[terrain][model] = of_terrain
-    if not any(fields[terrain].get(model) for terrain in light for model in models):
+            fields[terrain][domain] = of_terrain
+    if not any(fields[terrain].get(domain) for terrain in light for domain in domains):
         log.warning("no light field: no photo shows lit sand; the light of lamps is even")
     for terrain, path in light.items():
         write_light_fields(path, fields[terrain])
