@@ -6,7 +6,7 @@ import numpy as np
 
 from polarsim.kernels import njit
 
-_PATHS = np.array([(0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1)], np.int64)
+_PATHS = ((0, 1), (0, -1), (1, 0), (-1, 0), (1, 1), (-1, -1), (1, -1), (-1, 1))
 
 
 def aggregate(cost: np.ndarray, small_step: float, large_step: float) -> np.ndarray:
@@ -20,10 +20,9 @@ def aggregate(cost: np.ndarray, small_step: float, large_step: float) -> np.ndar
         Cost of neighbours that differ by one candidate, and by more.
     """
     total = np.zeros(cost.shape, np.float32)
-    for down, right in _PATHS.tolist():
-        _add_path(
-            np.ascontiguousarray(cost, np.float32), down, right, np.float32(small_step), np.float32(large_step), total
-        )
+    cost, steps = np.ascontiguousarray(cost, np.float32), (np.float32(small_step), np.float32(large_step))
+    for down, right in _PATHS:
+        _add_path(cost, down, right, *steps, total)
     return total / len(_PATHS)
 
 

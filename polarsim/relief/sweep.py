@@ -10,33 +10,46 @@ The sweep was tuned on the analog's terrain 3 and on published cover photos; ter
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import ndimage
 
+from polarsim.errors import ReconstructionError
 from polarsim.geometry.casters import make_caster
 from polarsim.geometry.meshes import Mesh, join_meshes
+from polarsim.geometry.rays import Caster
 from polarsim.relief.aggregation import aggregate, minima
 from polarsim.relief.heights import INVENTED, MEASURED, HeightMap, PhotoView
 from polarsim.relief.pairs import Group
-from polarsim.relief.views import PixelsByHeight, cell_points, local_contrast, orthophoto, reduced, unobstructed
+from polarsim.relief.plate import plate_filled
+from polarsim.relief.views import (
+    PixelsByHeight,
+    blurred,
+    cell_points,
+    local_contrast,
+    orthophoto,
+    reduced,
+    unobstructed,
+)
 from polarsim.rocks.folder import height_mesh
-from polarsim.rocks.heights import FloorGrid, filled, smoothed
+from polarsim.rocks.heights import FloorGrid, smoothed
 
-log = logging.getLogger("polarsim")
 FLOOR = 0.03  # log units: contrast of grain and noise, below which a pattern has little weight
-DARK = 0.004  # share of the brightest percentile that is added to all pixels: limits the noise of shadows in logarithms
-LEVEL_COST = 0.03  # cost per 0.1 m of height above the start surface: decides between equal correlations
+DARK = 0.001  # share of the 99th percentile that is added to all pixels: limits the noise of shadows in logarithms
 SMALL_STEP, LARGE_STEP = 0.1, 1.0  # costs of neighbouring cells that differ by one candidate, and by more
 MIN_CORRELATION = 0.3  # of a measured cell
-MIN_SUPPORT = 0.4  # minimum correlation of a measured cell and its neighbours, Gaussian mean
+MIN_SUPPORT = 0.45  # minimum correlation of a measured cell and its neighbours, Gaussian mean
 SUPPORT_CELLS = 4.0  # standard deviation of this mean, cells
-SPECKLE_M2 = 0.01  # measured areas up to this size that are separated by steps are rejected
+MIN_EVIDENCE = 0.2  # minimum contrast of a measured cell: twice the number of pairs times their squared contrast
+SPECKLE_M2 = 0.05  # measured areas up to this size that are separated by steps are rejected
+# Share of all cells that must be measured. With the photo of another terrain at C, at most 0.08 of the cells of six
+# published terrains are measured; with the right photo 0.09 (Suns 30 and 180) to 0.57.
+MIN_SHARE = 0.085
 GROUND_DROP = 0.01  # metres by which the ground is lowered as an occluder of its own cells
 PIXEL_M = 0.0017  # size of a pixel on the ground, across the line of sight
+SD_SCALE = 0.5  # standard deviation by `_deviation`, in units of the formula; fitted to the analog's terrain 3
 
 
 @dataclass(frozen=True)
@@ -47,7 +60,6 @@ class Level:
     reach_m: float  # maximum height above and below the start surface
     step_m: float  # between candidates
     contrast_cells: float  # standard deviation of the window of `local_contrast`
-    window_cells: float = 2.5  # standard deviation of the window of the correlation
 
     @property
     def candidates(self) -> np.ndarray:
@@ -59,103 +71,136 @@ class Level:
 # Craters are up to 0.35 m deep. A step moves patterns of different positions by about one cell.
 LEVELS = (
     Level(0.03, 0.40, 0.015, 4.0),
-    Level(0.02, 0.06, 0.005, 5.0),
+    Level(0.02, 0.15, 0.0075, 5.0),
     Level(0.01, 0.025, 0.0025, 6.0),
     Level(0.005, 0.008, 0.001, 6.0),
 )
 
 
-def sweep_ground(
-    start: HeightMap, views: Sequence[PhotoView], groups: Sequence[Group], rocks: Mesh, walls: Mesh
-) -> HeightMap:
+@dataclass(frozen=True)
+class Trust:
+    """Window and costs, which depend on the number of pairs of views."""
+
+    window_cells: float  # standard deviation of the window of the correlation
+    level_cost: float  # cost per 0.1 m of height above the start surface: decides between equal correlations
+
+
+SINGLE_PAIR, SEVERAL_PAIRS = Trust(4.0, 0.1), Trust(2.5, 0.03)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Photos, comparable views, and meshes that hide the ground from cameras and lamps."""
+
+    views: Sequence[PhotoView]
+    groups: Sequence[Group]
+    rocks: Mesh
+    walls: Mesh
+
+    @property
+    def trust(self) -> Trust:
+        """The window and costs for the number of pairs."""
+        pairs = sum(len(group.signs) * (len(group.signs) - 1) // 2 for group in self.groups)
+        return SINGLE_PAIR if pairs == 1 else SEVERAL_PAIRS
+
+
+def sweep_ground(start: HeightMap, scene: Scene) -> HeightMap:
     """Return the heights of a start surface, replaced where photos measure them.
 
-    Cells without measurement keep the start surface plus the offset of measured cells around them, as a membrane.
+    Cells without measurement keep the start surface plus a thin plate through the offsets of measured cells.
 
-    Parameters
-    ----------
-    views : sequence of PhotoView
-        Photos of a single terrain.
-    groups : sequence of Group
-        Views whose patterns are compared (`pairs.comparable_groups`).
-    rocks, walls : Mesh
-        Hide the ground from cameras, sandbox frame. Ground below rocks is not measured.
+    Raises
+    ------
+    ReconstructionError
+        No comparable views, or too few cells at which they agree: photos of another scene, or wrong poses.
     """
-    grid, above, known = start.grid, np.zeros(start.height_m.shape), np.zeros(start.height_m.shape, bool)
-    quality = np.zeros(start.height_m.shape)
-    levels = [level for level in LEVELS if level.cell_m >= start.grid.cell - 1e-9 or level is LEVELS[0]]
-    for number, level in enumerate(levels):
+    if not scene.groups:
+        raise ReconstructionError("no two photos from different cameras under the same, a similar or an opposite Sun")
+    grid, above = start.grid, np.zeros(start.height_m.shape)
+    for level in LEVELS:
+        if level.cell_m < start.grid.cell - 1e-9:
+            break
         finer = FloorGrid(start.grid.extent, level.cell_m)
         points = finer.centres().reshape(-1, 2)
         base = start.grid.sample(start.height_m, points).reshape(finer.shape)
         above = grid.sample(above, points).reshape(finer.shape)
-        own = [height_mesh(finer, base + above - GROUND_DROP)] if number else []
-        offset, quality, known = _sweep(finer, base + above, level, views, groups, rocks, join_meshes([walls, *own]))
-        above = filled(np.where(known, above + offset, 0.0), known)
-        grid = finer
+        own = [height_mesh(finer, base + above - GROUND_DROP)] if level is not LEVELS[0] else []
+        offset, deviation, known = _sweep(finer, base + above, level, scene, join_meshes([scene.walls, *own]))
+        if not known.any():
+            break
+        above, grid = plate_filled(finer, above + offset, known), finer
+    if known.mean() < MIN_SHARE:
+        raise ReconstructionError(f"photos agree on {known.mean():.0%} of the ground, expected {MIN_SHARE:.0%} or more")
     points = start.grid.centres().reshape(-1, 2)
-    above, quality = (grid.sample(values, points).reshape(start.grid.shape) for values in (above, quality))
+    above, deviation = (grid.sample(values, points).reshape(start.grid.shape) for values in (above, deviation))
     measured = (grid.sample(known.astype(float), points) > 0.5).reshape(start.grid.shape)
     return HeightMap(
         start.grid,
         start.height_m + above,
-        np.where(measured, quality, start.sd_m),
-        np.where(measured, MEASURED, start.kind).astype(np.uint8),
+        np.where(measured, deviation, np.inf),
+        np.where(measured, MEASURED, INVENTED).astype(np.uint8),
     )
 
 
 def _sweep(
-    grid: FloorGrid,
-    base: np.ndarray,
-    level: Level,
-    views: Sequence[PhotoView],
-    groups: Sequence[Group],
-    rocks: Mesh,
-    others: Mesh,
+    grid: FloorGrid, base: np.ndarray, level: Level, scene: Scene, others: Mesh
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return offset from the base surface, standard deviation, and whether measured; each (rows, columns)."""
-    import cv2
-
-    points = cell_points(grid, base)
-    views = reduced(views, 3 * PIXEL_M / level.cell_m)
-    both = join_meshes([rocks, others])
-    caster = make_caster(both.vertices, both.faces)
-    bare = ~below_rocks(grid, rocks)
-    cameras = {view.key.view: view.camera for view in views}
-    pixels = {key: PixelsByHeight(camera, points, level.reach_m) for key, camera in cameras.items()}
-    visible = {key: unobstructed(points, camera.centre, caster) & bare for key, camera in cameras.items()}
-    logs = {view.key: _logarithm(view.picture) for view in views}
-    shown = {view.key: visible[view.key.view] for view in views}
-    for view in views:
-        if any(view.key in group.shadows_hidden for group in groups):
-            shown[view.key] = shown[view.key] & _lit(points, view.lamp_m, caster)
-
-    def contrast(view: PhotoView, above: float, at: np.ndarray) -> np.ndarray:
-        values = np.where(shown[view.key], orthophoto(logs[view.key], at), np.nan)
-        return local_contrast(values, level.contrast_cells, FLOOR)
-
+    bare = ~below_rocks(grid, scene.rocks)
+    correlation, evidence = _correlations(grid, base, level, scene, others, bare)
     candidates = level.candidates
-    correlation, evidence = (np.empty((*grid.shape, len(candidates)), np.float32) for _ in range(2))
-    for number, above in enumerate(candidates.tolist()):
-        at = {key: moved.at(above) for key, moved in pixels.items()}
-        patterns = {view.key: contrast(view, above, at[view.key.view]) for view in views}
-        product, norm = _products(patterns, groups, grid.shape)
-        norm = cv2.GaussianBlur(norm, (0, 0), level.window_cells)
-        correlation[..., number] = cv2.GaussianBlur(product, (0, 0), level.window_cells) / np.maximum(norm, 1e-3)
-        evidence[..., number] = norm
-    cost = (1 - correlation) * np.minimum(evidence, 1) + LEVEL_COST * np.abs(candidates / 0.1).astype(np.float32)
-    best = minima(aggregate(cost, SMALL_STEP, LARGE_STEP))
-    nearest = np.clip(np.rint(best), 0, len(candidates) - 1).astype(int)[..., None]
-    reached = np.take_along_axis(correlation, nearest, axis=2)[..., 0]
-    support = cv2.GaussianBlur(reached, (0, 0), SUPPORT_CELLS)
-    known = bare & (reached > MIN_CORRELATION) & (support > MIN_SUPPORT)
-    known &= np.take_along_axis(evidence, nearest, axis=2)[..., 0] > 0.2
+    prior = (scene.trust.level_cost / 0.1) * np.abs(candidates).astype(np.float32)
+    best = minima(aggregate((1 - correlation) * np.minimum(evidence, 1) + prior, SMALL_STEP, LARGE_STEP))
+    nearest = np.clip(np.rint(best), 1, len(candidates) - 2).astype(int)[..., None]
+    reached, contrast = (np.take_along_axis(part, nearest, axis=2)[..., 0] for part in (correlation, evidence))
+    support = ndimage.gaussian_filter(reached, SUPPORT_CELLS)
+    known = bare & (reached > MIN_CORRELATION) & (support > MIN_SUPPORT) & (contrast > MIN_EVIDENCE)
     known &= (best > 0.5) & (best < len(candidates) - 1.5)
     offset = ndimage.median_filter(np.interp(best, np.arange(len(candidates)), candidates), 5)
     known = _without_speckles(base + offset, known, level)
     offset = smoothed(offset, np.where(known, np.maximum(reached, 0.05), 0.0), 1.5)
     known &= np.isfinite(offset)
-    return np.nan_to_num(offset), level.step_m * np.sqrt(np.maximum(1 - reached, 0.05)), known
+    return np.nan_to_num(offset), _deviation(correlation, nearest, level.step_m), known
+
+
+def _correlations(
+    grid: FloorGrid, base: np.ndarray, level: Level, scene: Scene, others: Mesh, bare: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return correlation and contrast (rows, columns, k) of all pairs at each candidate height."""
+    points, views = cell_points(grid, base), reduced(scene.views, 3 * PIXEL_M / level.cell_m)
+    solid = join_meshes([scene.rocks, others])
+    caster = make_caster(solid.vertices, solid.faces)
+    cameras = {view.key.view: view.camera for view in views}
+    moving = {name: PixelsByHeight(camera, points, level.reach_m) for name, camera in cameras.items()}
+    visible = {name: unobstructed(points, camera.centre, caster) & bare for name, camera in cameras.items()}
+    unshaded = frozenset().union(*(group.shadows_hidden for group in scene.groups))
+    shown = {
+        view.key: visible[view.key.view] & (_lit(points, view.lamp_m, caster) if view.key in unshaded else True)
+        for view in views
+    }
+    logs = {view.key: _logarithm(view.picture) for view in views}
+    window = scene.trust.window_cells
+    correlation, contrast = (np.empty((*grid.shape, len(level.candidates)), np.float32) for _ in range(2))
+    for number, above in enumerate(level.candidates.tolist()):
+        at = {name: pixels.at(above) for name, pixels in moving.items()}
+        patterns = {}
+        for key, values in logs.items():
+            ortho = np.where(shown[key], orthophoto(values, at[key.view]), np.nan)
+            patterns[key] = local_contrast(ortho, level.contrast_cells, FLOOR)
+        product, norm = (blurred(part, window) for part in _products(patterns, scene.groups, grid.shape))
+        correlation[..., number], contrast[..., number] = product / np.maximum(norm, 1e-3), norm
+    return correlation, contrast
+
+
+def _deviation(correlation: np.ndarray, nearest: np.ndarray, step: float) -> np.ndarray:
+    """Return standard deviations (rows, columns) from the curvature of the correlation at its maximum.
+
+    A flat maximum, as between left and right only, determines the height less than a sharp one.
+    """
+    left, middle, right = (np.take_along_axis(correlation, nearest + k, axis=2)[..., 0] for k in (-1, 0, 1))
+    curvature = ndimage.gaussian_filter(np.maximum(2 * middle - left - right, 1e-4), SUPPORT_CELLS)
+    missing = ndimage.gaussian_filter(np.clip(1 - middle, 0.02, 1.0), SUPPORT_CELLS)
+    return np.asarray(SD_SCALE * step * np.sqrt(missing / curvature))
 
 
 def _products(
@@ -181,9 +226,9 @@ def _logarithm(picture: np.ndarray) -> np.ndarray:
     return np.log(np.maximum(picture, 0) + max(DARK * bright, 1e-9)).astype(np.float32)
 
 
-def _lit(points: np.ndarray, lamp: np.ndarray, caster: object) -> np.ndarray:
+def _lit(points: np.ndarray, lamp: np.ndarray, caster: Caster) -> np.ndarray:
     """Return whether cells (rows, columns) are lit, without a margin along shadow edges."""
-    return np.asarray(ndimage.binary_erosion(unobstructed(points, lamp, caster), iterations=2, border_value=1))  # type: ignore[arg-type]
+    return np.asarray(ndimage.binary_erosion(unobstructed(points, lamp, caster), iterations=2, border_value=1))
 
 
 def below_rocks(grid: FloorGrid, rocks: Mesh) -> np.ndarray:

@@ -23,7 +23,7 @@ def cell_points(grid: FloorGrid, height_m: np.ndarray) -> np.ndarray:
 
 def unobstructed(points: np.ndarray, target: np.ndarray, occluders: Caster) -> np.ndarray:
     """Return whether the lines from points (rows, columns, 3) to a camera or lamp (3,) pass all occluders."""
-    starts = points.reshape(-1, 3) + [0.0, 0.0, _LIFT]
+    starts = points.reshape(-1, 3) + np.array([0.0, 0.0, _LIFT])
     return ~occluders.occluded(starts, target - starts, 1.0).reshape(points.shape[:-1])
 
 
@@ -57,13 +57,15 @@ def reduced(views: Sequence[PhotoView], factor: float) -> list[PhotoView]:
 class PixelsByHeight:
     """Pixels of cells as a function of the height above a base surface.
 
-    A cell that rises moves on a line in the photo, by a rational function of the height. A parabola through three heights
-    approximates it to 0.03 px for 5 cm at a distance of 2 m.
+    A cell that rises moves on a line in the photo, by a rational function of the height. A parabola through three
+    heights approximates it to 0.03 px for 5 cm at a distance of 2 m.
     """
 
     def __init__(self, camera: Camera, points: np.ndarray, reach: float) -> None:
         """Project points (rows, columns, 3), raised by -`reach`, 0 and `reach` metres."""
-        low, self._middle, high = (camera.project(points + [0.0, 0.0, step * reach]) for step in (-1.0, 0.0, 1.0))
+        low, self._middle, high = (
+            camera.project(points + np.array([0.0, 0.0, step * reach])) for step in (-1.0, 0.0, 1.0)
+        )
         self._linear, self._square = (high - low) / (2 * reach), (high + low - 2 * self._middle) / (2 * reach**2)
 
     def at(self, above: float | np.ndarray) -> np.ndarray:
@@ -72,25 +74,25 @@ class PixelsByHeight:
         return self._middle + height * (self._linear + height * self._square)
 
 
-def local_contrast(values: np.ndarray, radius_cells: float, floor: float) -> np.ndarray:
-    """Return values (rows, columns) less their local mean, by their local standard deviation; 0 where NaN.
-
-    Mean and deviation are those of known values in a Gaussian window. The result does not change with gain, offset or
-    slow trends of light. Cells with less than half of the window known are 0.
-    """
+def blurred(values: np.ndarray, sigma: float) -> np.ndarray:
+    """Return values (rows, columns) float32, smoothed by a Gaussian of `sigma` cells."""
     import cv2
 
+    return np.asarray(cv2.GaussianBlur(values, (0, 0), sigma, borderType=cv2.BORDER_REFLECT))
+
+
+def local_contrast(values: np.ndarray, radius_cells: float, floor: float) -> np.ndarray:
+    """Return values (rows, columns) less their local mean, by their local standard deviation; 0 where unknown.
+
+    Mean and deviation are those of known values in a Gaussian window of `radius_cells`. The result does not change with
+    offset and slow trends. Patterns much below `floor` become small. Cells with less than half of the window known are
+    0.
+    """
     known = np.isfinite(values)
-    weight = known.astype(np.float32)
-    value = np.where(known, values, 0).astype(np.float32)
-
-    def blurred(array: np.ndarray) -> np.ndarray:
-        return np.asarray(cv2.GaussianBlur(array, (0, 0), radius_cells, borderType=cv2.BORDER_REFLECT))
-
-    total = blurred(weight)
+    total = blurred(known.astype(np.float32), radius_cells)
     enough = known & (total > 0.5)
     safe = np.maximum(total, 0.05)
-    mean = blurred(value) / safe
-    centred = np.where(enough, value - mean, 0).astype(np.float32)
-    deviation = np.sqrt(blurred(centred**2) / safe)
-    return np.where(enough, centred / np.sqrt(deviation**2 + floor**2), 0).astype(np.float32)
+    mean = blurred(np.where(known, values, 0).astype(np.float32), radius_cells) / safe
+    centred = np.where(enough, values - mean, 0).astype(np.float32)
+    variance = blurred(centred**2, radius_cells) / safe
+    return np.where(enough, centred / np.sqrt(variance + np.float32(floor) ** 2), 0).astype(np.float32)
