@@ -108,6 +108,17 @@ class RunPaths:
         has_photos = self.config.data_source.has_photos
         return "results/{run}/acquire/Terrain{terrain}/photos.parquet" if has_photos else []
 
+    @property
+    def photos_of_ground(self) -> str:
+        """The photos that refine the ground: a terrain's own photos, else the published cover photos."""
+        return self.photos_of_terrain or "results/{run}/covers/photos"
+
+    @property
+    def unrefined_meshes(self) -> str:
+        """The folder of a terrain's meshes before the ground is refined by photos: the final folder if it is not."""
+        refined = self.config.rocks.ground_from_photos
+        return "results/{run}/rocks/Terrain{terrain}/meshes" if refined else "results/{run}/meshes/Terrain{terrain}"
+
     def override_file(self, wildcards: Wildcards) -> str | list[str]:
         """Return the file of a terrain's cuboids that a person entered, if it exists."""
         path = Path(f"config/rocks/terrain{wildcards.terrain}.yaml")

@@ -20,7 +20,7 @@ FLOORS = (  # from bottom to top: a package or module imports only lower floors
     {"run_files", "download"},
     {"sources"},
     {"acquire", "analog", "cameras", "rocks", "labels", "render", "detect", "scoring", "annotate", "lint"},
-    {"scenes"},
+    {"scenes", "relief"},
     {"rover", "cover_photos", "report", "publish", "explore"},
     {"arguments", "config", "job_files", "reporting"},
     {"paths"},
@@ -32,6 +32,7 @@ TALLER = {  # imports of stages by packages above: rendering of drives and scene
     # for KITTI, false positives and corrections in the explorer
     "rover": {"render", "detect"},
     "scenes": {"rocks", "render"},
+    "relief": {"rocks", "render"},
     "cover_photos": {"detect"},
     "report": {"scoring", "annotate"},
     "publish": {"detect"},

@@ -71,7 +71,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "sd_deg": ("Formal standard deviation of the direction; NaN if not available.", "deg"),
     "lamp": ("Azimuth of a Sun lamp, or rover_ and the tripod position for a rover light.", ""),
     "mesh": ("File of the rock's mesh in the run.", ""),
-    "made_from": ("scan, published, or fitted.", ""),
+    "made_from": ("scan, published, fitted, or photos.", ""),
     "size_m": ("Longest side of the rock.", "m"),
     "height_m": ("Height above the ground.", "m"),
     "volume_m3": ("Volume above the ground.", "m3"),

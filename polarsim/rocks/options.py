@@ -27,3 +27,6 @@ class RocksOptions(BaseModel, extra="forbid", frozen=True):
     ground_mesh_cell_mm: float = Field(
         4, gt=0, description="Cell of the ground mesh, mm. Larger cells give fewer triangles."
     )
+    ground_from_photos: bool = Field(
+        False, description="Measure the ground without scans in photos from several cameras, before rendering."
+    )

@@ -18,7 +18,8 @@ from polarsim.photo import NO_ROCK
 from polarsim.run_files.walls import Walls, read_walls, surveyed_walls
 
 MESH_TABLE = "meshes.csv"  # in the folder of the meshes, with a row per mesh
-SCANNED, PUBLISHED, FITTED = "scan", "published", "fitted"  # origins of meshes; a fitted ground is an estimate
+# Origins of meshes; a fitted ground is an estimate, refined by photos if the origin is PHOTOS.
+SCANNED, PUBLISHED, FITTED, PHOTOS = "scan", "published", "fitted", "photos"
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ def terrain_of_folder(folder: str | Path) -> int:
 
 @reader("mesh table")
 def mesh_origins(folder: str | Path) -> dict[str, str]:
-    """Read the origin of each mesh by file name: `scan`, `published` or `fitted`; empty without a table."""
+    """Read the origin of each mesh by file name: `scan`, `published`, `fitted` or `photos`; empty without a table."""
     path = Path(folder) / MESH_TABLE
     if not path.exists():
         return {}

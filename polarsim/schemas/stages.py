@@ -54,7 +54,7 @@ MESHES = SHARED.table("""
     vertices faces islands | int64 | count | Vertices, faces and connected components
     = soundness
     volume_m3 | float64 | m3 | Volume; empty for open meshes
-    made_from | str | | Origin: `scan`, `published`, or `fitted` (smooth ground fitted to published rocks)
+    made_from | str | | Origin: `scan`, `published`, `fitted` (smooth ground fitted to published rocks), or `photos`
 """)
 DEFECTS = SHARED.table("""
     repaired/TerrainTT/defects.csv: A published rock mesh before the repair

@@ -218,3 +218,20 @@ def test_each_terrain_with_cover_photos_is_left_out_in_turn(dry_run, release_wit
         assert {found[-2:] for found in re.findall(r"scenes/Terrain\d\d", job)} == {"01", "03", "04", "08", "11"} - {
             fold
         }
+
+
+def test_ground_from_photos_is_read_by_all_stages_after_the_cameras(checkout, snakemake, release_like):
+    """The refined ground depends on the refined cameras, which depend on the unrefined ground."""
+    done = snakemake(
+        checkout,
+        "results/release/renders/labels.parquet",
+        "--dry-run",
+        "--configfile",
+        "config/release.yaml",
+        "--config",
+        "rocks={ground_from_photos: true}",
+        POLAR_SIM_ROOT=str(release_like),
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    jobs = planned(done)
+    assert jobs["refine_ground"] == jobs["adopt_rocks"] == jobs["refine_cameras"] == jobs["render_twins"]

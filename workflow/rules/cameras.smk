@@ -30,7 +30,7 @@ rule refine_cameras:
     """Poses, lenses and lamps, refined by matching photos with rendered meshes; unchanged without photos."""
     input:
         located="results/{run}/cameras/located/Terrain{terrain}",
-        meshes="results/{run}/meshes/Terrain{terrain}",
+        meshes=PATHS.unrefined_meshes,
         photos=PATHS.photos_of_terrain,
     output:
         cameras=directory("results/{run}/cameras/Terrain{terrain}"),

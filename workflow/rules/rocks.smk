@@ -19,7 +19,7 @@ if not SOURCE.has_scans:
         output:
             rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
             cuboids="results/{run}/rocks/Terrain{terrain}/cuboids.yaml",
-            meshes=directory("results/{run}/meshes/Terrain{terrain}"),
+            meshes=directory(PATHS.unrefined_meshes),
         priority: TRAINING_WAITS
         resources:
             mem_mb=memory_per_attempt(1500),
@@ -72,7 +72,7 @@ else:
             rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
             clouds="results/{run}/rocks/Terrain{terrain}/clouds",
         output:
-            meshes=directory("results/{run}/meshes/Terrain{terrain}"),
+            meshes=directory(PATHS.unrefined_meshes),
         priority: TRAINING_WAITS
         resources:
             mem_mb=memory_per_attempt(3000),
@@ -81,3 +81,20 @@ else:
             options=options("rocks"),
         script:
             "../scripts/mesh_rocks.py"
+
+
+if CONFIG.rocks.ground_from_photos:
+
+    rule refine_ground:
+        """The meshes of a terrain with the ground refined by photos, and a map of the sources of its heights."""
+        input:
+            meshes=PATHS.unrefined_meshes,
+            cameras="results/{run}/cameras/Terrain{terrain}",
+            photos=PATHS.photos_of_ground,
+        output:
+            meshes=directory("results/{run}/meshes/Terrain{terrain}"),
+        resources:
+            mem_mb=memory_per_attempt(3000),
+            runtime=10,
+        script:
+            "../scripts/refine_ground.py"

@@ -27,7 +27,7 @@ from polarsim.report.figures.canvas import (
     rectangle,
     show_image,
 )
-from polarsim.run_files.scene import FITTED, PUBLISHED, SCANNED, TerrainMesh, mesh_origins, read_terrain
+from polarsim.run_files.scene import FITTED, PHOTOS, PUBLISHED, SCANNED, TerrainMesh, mesh_origins, read_terrain
 from polarsim.survey import SANDBOX_HALF_WIDTH, lamp_position
 
 CUBOID_COLUMNS = ("rock", "x0", "y0", "z0", "x1", "y1", "z1", "size_m", "height_m")
@@ -40,6 +40,7 @@ HEIGHTS = {  # label of the colour bar by source of the ground mesh
     SCANNED: "height above the sand level, m",
     PUBLISHED: "height in the frame of the published ground, m",
     FITTED: "height above a smooth ground fitted to the rocks' feet, m",
+    PHOTOS: "height of the ground measured in photos, m",
 }
 _LINES = 30  # lines of text in the height of the side view
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1, y upwards

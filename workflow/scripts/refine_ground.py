@@ -1,0 +1,15 @@
+"""Refine the ground of a terrain by photos."""
+
+from pathlib import Path
+
+from polarsim.relief.refine import refine_ground
+from polarsim.reporting import reporting
+
+with reporting(log=snakemake.log[0]):
+    refine_ground(
+        terrain=int(snakemake.wildcards.terrain),
+        meshes=Path(snakemake.input.meshes),
+        cameras=Path(snakemake.input.cameras),
+        photos=Path(snakemake.input.photos),
+        refined=Path(snakemake.output.meshes),
+    )
