@@ -4,27 +4,31 @@ from __future__ import annotations
 
 import logging
 import shutil
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from polarsim.errors import ReconstructionError
 from polarsim.formats import gltf, npz, obj, png, tables
 from polarsim.formats.files import write_json, writing_folder
 from polarsim.geometry.casters import make_caster
-from polarsim.geometry.meshes import Mesh
+from polarsim.geometry.meshes import Mesh, join_meshes
+from polarsim.geometry.outlines import rim
 from polarsim.photo import NO_ROCK
-from polarsim.relief.heights import INFERRED, INVENTED, MEASURED, HeightMap
+from polarsim.relief.feet import continued_down
+from polarsim.relief.heights import INFERRED, INVENTED, MEASURED, HeightMap, PhotoView
 from polarsim.relief.pairs import comparable_groups
 from polarsim.relief.photos import read_views
-from polarsim.relief.sweep import Scene, sweep_ground
-from polarsim.rocks.folder import MAX_VIEWER_VERTICES, SUPPORT_FILE
+from polarsim.relief.shading import refine
+from polarsim.relief.sweep import Scene, below_rocks, sweep_ground
+from polarsim.render.options import RenderOptions
+from polarsim.rocks.folder import MAX_VIEWER_VERTICES, SUPPORT_FILE, mesh_row
 from polarsim.rocks.heights import FloorGrid, filled
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.solids import cluster_vertices
-from polarsim.run_files.scene import MESH_TABLE, PHOTOS, SCANNED, TerrainMesh, mesh_origins, read_terrain
+from polarsim.run_files.scene import MESH_TABLE, PHOTOS, PUBLISHED, SCANNED, TerrainMesh, mesh_origins, read_terrain
 from polarsim.run_files.walls import level_walls
 from polarsim.survey import half_width
 
@@ -36,11 +40,14 @@ SCAN_SD = 0.0012  # standard deviation of scanned heights in a cell, metres
 KIND_COLOURS = {INVENTED: (200, 200, 200), INFERRED: (86, 180, 233), MEASURED: (0, 114, 178)}  # RGB
 
 
-def refine_ground(*, terrain: int, meshes: Path, cameras: Path, photos: Path, refined: Path) -> None:
+def refine_ground(
+    *, terrain: int, meshes: Path, cameras: Path, photos: Path, refined: Path, options: RenderOptions
+) -> None:
     """Copy a terrain's meshes with the ground refined by photos; write a map of the heights and their sources.
 
-    A ground without scans is measured by a plane sweep. If photos are missing, do not agree, or have unknown lamps, the
-    ground is copied unchanged with a warning. The map contains heights, standard deviations and kinds of cells.
+    A ground without scans is measured by a plane sweep; then shading refines it. Published rocks are continued down to
+    the ground. A step that photos do not allow (none, other scenes, unknown lamps) is skipped with a warning; without
+    any step the meshes are unchanged. The map contains heights, standard deviations and kinds of cells.
 
     Parameters
     ----------
@@ -48,27 +55,57 @@ def refine_ground(*, terrain: int, meshes: Path, cameras: Path, photos: Path, re
         Folders of the terrain's meshes: as read, and as written.
     photos : Path
         Table of photos, or folder of cover photos.
+    options : RenderOptions
+        Reflectance of the sand.
     """
     scene = read_terrain(meshes, terrain)
     origins = mesh_origins(meshes)
     name = obj.ground_name(terrain)
     scanned = origins.get(name) == SCANNED
     views = read_views(terrain, photos, cameras)
+    rocks = {rock: scene.part(rock) for rock in scene.rocks}
+    published = {rock: mesh for rock, mesh in rocks.items() if origins.get(obj.rock_name(terrain, rock)) == PUBLISHED}
     cell = CELL_OF_COVERS if views and not views[0].linear else CELL_OF_PHOTOS
     start = start_map(scene, terrain, cell, _support(meshes, name) if scanned else None)
-    reason = ""
-    try:
-        found = start if scanned else sweep_ground(start, _scene(scene, terrain, views))
-    except ReconstructionError as error:
-        found, reason = start, error.reason
-        log.warning("terrain %02d: the ground is not refined by photos: %s", terrain, reason)
-    changed = found is not start
+    around = _scene(scene, terrain, views, [rim(mesh) for mesh in published.values()])
+    found, reasons = start, []
+    for step in ([] if scanned else [_swept]) + [_shaded]:
+        try:
+            found = step(found, around, options)
+        except ReconstructionError as error:
+            reasons.append(error.reason)
+            log.warning("terrain %02d: %s: %s", terrain, FAILURES[step], error.reason)
     with writing_folder(refined) as folder:
         shutil.copytree(meshes, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns(".*"))
-        if changed:
-            _write_ground(folder, terrain, moved_ground(scene.part(NO_ROCK), start, found))
+        if found is not start:
+            ground = moved_ground(scene.part(NO_ROCK), start, found)
+            longer = {rock: continued_down(mesh, found.grid, found.height_m) for rock, mesh in published.items()}
+            _write_refined(folder, terrain, ground, rocks | longer)
         _write_map(folder, found)
-        write_json(folder / SUMMARY, summary(start, found, [str(view.key) for view in views], reason))
+        write_json(folder / SUMMARY, summary(start, found, [str(view.key) for view in views], reasons))
+
+
+def _swept(start: HeightMap, around: Scene, options: RenderOptions) -> HeightMap:  # noqa: ARG001
+    """Measure heights by a plane sweep."""
+    return sweep_ground(start, around)
+
+
+def _shaded(start: HeightMap, around: Scene, options: RenderOptions) -> HeightMap:
+    """Refine heights by shading.
+
+    Errors of neighbouring cells of a sweep are correlated over its window. Therefore, their common standard deviation
+    is that of a single cell, and shading determines the finer relief.
+    """
+    cells = 2 * np.sqrt(np.pi) * around.trust.window_cells  # width of the square with the area of the window's square
+    loose = replace(start, sd_m=start.sd_m * cells) if (start.sd_m[start.kind == MEASURED] != SCAN_SD).any() else start
+    masked = below_rocks(start.grid, around.rocks)
+    solid = join_meshes([around.rocks, around.walls])
+    parameters = options.parameters(options.models[0], "ground")
+    found = refine(loose, around.views, masked, make_caster(solid.vertices, solid.faces), parameters)
+    return replace(found, sd_m=np.where(start.kind == MEASURED, start.sd_m, found.sd_m))
+
+
+FAILURES = {_swept: "the ground is not measured in photos", _shaded: "the ground is not refined by shading"}
 
 
 def start_map(scene: TerrainMesh, terrain: int, cell: float, support: np.ndarray | None) -> HeightMap:
@@ -100,13 +137,13 @@ def moved_ground(ground: Mesh, start: HeightMap, found: HeightMap) -> Mesh:
     return replace(ground, vertices=vertices)
 
 
-def summary(start: HeightMap, found: HeightMap, photos: list[str], reason: str) -> dict[str, object]:
+def summary(start: HeightMap, found: HeightMap, photos: list[str], reasons: list[str]) -> dict[str, object]:
     """Return the shares of measured, inferred and invented cells, the change of the ground, mm, and the photos."""
     known = found.kind == MEASURED
     change = (found.height_m - start.height_m)[known]
     return {
         "refined": found is not start,
-        "reason": reason,
+        "reasons": reasons,
         "photos": photos,
         "cell_mm": 1000 * found.grid.cell,
         "measured_share": round(float(known.mean()), 3),
@@ -117,11 +154,11 @@ def summary(start: HeightMap, found: HeightMap, photos: list[str], reason: str) 
     }
 
 
-def _scene(scene: TerrainMesh, terrain: int, views: list) -> Scene:  # type: ignore[type-arg]
+def _scene(scene: TerrainMesh, terrain: int, views: list[PhotoView], feet: list[np.ndarray]) -> Scene:
     walls = scene.walls or level_walls(half_width(terrain), scene.sand_level)
     vertices, faces, _ = walls.mesh(scene.sand_level - 0.5)
     rocks = Mesh(scene.vertices, scene.faces[scene.rock_of_face != NO_ROCK])
-    return Scene(views, comparable_groups(views), rocks, Mesh(vertices, faces))
+    return Scene(views, comparable_groups(views), rocks, Mesh(vertices, faces), feet)
 
 
 def _nominal_bounds(terrain: int) -> np.ndarray:
@@ -136,16 +173,21 @@ def _support(meshes: Path, name: str) -> np.ndarray:
     return own["support"].to_numpy(float)
 
 
-def _write_ground(folder: Path, terrain: int, ground: Mesh) -> None:
-    """Replace the ground in a folder of meshes: OBJ file, its origin in the table, and the file for viewers."""
-    name = obj.ground_name(terrain)
-    obj.write_obj(folder / name, ground, Path(name).stem)
-    table = tables.read_csv(folder / MESH_TABLE, ["mesh", "made_from"])
-    table.loc[table["mesh"] == name, "made_from"] = PHOTOS
-    tables.write_csv(folder / MESH_TABLE, pd.DataFrame(table))
-    rocks = {f"rock{rock}": obj.read_obj(path) for rock, path in sorted(obj.rock_files(folder).items())}
-    shown = {gltf.GROUND_NODE: cluster_vertices(ground, MAX_VIEWER_VERTICES), **rocks}
-    gltf.write_glb(folder / gltf.name(terrain), shown, {})
+def _write_refined(folder: Path, terrain: int, ground: Mesh, rocks: Mapping[int, Mesh]) -> None:
+    """Replace ground and rocks in a folder of meshes: OBJ files, rows of the table, and the file for viewers."""
+    table = tables.read_csv(folder / MESH_TABLE, ["mesh", "made_from"]).set_index("mesh")
+    for rock, mesh in {NO_ROCK: ground, **rocks}.items():
+        name = obj.ground_name(terrain) if rock == NO_ROCK else obj.rock_name(terrain, rock)
+        if rock == NO_ROCK or len(mesh.faces) != table.loc[name, "faces"]:
+            obj.write_obj(folder / name, mesh, Path(name).stem)
+            row = mesh_row(name, mesh)
+            table.loc[name, list(row)[1:]] = list(row.values())[1:]
+    table.loc[obj.ground_name(terrain), "made_from"] = PHOTOS
+    tables.write_csv(folder / MESH_TABLE, table.reset_index())
+    shown = {f"rock{rock}": mesh for rock, mesh in sorted(rocks.items())}
+    gltf.write_glb(
+        folder / gltf.name(terrain), {gltf.GROUND_NODE: cluster_vertices(ground, MAX_VIEWER_VERTICES), **shown}, {}
+    )
 
 
 def _write_map(folder: Path, found: HeightMap) -> None:

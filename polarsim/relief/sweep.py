@@ -21,6 +21,7 @@ from polarsim.geometry.casters import make_caster
 from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.geometry.rays import Caster
 from polarsim.relief.aggregation import aggregate, minima
+from polarsim.relief.feet import foot_cells, foot_offset
 from polarsim.relief.heights import INVENTED, MEASURED, HeightMap, PhotoView
 from polarsim.relief.pairs import Group
 from polarsim.relief.plate import plate_filled
@@ -96,6 +97,7 @@ class Scene:
     groups: Sequence[Group]
     rocks: Mesh
     walls: Mesh
+    feet: Sequence[np.ndarray] = ()  # (n, 3) points of the foot of each published rock, on the start surface
 
     @property
     def trust(self) -> Trust:
@@ -128,7 +130,7 @@ def sweep_ground(start: HeightMap, scene: Scene) -> HeightMap:
         offset, deviation, known = _sweep(finer, base + above, level, scene, join_meshes([scene.walls, *own]))
         if not known.any():
             break
-        above, grid = plate_filled(finer, above + offset, known), finer
+        above, grid = _filled(finer, above + offset, known, scene.feet), finer
     if known.mean() < MIN_SHARE:
         raise ReconstructionError(f"photos agree on {known.mean():.0%} of the ground, expected {MIN_SHARE:.0%} or more")
     points = start.grid.centres().reshape(-1, 2)
@@ -140,6 +142,15 @@ def sweep_ground(start: HeightMap, scene: Scene) -> HeightMap:
         np.where(measured, deviation, np.inf),
         np.where(measured, MEASURED, INVENTED).astype(np.uint8),
     )
+
+
+def _filled(grid: FloorGrid, offset: np.ndarray, known: np.ndarray, feet: Sequence[np.ndarray]) -> np.ndarray:
+    """Return offsets (rows, columns) from the start surface, with those of feet at unmeasured cells, and a plate."""
+    cells = np.unique(np.concatenate([np.zeros(0, int), *foot_cells(grid, feet)]))
+    given, fixed = offset.copy(), known.copy()
+    cells = cells[~known.ravel()[cells]]
+    given.ravel()[cells], fixed.ravel()[cells] = foot_offset(grid, offset, known, feet), True
+    return plate_filled(grid, given, fixed)
 
 
 def _sweep(

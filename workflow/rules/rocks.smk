@@ -96,5 +96,7 @@ if CONFIG.rocks.ground_from_photos:
         resources:
             mem_mb=memory_per_attempt(3000),
             runtime=10,
+        params:
+            options=options("render"),
         script:
             "../scripts/refine_ground.py"

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from polarsim.relief.refine import refine_ground
+from polarsim.render.options import RenderOptions
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
@@ -12,4 +13,5 @@ with reporting(log=snakemake.log[0]):
         cameras=Path(snakemake.input.cameras),
         photos=Path(snakemake.input.photos),
         refined=Path(snakemake.output.meshes),
+        options=RenderOptions(**snakemake.params.options),
     )
