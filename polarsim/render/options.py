@@ -326,6 +326,11 @@ class RenderOptions(SensorOptions):
         return domain == FITTED or self.materials_from_photos
 
     @property
+    def reflectance_models(self) -> tuple[Model, ...]:
+        """Reflectance models of the domains."""
+        return tuple(model_of(domain) for domain in self.models)
+
+    @property
     def fitted_domains(self) -> tuple[Domain, ...]:
         """Domains of twins that are fitted to photos."""
         return tuple(domain for domain in self.models if self.is_fitted(domain))

@@ -117,7 +117,7 @@ def _rendered(
     scene: RandomScene, count: int, ranges: SceneRanges, random: np.random.Generator, threads: int
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield the radiance (h, w), relative to bright sand, and the id map (h, w) for each lamp."""
-    options, model, camera = scene.options, scene.options.models[0], scene.camera
+    options, model, camera = scene.options, scene.options.reflectance_models[0], scene.camera
     surfaces = build_surfaces(scene.mesh, options, {model: scene.albedo})
     coarse = coarse_sand(surfaces, camera, ranges)
     lamps: dict[str, Lamp] = {str(n): draw_lamp(surfaces, coarse, ranges, random) for n in range(count)}

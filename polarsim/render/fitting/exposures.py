@@ -73,7 +73,7 @@ def merge_exposures(photos: Iterable[tuple[np.ndarray, float]]) -> Linear | None
         return Linear(np.where(weights > 0, total / weights, 0).astype(np.float32), (1 / weights).astype(np.float32))
 
 
-def read_published(path: Path, size: tuple[int, int]) -> np.ndarray:
+def read_published_photo(path: Path, size: tuple[int, int]) -> np.ndarray:
     """Read a published photo of 8 bits, grey or colour, as 12-bit values (h, w) uint16: the lower 4 bits are lost."""
     pixels = png.read_png(path)
     grey = pixels if pixels.ndim == 2 else pixels[..., 0]  # the colours of a grey image are equal

@@ -16,7 +16,7 @@ import numpy as np
 from polarsim.formats import png
 from polarsim.geometry.light_field import EVEN, POWERS, relative_irradiance, terms
 from polarsim.photo import NO_ROCK, SUNS
-from polarsim.render.fitting.exposures import read_published
+from polarsim.render.fitting.exposures import read_published_photo
 from polarsim.render.fitting.samples import FitSamples, Setting
 from polarsim.render.fitting.terrain import LAMPS, samples_of_terrain
 from polarsim.render.lamps import REFERENCE_DISTANCE
@@ -39,7 +39,7 @@ _RIDGE = 1e-3  # weight of a field of 1, per observation: parts of the sand may 
 
 
 @dataclass(frozen=True)
-class Brightness:
+class PhotoOverTwin:
     """Photo over twin on the ground of a terrain under one lamp, n samples."""
 
     point: np.ndarray  # (n, 2) sandbox frame, metres
@@ -72,7 +72,7 @@ def fit_light(
     engine, options = reflectance_engine(options, threads), options.as_fitted()
     found: dict[int, tuple[TerrainMesh, FitSamples]] = {}
     paths = {key: path for source in photos for key, path in pictures_at(source).items()}
-    read = png.read_photo if all(source.suffix == ".parquet" for source in photos) else read_published
+    read = png.read_photo if all(source.suffix == ".parquet" for source in photos) else read_published_photo
     for terrain in sorted({key.terrain for key in paths} & set(light)):
         mesh = read_terrain(meshes[terrain], terrain, cameras=cameras[terrain])
         samples = samples_of_terrain(terrain, cameras[terrain], mesh, paths, options, threads, _SCALE, read)
@@ -82,7 +82,7 @@ def fit_light(
     for domain in domains:
         model = model_of(domain)
         setting = Setting(model, options.parameters(model), engine, options.model_copy(update={"falloff": False}))
-        seen = {terrain: brightness_of(samples, mesh, setting) for terrain, (mesh, samples) in found.items()}
+        seen = {terrain: photo_over_twin(samples, mesh, setting) for terrain, (mesh, samples) in found.items()}
         for terrain, of_terrain in light_fields(seen, set(light), options.fitting.held_out).items():
             fields[terrain][domain] = of_terrain
     if not any(fields[terrain].get(domain) for terrain in light for domain in domains):
@@ -91,10 +91,10 @@ def fit_light(
         write_light_fields(path, fields[terrain])
 
 
-def brightness_of(samples: FitSamples, mesh: TerrainMesh, setting: Setting) -> dict[str, Brightness]:
+def photo_over_twin(samples: FitSamples, mesh: TerrainMesh, setting: Setting) -> dict[str, PhotoOverTwin]:
     """Return photo over twin on the ground by Sun lamp; lamps with few samples are omitted."""
     ground = mesh.rock_of_face.take(samples.face) == NO_ROCK
-    found = {}
+    found: dict[str, PhotoOverTwin] = {}
     for name in SUNS:
         chosen = np.flatnonzero(ground & (samples.lamp == LAMPS.index(name)))
         part = samples.part(chosen[:: -(-len(chosen) // _MAX_SAMPLES) or 1])
@@ -104,12 +104,12 @@ def brightness_of(samples: FitSamples, mesh: TerrainMesh, setting: Setting) -> d
             continue
         falloff = 2 * np.log(REFERENCE_DISTANCE / part.distance.astype(float))
         point = part.point[:, :2].astype(float)
-        found[name] = Brightness(point, np.log(part.rate.astype(float) / radiance), falloff, part.view)
+        found[name] = PhotoOverTwin(point, np.log(part.rate.astype(float) / radiance), falloff, part.view)
     return found
 
 
 def light_fields(
-    seen: Mapping[int, Mapping[str, Brightness]], terrains: Set[int], held_out: str
+    seen: Mapping[int, Mapping[str, PhotoOverTwin]], terrains: Set[int], held_out: str
 ) -> dict[int, dict[str, FittedField]]:
     """Return the fields of every terrain by azimuth, from photo over twin by terrain and azimuth.
 
@@ -159,7 +159,7 @@ def light_fields(
     return fields
 
 
-def fit_field(parts: Sequence[Brightness]) -> tuple[float, ...]:
+def fit_field(parts: Sequence[PhotoOverTwin]) -> tuple[float, ...]:
     """Fit a field to photo over twin of terrains, with a free brightness of every view, by Cauchy weights."""
     groups = [part.view + 1000 * number for number, part in enumerate(parts)]
     _, group = np.unique(np.concatenate(groups), return_inverse=True)

@@ -205,6 +205,8 @@ class Views(ViewsSection):
 
     @model_validator(mode="after")
     def _check_duplicates(self) -> Views:
+        if self.render.fitted_domains:
+            raise ValueError("render: fitted twins are twins of photos, which novel views do not have")
         for key, values in (
             ("scenes: name", [scene.name for scene in self.scenes]),
             ("exposures_ms:", list(self.exposures_ms)),

@@ -157,7 +157,7 @@ def plan(views: Views, scale: float = 1.0) -> list[PlannedImage]:
     """Return all images, ordered by scene, camera, light, rover light, model and exposure."""
     lights = lights_of(views)
     exposures = [exposure if isinstance(exposure, float) else None for exposure in views.exposures_ms]
-    variants = list(product(views.rover_light.states, views.render.models, exposures))
+    variants = list(product(views.rover_light.states, views.render.reflectance_models, exposures))
     pictures: list[PlannedImage] = []
     for section in views.scenes:
         scene = NamedScene(section, views.render)

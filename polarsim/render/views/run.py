@@ -83,7 +83,7 @@ def _render(
     views, scene, camera = folder.views, unit[0].scene, unit[0].camera
     lights = {picture.light.name: picture for picture in unit}
     lamps = {name: lamp for picture in unit for name, lamp in picture.lamps().items()}
-    models = [model for model in views.render.models if any(picture.model == model for picture in unit)]
+    models = [model for model in views.render.reflectance_models if any(picture.model == model for picture in unit)]
     rendering = render_view(scene.surfaces, camera, lamps, models, list(lights), views.render, threads)
     for name, picture in lights.items():
         labels[picture.ground_truth] = annotate_view(scene.surfaces, camera, rendering.ids[name], views.render)

@@ -110,7 +110,7 @@ class RoverCamera:
 
         The ids contain shadows of the Sun only; there are none at night.
         """
-        options, models, surfaces = self.render_options, self.render_options.models, self.scene.surfaces
+        options, models, surfaces = self.render_options, self.render_options.reflectance_models, self.scene.surfaces
         lamps = {name: lamp for name, lamp in suns.items() if lamp is not None}
         spots = {f"light {name}": spot for name, spot in headlights(lights, self.links).items()}  # distinct from Suns
         shadows = list(lamps) if labels else None if self.sky is None else []

@@ -8,7 +8,7 @@ import pytest
 from polarsim.errors import FormatError
 from polarsim.geometry.light_field import EVEN, POWERS, relative_irradiance
 from polarsim.photo import SUNS
-from polarsim.render.fitting.light import Brightness, fit_field, light_fields
+from polarsim.render.fitting.light import PhotoOverTwin, fit_field, light_fields
 from polarsim.render.fitting.samples import Setting, with_light_fields
 from polarsim.render.fitting.terrain import LAMPS
 from polarsim.run_files.light_fields import read_light_fields, sun_coefficients, write_light_fields
@@ -25,7 +25,7 @@ def brightness(seed, field=TRUE, noise=0.1, shaded=0.0, count=3000):
     ratio = np.log(relative_irradiance(field, point)) + 3 * view + noise * rng.standard_normal(count)
     ratio[rng.random(count) < shaded] -= 3
     falloff = 2 * np.log(4 / np.linalg.norm(point - [3.6, 1.4], axis=1))
-    return Brightness(point, ratio, falloff, view)
+    return PhotoOverTwin(point, ratio, falloff, view)
 
 
 def seen(**fields):
