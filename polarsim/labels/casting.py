@@ -1,9 +1,4 @@
-"""Cast shadows of rocks and walls under a near lamp, and bounding boxes of these shadows in a photo.
-
-Positions of lamps and nominal walls have errors of centimetres, which shift the edge of the shadow of a wall by
-decimetres at a low Sun. `fit_wall_offset` fits an offset of the top edges to that edge in the photo, which compensates
-these errors.
-"""
+"""Cast shadows of rocks and walls under a near lamp, and bounding boxes of these shadows in a photo."""
 
 from __future__ import annotations
 
@@ -34,14 +29,6 @@ STREAK_PX = 5  # dark streaks thinner than this are relief of the ground
 SMOOTH_PX = 3  # side of the window over which brightness is averaged
 MAX_AREA_RATIO = 2.5  # maximum ratio of the areas of the dark region and the cast shadow
 MIN_COVERED_SHARE = 0.15  # minimum share of a dark region covered by the cast shadow
-
-# Edge of the shadow of a wall.
-WALL_STEP = 0.01  # step of the tested offsets of the top edge of walls, metres
-WALL_RANGE = (-0.18, 0.24)  # range of the tested offsets, metres
-WALL_BAND = 0.04  # height of the bands below and above the edge that are compared, metres
-MIN_BAND_SAMPLES = 50  # minimum number of samples in a band
-MIN_WALL_RATIO = 1.6  # minimum ratio of the brightness above and below the edge
-WALL_FAINT = 0.03  # offset added to both, relative to lit ground, to suppress differences in deep shadow
 
 
 def active_lamp(world: TerrainCasters, localised: LocalisedRig, light: Light, azimuth: Azimuth) -> np.ndarray | None:
@@ -165,31 +152,3 @@ def fit_to_dark_region(
     dark_box = box_of_mask(np.isin(parts, [part for part in selected if areas[part] >= SMALL_PART * largest]))
     assert dark_box is not None
     return dark_box + np.tile([x[0], y[0]], 2)
-
-
-def fit_wall_offset(clearance: np.ndarray, rate: np.ndarray, *, measured: bool = False) -> float:
-    """Return the offset of the top edge of walls that reproduces the shadow edge in a photo, metres; 0 without an edge.
-
-    `clearance`, `rate` (n,): height above the walls at which light reaches bare ground, metres, and brightness of that
-    ground. `measured`: the walls were scanned, so that only the penumbra is fitted.
-    """
-    order = np.argsort(clearance, kind="stable")
-    clearance, rate = clearance[order], rate[order]
-    faint = WALL_FAINT * float(np.percentile(rate, 90)) if len(rate) else 0.0
-    best, edge, half_lit = MIN_WALL_RATIO, 0.0, 0.0
-    for tried in [0.0] if measured else np.arange(*WALL_RANGE, WALL_STEP):
-        dark, lit = (
-            _median(clearance, rate, tried - WALL_BAND, tried),
-            _median(clearance, rate, tried, tried + WALL_BAND),
-        )
-        if lit + faint > best * (dark + faint):
-            best, edge, half_lit = (lit + faint) / (dark + faint), tried, (dark + lit) / 2
-    while half_lit and _median(clearance, rate, edge, edge + WALL_STEP) < half_lit:  # penumbra of the lamp disc
-        edge += WALL_STEP
-    return float(edge)
-
-
-def _median(passing: np.ndarray, rate: np.ndarray, low: float, high: float) -> float:
-    """Return the median brightness between two heights of sorted `passing`; NaN with too few samples."""
-    start, end = np.searchsorted(passing, [low, high])
-    return float(np.median(rate[start:end])) if end - start >= MIN_BAND_SAMPLES else np.nan

@@ -11,7 +11,7 @@ from polarsim.geometry.boxes import MATCH_GATE_PX, area, iou
 from polarsim.geometry.masks import Window, windows_of
 from polarsim.labels.association import match_ids
 from polarsim.labels.brightness import Brightness
-from polarsim.labels.casting import VisibleIds, active_lamp, fit_to_dark_region, fit_wall_offset, shadow_box
+from polarsim.labels.casting import VisibleIds, active_lamp, fit_to_dark_region, shadow_box
 from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.label import Label, make_label
 from polarsim.labels.options import LabelsOptions
@@ -134,14 +134,14 @@ class PositionShadows:
     ) -> dict[int, CastShadow]:
         """Return the boxes of the shadows of rocks as annotators would draw them, by rock.
 
-        `rock_boxes` are the labels of the rocks. With `brightness`, the shadow of a wall, whose edge is fitted to the
-        photo, hides shadows of rocks. Without a photo, the shadows of walls are too uncertain.
+        `rock_boxes` are the labels of the rocks. With `brightness`, shadows of walls hide shadows of rocks. Without a
+        photo, walls and lamps are too uncertain.
         """
         step, lamp_position = self.options.ray_step_px, active_lamp(self.world, self.rocks.localised, light, azimuth)
         assert lamp_position is not None
         ids, shadow, windows = self._visible_shadows(camera, lamp_position)
         if brightness is not None:
-            shadow = np.where(self._shaded_by_walls(ids, lamp_position, shadow, brightness), WALL_ID, shadow)
+            shadow = np.where(self._shaded_by_walls(ids, lamp_position), WALL_ID, shadow)
             windows = windows_of(shadow)
         shadows = {}
         for rock, rock_box in sorted(rock_boxes.items()):
@@ -162,17 +162,10 @@ class PositionShadows:
                 shadows[rock] = CastShadow(box if dark is None else dark, dark is not None)
         return shadows
 
-    def _shaded_by_walls(
-        self, ids: VisibleIds, lamp_position: np.ndarray, shadow: np.ndarray, brightness: Brightness
-    ) -> np.ndarray:
-        """Return a mask (rows, columns) of ground in the shadow of a wall, with top edges fitted to the photo."""
-        step, sandbox = self.options.ray_step_px, self.world.sandbox
-        if sandbox is None:
-            return np.zeros(ids.shape, bool)
-        clearance = ids.clearance(sandbox, lamp_position)
-        bare = np.isfinite(clearance) & (ids.rock == NO_ROCK) & (shadow == NO_ROCK)
-        rate = brightness.rate[step // 2 :: step, step // 2 :: step]
-        return clearance < fit_wall_offset(clearance[bare], rate[bare], measured=sandbox.origin == "scans")
+    def _shaded_by_walls(self, ids: VisibleIds, lamp_position: np.ndarray) -> np.ndarray:
+        """Return a mask (rows, columns) of ground in the shadow of a wall."""
+        sandbox = self.world.sandbox
+        return np.zeros(ids.shape, bool) if sandbox is None else ids.clearance(sandbox, lamp_position) < 0
 
     def _visible_shadows(
         self, camera: CameraSide, lamp_position: np.ndarray

@@ -143,22 +143,21 @@ def test_a_cast_shadow_without_overlap_is_ignored():
         np.testing.assert_allclose(mean_shadow(ANNOTATED, INSIDE, cast, 0.3), ANNOTATED)
 
 
-def test_a_shadow_ends_at_the_wall_shadow_in_the_photo(untouched_scene):
-    """The nominal wall is lower than the wall in the photo, whose shadow covers the near part of the rock shadow."""
-    lamp_position = np.array([3.2, -0.6, 0.6])
-    terrain = read_terrain(untouched_scene.meshes, TERRAIN)
-    rig = {"A": localised("A")}
-    photo_of = {}
-    for height in (0.3, 0.42):
+def test_a_shadow_in_a_photo_ends_at_the_shadow_of_the_wall(untouched_scene):
+    """A higher wall shades the near part of the shadow of the rock."""
+    lamp_position, terrain = np.array([3.2, -0.6, 0.6]), read_terrain(untouched_scene.meshes, TERRAIN)
+
+    def box(height, *, with_photo=True):
         walls = level_walls(2.1, terrain.sand_level + height)
-        known = associate_rocks(replace(terrain, walls=walls), rig, {"30": lamp_position}, {})
-        photo_of[height] = OlatBrightness(known).brightness((3, "A", "off", "30", "L"))
-    walls = level_walls(2.1, terrain.sand_level + 0.3)
-    known = associate_rocks(replace(terrain, walls=walls), rig, {"30": lamp_position}, {})
-    shadows = PositionShadows(PositionRocks(known, "A", LabelsOptions()), LabelsOptions())
-    low, high = (shadows.cast("L", "off", "30", {4: None}, photo_of[height])[4].box for height in (0.3, 0.42))
+        known = associate_rocks(replace(terrain, walls=walls), {"A": localised("A")}, {"30": lamp_position}, {})
+        photo = OlatBrightness(known).brightness((3, "A", "off", "30", "L")) if with_photo else None
+        shadows = PositionShadows(PositionRocks(known, "A", LabelsOptions()), LabelsOptions())
+        return shadows.cast("L", "off", "30", {4: None}, photo)[4].box
+
+    low, high = box(0.3), box(0.42)
     assert high[3] < low[3] - 20  # the shadow of the near wall covers the lower part
     assert high[1] == pytest.approx(low[1], abs=4)
+    np.testing.assert_array_equal(box(0.42, with_photo=False), box(0.3, with_photo=False))
 
 
 def test_the_sphere_test_keeps_all_rays_that_hit_a_rock(world):
