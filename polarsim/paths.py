@@ -362,11 +362,9 @@ class RunPaths:
     def tables_of_page(self) -> list[str]:
         """Return the tables that the results page shows."""
         covers = self.config.covers.run
-        names = (
-            []
-            if self.only_covers
-            else ["evaluation", "cameras", "alignment", "rocks", "meshes", "render", "appearance"]
-        )
+        stages = [] if self.only_covers else ["evaluation", "cameras", "alignment", "rocks", "meshes"]
+        twins = [] if self.only_covers else ["render", "appearance", "appearance_differences"]
+        names = [*stages, *(twins if len(self.models) > 1 else twins[:2])]
         names += ["labels", "reliability"] if self.scored_terrains and not self.only_covers else []
         names += [*TABLES_OF_DETECTORS, "ipd_rocks"] if self.domains else []
         names += ["stereo"] if self.has_stereo else []

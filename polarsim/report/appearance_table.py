@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,18 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats.tables import read_parquet
-from polarsim.intervals import RESAMPLES, bootstrap_draws, percentile_interval, resampled_medians, resampled_ratios
-from polarsim.report.layout import MISSING, write_blocks
+from polarsim.intervals import (
+    RESAMPLES,
+    bootstrap_draws,
+    percentile_interval,
+    resampled_means,
+    resampled_medians,
+    resampled_ratios,
+)
+from polarsim.report.layout import MISSING, write_blocks, write_table
 from polarsim.report.render_table import values_of_group
 from polarsim.schemas.evaluation import APPEARANCE_PAIRS
-from polarsim.schemas.report import APPEARANCE
+from polarsim.schemas.report import APPEARANCE, APPEARANCE_DIFFERENCES
 from polarsim.scoring.twin_photos import subject_of
 
 GROUPS = ("all", "terrain", "position", "azimuth", "light")
@@ -34,15 +42,20 @@ NOTE_REFUSED = (
     "Refused, because the tone curve explains the twin of another terrain as well (the interval of a gain in PSNR, "
     "SSIM or correlation includes 0 or is below): {subjects}."
 )
+DIFFERENCES_CAPTION = (
+    "Appearance of twins, first model minus second on the same photos: means with 95 % intervals over views."
+)
 NOTE_ALL_BETTER = "All scores with a control are better than those of the twin of another terrain."
 NOTE_UNCONTROLLED = "No verdict of the control: too few views, or no twins of another terrain with the same view."
 
 
-def tabulate_appearance(*, pairs: Sequence[Path], table: Path, origin: Mapping[str, str]) -> None:
-    """Write the table from the pairs of all terrains; `table` is a path without suffix."""
-    read = [read_parquet(path, APPEARANCE_PAIRS.columns) for path in pairs]
-    rows = appearance_rows(pd.concat(read, ignore_index=True))
+def tabulate_appearance(*, pairs: Sequence[Path], table: Path, differences: Path, origin: Mapping[str, str]) -> None:
+    """Write the table, and that of differences of models, from the pairs of all terrains; paths without suffix."""
+    compared = pd.concat([read_parquet(path, APPEARANCE_PAIRS.columns) for path in pairs], ignore_index=True)
+    rows = appearance_rows(compared)
     write_blocks(table, rows, format_table(rows), table_notes(rows), origin)
+    rows = difference_rows(compared)
+    write_table(differences, rows, DIFFERENCES_CAPTION, layout=_difference_cells(rows), origin=origin)
 
 
 def appearance_rows(pairs: pd.DataFrame) -> pd.DataFrame:
@@ -53,6 +66,43 @@ def appearance_rows(pairs: pd.DataFrame) -> pd.DataFrame:
         for names, part in values.groupby(["model", "relation", "group", "value"]):
             rows.append(dict(zip(("model", "relation", "group", "value"), names, strict=True)) | _metrics(part))
     return pd.DataFrame(rows, columns=list(APPEARANCE.columns)).astype(APPEARANCE.dtypes)
+
+
+def difference_rows(pairs: pd.DataFrame) -> pd.DataFrame:
+    """Return `APPEARANCE_DIFFERENCES`: photos with twins of both models, paired by photo."""
+    names = [subject_of(*row) for row in zip(pairs["model"], pairs["relation"], strict=True)]
+    pairs = pairs.assign(subject=pd.Series(names, pairs.index, dtype="str"))
+    rows = []
+    for first, second in combinations(sorted(set(pairs["model"])), 2):
+        both = pairs[pairs["model"] == first].merge(
+            pairs.loc[pairs["model"] == second, ["key", "subject", *METRICS]], on="key", suffixes=("", "_second")
+        )
+        for group in GROUPS:
+            values = both.assign(group=group, value=values_of_group(both, group))
+            for (one, other, value), part in values.groupby(["subject", "subject_second", "value"]):
+                row = {"first": one, "second": other, "group": group, "value": value}
+                rows.append(row | _differences(part))
+    return pd.DataFrame(rows, columns=list(APPEARANCE_DIFFERENCES.columns)).astype(APPEARANCE_DIFFERENCES.dtypes)
+
+
+def _differences(part: pd.DataFrame) -> dict[str, Any]:
+    """Return the mean differences of two models in a group of photos, and their intervals over views."""
+    view, views, drawn = _views(part)
+    row: dict[str, Any] = {"photos": len(part), "views": views}
+    for name in METRICS:
+        change = (part[name] - part[f"{name}_second"]).to_numpy(float)
+        known = np.isfinite(change)
+        mean = float(change[known].mean()) if known.any() else np.nan
+        resampled = resampled_means(change[known], view[known], drawn)
+        row |= _with_interval(name, mean, resampled, len(np.unique(view[known])))
+    return row
+
+
+def _views(part: pd.DataFrame) -> tuple[np.ndarray, int, np.ndarray]:
+    """Return the view (n,) of each photo, the number of views, and the draws of the bootstrap."""
+    view = part.groupby(["terrain", "position", "camera"]).ngroup().to_numpy()
+    views = int(view.max()) + 1
+    return view, views, bootstrap_draws(views, RESAMPLES, 0, "appearance", views)
 
 
 def format_table(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
@@ -84,9 +134,7 @@ def table_notes(rows: pd.DataFrame) -> list[str]:
 
 def _metrics(part: pd.DataFrame) -> dict[str, Any]:
     """Return the columns of a group of photos after the names."""
-    view = part.groupby(["terrain", "position", "camera"]).ngroup().to_numpy()
-    views = int(view.max()) + 1
-    drawn = bootstrap_draws(views, RESAMPLES, 0, "appearance", views)
+    view, views, drawn = _views(part)
     row: dict[str, Any] = {"photos": len(part), "views": views, "matches": int(part["matches"].sum())}
     for name in METRICS:
         row |= _median(name, part[name].to_numpy(float), view, drawn)
@@ -146,6 +194,20 @@ def _cells(rows: pd.DataFrame, group: str) -> pd.DataFrame:
     columns["SSIM gain"] = [_interval_text(row, "ssim_gain", 3) for row in records]
     columns["control"] = [row["control"] or MISSING for row in records]
     return pd.DataFrame(columns)
+
+
+def _difference_cells(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows with texts of the differences and their intervals."""
+    records = rows.to_dict("records")
+    return rows[["first", "second", "group", "value", "photos"]].assign(
+        **{
+            title: [_interval_text(row, name, decimals) for row in records]
+            for title, name, decimals in (
+                ("PSNR, dB", "psnr_db", 2), ("SSIM", "ssim", 3), ("correlation", "correlation", 3),
+                ("stops", "stops", 3),
+            )
+        }
+    )  # fmt: skip
 
 
 def _interval_text(row: Mapping[Any, Any], name: str, decimals: int) -> str:

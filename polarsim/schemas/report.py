@@ -114,6 +114,18 @@ APPEARANCE = SHARED.table("""
     control | str | | `better` if the intervals of the three gains are above 0, else `refused`: the tone curve explains
         the twin of another terrain as well; empty without control or with less than 5 views
 """)
+APPEARANCE_DIFFERENCES = SHARED.table("""
+    tables/appearance_differences: Two models, group of photos and its value
+    first second | str | | Models, with the relation of the photos to the fits if anything was fitted
+    group | str | | `all`, `terrain`, `position`, `azimuth` or `light`
+    value | str | | Value of the group
+    photos | int64 | count | Photos with twins of both models
+    views | int64 | count | Views of these photos, the units of the bootstrap
+    psnr_db | interval | dB | Mean over photos of the PSNR of the first model minus that of the second
+    ssim | interval | 1 | The same, structural similarity
+    correlation | interval | 1 | The same, correlation
+    stops | interval | stops | The same, differences of brightness; empty for published photos of 8 bits
+""")
 LABELS = SHARED.table("""
     tables/labels: A kind, task, group and value
     kind | str | | `rock`, `shadow`, or `shadow, where annotated`

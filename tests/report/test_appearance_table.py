@@ -7,7 +7,14 @@ import pytest
 from polarsim.formats import png
 from polarsim.formats.tables import key_columns, read_csv, write_parquet
 from polarsim.photo import BLACK_LEVEL, HEIGHT, WIDTH, PhotoKey
-from polarsim.report.appearance_table import BETTER, REFUSED, appearance_rows, control_verdict, tabulate_appearance
+from polarsim.report.appearance_table import (
+    BETTER,
+    REFUSED,
+    appearance_rows,
+    control_verdict,
+    difference_rows,
+    tabulate_appearance,
+)
 from polarsim.report.figures.appearance import draw_appearance, shown_photos
 from polarsim.schemas.evaluation import APPEARANCE_PAIRS, HELD_OUT, IN_PLACE, NOT_FITTED
 from polarsim.scoring.twin_photos import ComparedPhoto, compare_twins
@@ -65,7 +72,12 @@ def test_photos_in_place_and_held_out_are_never_pooled():
 @pytest.mark.parametrize(("gain", "expected"), [(5, BETTER), (0, REFUSED), (-5, REFUSED)])
 def test_a_score_is_refused_if_the_twin_of_another_terrain_is_as_good(tmp_path, gain, expected):
     write_parquet(tmp_path / "pairs.parquet", pairs_of(gain))
-    tabulate_appearance(pairs=[tmp_path / "pairs.parquet"], table=tmp_path / "appearance", origin=ORIGIN)
+    tabulate_appearance(
+        pairs=[tmp_path / "pairs.parquet"],
+        table=tmp_path / "appearance",
+        differences=tmp_path / "differences",
+        origin=ORIGIN,
+    )
     rows = read_csv(tmp_path / "appearance.csv").set_index(["group", "value"])
     assert rows.loc[("all", "all"), "control"] == expected
     text = (tmp_path / "appearance.md").read_text()
@@ -81,9 +93,34 @@ def test_the_verdict_requires_all_gains_and_enough_views(lows, views, expected):
     assert control_verdict(lows, views) == expected
 
 
+def test_models_are_compared_on_the_same_photos():
+    """The first model is better by 1 dB at 30 and by 3 dB at 180 degrees, and one photo has no twin of it."""
+    second = pairs_of(5)
+    first = second.assign(model="fitted", psnr_db=second["psnr_db"] + np.where(second["azimuth"] == "30", 1.0, 3.0))
+    first["relation"] = np.where(first["azimuth"] == "30", HELD_OUT, IN_PLACE)
+    rows = difference_rows(pd.concat([first[1:], second], ignore_index=True))
+    assert set(rows["second"]) == {"hapke"}
+    rows = rows.set_index(["first", "group", "value"])
+    held_out, in_place = (rows.loc[(f"fitted, {relation}", "all", "all")] for relation in (HELD_OUT, IN_PLACE))
+    assert (held_out["photos"], in_place["photos"]) == (11, 12)
+    assert held_out["psnr_db"] == pytest.approx(1)
+    assert in_place["psnr_db_low"] == in_place["psnr_db_high"] == pytest.approx(3)
+    assert in_place["ssim"] == 0
+    assert rows.loc[(f"fitted, {HELD_OUT}", "azimuth", "30"), "psnr_db"] == pytest.approx(1)
+
+
+def test_a_single_model_has_no_differences():
+    assert len(difference_rows(pairs_of(5))) == 0
+
+
 def test_a_run_without_photos_has_an_empty_table_and_figure(tmp_path):
     write_parquet(tmp_path / "pairs.parquet", pairs_of(5)[:0])
-    tabulate_appearance(pairs=[tmp_path / "pairs.parquet"], table=tmp_path / "appearance", origin=ORIGIN)
+    tabulate_appearance(
+        pairs=[tmp_path / "pairs.parquet"],
+        table=tmp_path / "appearance",
+        differences=tmp_path / "differences",
+        origin=ORIGIN,
+    )
     assert len(read_csv(tmp_path / "appearance.csv")) == 0
     assert "no photos" in (tmp_path / "appearance.md").read_text()
     draw_appearance(

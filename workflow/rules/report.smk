@@ -50,7 +50,7 @@ rule report_appearance:
         twins=expand("results/{{run}}/renders/{model}/Terrain{terrain}", model=MODELS, terrain=TERRAINS),
         drawn=COVERS.instead_of_photos("drawn"),
     output:
-        **table_files(appearance="appearance of twins"),
+        **table_files(appearance="appearance of twins", appearance_differences=None),
         figure=shown("results/{run}/figures/appearance.png", "Photos and twins", terrain="all", position="appearance"),
     resources:
         mem_mb=memory_per_attempt(1000),

@@ -11,6 +11,7 @@ with reporting(log=snakemake.log[0]):
     tabulate_appearance(
         pairs=list_of_paths(snakemake.input.appearance),
         table=Path(snakemake.output.appearance).with_suffix(""),
+        differences=Path(snakemake.output.appearance_differences).with_suffix(""),
         origin=snakemake.params.origin,
     )
     draw_appearance(
