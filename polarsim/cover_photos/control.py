@@ -16,14 +16,14 @@ from polarsim.randomness import generator
 from polarsim.run_files.scene import mesh_files
 from polarsim.run_files.walls import FILE as WALLS_FILE
 
-RELIEF_SD_M = 0.013  # of relief measured by shape from shading in cover photos
+RELIEF_SD_M = 0.005  # shades the sand as strongly as in photos, with few cast shadows; at 0.013, shadows cover the sand
 _SIZES_M = (0.03, 0.4)  # finest and widest structure: limited by the cells of the ground and by the fitted plane
 
 
 def invent_relief(*, terrain: int, meshes: Path, control: Path, seed: int) -> None:
     """Write a folder of the meshes of a terrain with random relief added to the ground; rocks are links.
 
-    The relief has the strength of real relief, but is unrelated to any photo. A ground that is not a regular grid along
+    The relief is about as strong as that of the photos, but unrelated to any photo. A ground that is not a regular grid along
     x and y, as written by polarsim for a release without a published ground, is an error.
     """
     files = mesh_files(meshes, terrain)
