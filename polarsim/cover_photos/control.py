@@ -23,8 +23,8 @@ _SIZES_M = (0.03, 0.4)  # finest and widest structure: limited by the cells of t
 def invent_relief(*, terrain: int, meshes: Path, control: Path, seed: int) -> None:
     """Write a folder of the meshes of a terrain with random relief added to the ground; rocks are links.
 
-    The relief is about as strong as that of the photos, but unrelated to any photo. A ground that is not a regular grid along
-    x and y, as written by polarsim for a release without a published ground, is an error.
+    The relief is about as strong as that of the photos, but unrelated to any photo. A ground that is not a regular grid
+    along x and y, as written by polarsim for a release without a published ground, is an error.
     """
     files = mesh_files(meshes, terrain)
     ground = obj.read_obj(files[NO_ROCK])
