@@ -8,13 +8,16 @@ import pytest
 
 from polarsim.errors import FormatError
 from polarsim.formats import png
+from polarsim.geometry.light_field import relative_irradiance
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
-from polarsim.render.fitting import samples
+from polarsim.render.fitting import light, samples
+from polarsim.render.fitting.exposures import Linear, read_published_photo
 from polarsim.render.fitting.fit import fit_materials
+from polarsim.render.fitting.light import fit_light
 from polarsim.render.gain import with_fit, with_fitted_intensities
 from polarsim.render.lamps import ROVER, Lamp
 from polarsim.render.options import FittingOptions, LambertParameters, RenderOptions
-from polarsim.run_files.light_fields import FittedField, write_light_fields
+from polarsim.run_files.light_fields import FittedField, read_light_fields, write_light_fields
 from polarsim.run_files.materials import FittedMaterial, FittedMaterials, read_materials, write_materials
 from polarsim.run_files.scene import read_terrain
 
@@ -176,3 +179,53 @@ def test_options_of_a_run_take_precedence_over_those_of_fitted_twins():
     assert RenderOptions(models=("lambert", "hapke"), materials_from_photos=True).fitted_domains == ("lambert", "hapke")
     with pytest.raises(ValueError, match="same"):
         RenderOptions(models=("fitted", "principled"), materials_from_photos=True)
+
+
+def light_of(folders, photos):
+    fit_light(
+        cameras={1: folders / "cameras"}, meshes={1: folders / "meshes"}, photos=[photos], domains=["lambert"],
+        light={1: folders / "light.json"}, options=FITTED_OPTIONS, threads=1,
+    )  # fmt: skip
+    return read_light_fields(folders / "light.json")
+
+
+def test_light_of_lamps_without_beam_is_even(folders, photographed, monkeypatch):
+    monkeypatch.setattr(light, "_SCALE", 1.0)
+    monkeypatch.setattr(light, "_MIN_SAMPLES", 100)
+    ground_only = {key: path for key, path in photographed.items() if key.light == "off"}
+    fields = light_of(folders, index(folders, ground_only))["lambert"]
+    assert set(fields) == {"30", "180"}
+    at = np.random.default_rng(1).uniform(-0.4, 0.4, (50, 2))  # ground of the test scene
+    for field in fields.values():
+        assert np.abs(np.log2(relative_irradiance(field.coefficients, at))).max() < 0.05
+
+
+def test_without_usable_photos_no_light_field_is_written_with_a_warning(folders, caplog):
+    assert light_of(folders, index(folders, {})) in ({}, {"lambert": {}})
+    assert [record.levelname for record in caplog.records].count("WARNING") == 1
+
+
+def test_published_photos_have_the_upper_8_of_12_bits(tmp_path):
+    grey = np.arange(200, dtype=np.uint8).reshape(10, 20)
+    png.write_png(tmp_path / "grey.png", grey)
+    png.write_png(tmp_path / "colour.png", np.repeat(grey[..., None], 3, axis=-1))
+    png.write_png(tmp_path / "raw.png", grey.astype(np.uint16))
+    for name in ("grey.png", "colour.png"):
+        np.testing.assert_array_equal(read_published_photo(tmp_path / name, (20, 10)), grey.astype(int) * 16)
+    for name, size in (("raw.png", (20, 10)), ("grey.png", (10, 20))):
+        with pytest.raises(FormatError, match=name):
+            read_published_photo(tmp_path / name, size)
+
+
+def test_a_smaller_linear_image_is_the_mean_and_undefined_pixels_stay_undefined(lens):
+    small = lens.scaled(0.5)
+    rate = np.random.default_rng(0).random(lens.shape).astype(np.float32)
+    variance = np.full(lens.shape, 4, np.float32)
+    variance[2, 2] = np.inf
+    found = Linear(rate, variance).resized(small)
+    height, width = small.shape
+    expected = rate.reshape(height, 2, width, 2).mean(axis=(1, 3))
+    np.testing.assert_allclose(found.rate, expected, rtol=1e-5)
+    assert np.isinf(found.variance[1, 1])
+    np.testing.assert_allclose(found.variance[np.isfinite(found.variance)], 1, rtol=1e-5)
+    assert np.isinf(found.variance).sum() == 1
