@@ -54,6 +54,7 @@ RELEASE = {
     "covers": COVERS,
     "detect": {"seeds": [0, 1], "training": {"model": "compact", "masks": True}},
 }
+FITTED_RELEASE = RELEASE | {"covers": {}, "detect": {}, "render": {"models": ["principled", "fitted"]}}
 ONE_SEED = RELEASE | {
     "covers": COVERS | {"carved_scenes": 0},
     "detect": {"seeds": [0], "training": {"model": "compact"}},
@@ -68,6 +69,7 @@ PLANS = (
     (ANALOG, ("all", "rover", "rover_autonomy", "publish")),
     (FITTED, ("all",)),
     (RELEASE, ("all", "real_tables")),
+    (FITTED_RELEASE, ("render",)),
     (ONE_SEED, ("cover_photos",)),
     (POLAR, ("tables",)),
 )
