@@ -13,7 +13,7 @@ Steps, in the order in which a pixel is computed:
 8. ground_truth, maps: labels and maps from the same hits.
 9. twins, twin_writer, sidecar: the files of a terrain. `scene` renders single images, `views` novel viewpoints.
 
-`fitting` estimates materials from photos before rendering; `goniometer` tabulates the models.
+`fitting` estimates light and materials from photos before rendering; `goniometer` tabulates the models.
 """
 
 from polarsim.public import lazy_exports

@@ -35,6 +35,7 @@ _MIN_SAMPLES = 1000  # of a lamp
 _ROUNDS = 15
 _MIN_SCATTER = 0.03  # minimum scatter of the residuals, natural logarithm
 _CAUCHY_SCALE = 2.5  # scale of the Cauchy weight, in units of the scatter
+_KINDS = ("even", "inverse_square", "field")  # of compared light
 _RIDGE = 1e-3  # weight of a field of 1, per observation: parts of the sand may be invisible or in shadow
 
 
@@ -178,6 +179,3 @@ def fit_field(parts: Sequence[PhotoOverTwin]) -> tuple[float, ...]:
         scatter = max(1.4826 * float(np.median(np.abs(residual))), _MIN_SCATTER)
         weight = 1 / (1 + (residual / (_CAUCHY_SCALE * scatter)) ** 2)
     return tuple(float(f"{value:.5g}") for value in solution[: len(POWERS)])
-
-
-_KINDS = ("even", "inverse_square", "field")
