@@ -19,6 +19,7 @@ from polarsim.schemas.detect import CURVES, DETECTION, IPD, IPD_ROCKS
 STYLES = ("-", ":")  # line styles of the IoU thresholds, in ascending order
 BINS = np.linspace(-1, 1, 41)
 TITLES = {"map50": "mAP@0.5", "map50_95": "mAP@[0.5:0.95]", "iou_mean": "IOU_mean"}
+_FULL_SIZE_NAMES = 12  # maximum number of pairs of domains whose names fit below the bars in full size
 
 
 def draw_detectors(
@@ -186,7 +187,7 @@ def _draw_bars(axes: Any, rocks: pd.DataFrame) -> None:
         f"{paper.domain_title(first)} -\n{paper.domain_title(second)}"
         for first, second in zip(rocks["first"], rocks["second"], strict=True)
     ]
-    axes.set_xticks(x, names)
+    axes.set_xticks(x, names, fontsize="x-small" if len(rocks) > _FULL_SIZE_NAMES else "medium")
     axes.set_ylabel("difference of IoU")
     axes.set_ylim(bottom=0)
     axes.grid(visible=True, axis="y")
