@@ -111,7 +111,8 @@ class RunPaths:
     @property
     def photos_of_ground(self) -> str:
         """The photos that refine the ground: a terrain's own photos, else the published cover photos."""
-        return self.photos_of_terrain or "results/{run}/covers/photos"
+        has_photos = self.config.data_source.has_photos
+        return "results/{run}/acquire/Terrain{terrain}/photos.parquet" if has_photos else "results/{run}/covers/photos"
 
     @property
     def unrefined_meshes(self) -> str:

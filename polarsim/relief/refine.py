@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -45,9 +45,9 @@ def refine_ground(
 ) -> None:
     """Copy a terrain's meshes with the ground refined by photos; write a map of the heights and their sources.
 
-    A ground without scans is measured by a plane sweep; then shading refines it. Published rocks are continued down to
-    the ground. A step that photos do not allow (none, other scenes, unknown lamps) is skipped with a warning; without
-    any step the meshes are unchanged. The map contains heights, standard deviations and kinds of cells.
+    A ground without scans is measured by a plane sweep; shading of cover photos refines it. Published rocks are
+    continued down to the ground. A step that photos do not allow (none, other scenes, unknown lamps) is skipped with a
+    warning; without any step the meshes are unchanged. The map has heights, standard deviations and kinds of cells.
 
     Parameters
     ----------
@@ -62,14 +62,17 @@ def refine_ground(
     origins = mesh_origins(meshes)
     name = obj.ground_name(terrain)
     scanned = origins.get(name) == SCANNED
-    views = read_views(terrain, photos, cameras)
+    views = [] if scanned else read_views(terrain, photos, cameras)
     rocks = {rock: scene.part(rock) for rock in scene.rocks}
     published = {rock: mesh for rock, mesh in rocks.items() if origins.get(obj.rock_name(terrain, rock)) == PUBLISHED}
     cell = CELL_OF_COVERS if views and not views[0].linear else CELL_OF_PHOTOS
     start = start_map(scene, terrain, cell, _support(meshes, name) if scanned else None)
     around = _scene(scene, terrain, views, [rim(mesh) for mesh in published.values()])
     found, reasons = start, []
-    for step in ([] if scanned else [_swept]) + [_shaded]:
+    if scanned:
+        reasons.append("scans are more accurate than photos")
+        log.warning("terrain %02d: the ground is not measured in photos: %s", terrain, reasons[0])
+    for step in _steps(scanned, views):
         try:
             found = step(found, around, options)
         except ReconstructionError as error:
@@ -85,6 +88,17 @@ def refine_ground(
         write_json(folder / SUMMARY, summary(start, found, [str(view.key) for view in views], reasons))
 
 
+def _steps(scanned: bool, views: list[PhotoView]) -> list[Step]:
+    """Return the steps for a source of photos.
+
+    On the analog's terrain 3, shading of 16 linear photos takes 126 CPU s and makes swept heights worse (0.64 to 1.33
+    mm, normals 3.1 to 3.2 degrees). Scans are more accurate than the sweep (0.24 mm).
+    """
+    if scanned:
+        return []
+    return [_swept] if views and views[0].linear else [_swept, _shaded]
+
+
 def _swept(start: HeightMap, around: Scene, options: RenderOptions) -> HeightMap:  # noqa: ARG001
     """Measure heights by a plane sweep."""
     return sweep_ground(start, around)
@@ -97,7 +111,7 @@ def _shaded(start: HeightMap, around: Scene, options: RenderOptions) -> HeightMa
     is that of a single cell, and shading determines the finer relief.
     """
     cells = 2 * np.sqrt(np.pi) * around.trust.window_cells  # width of the square with the area of the window's square
-    loose = replace(start, sd_m=start.sd_m * cells) if (start.sd_m[start.kind == MEASURED] != SCAN_SD).any() else start
+    loose = replace(start, sd_m=start.sd_m * cells)
     masked = below_rocks(start.grid, around.rocks)
     solid = join_meshes([around.rocks, around.walls])
     parameters = options.parameters(options.models[0], "ground")
@@ -105,7 +119,11 @@ def _shaded(start: HeightMap, around: Scene, options: RenderOptions) -> HeightMa
     return replace(found, sd_m=np.where(start.kind == MEASURED, start.sd_m, found.sd_m))
 
 
-FAILURES = {_swept: "the ground is not measured in photos", _shaded: "the ground is not refined by shading"}
+Step = Callable[[HeightMap, Scene, RenderOptions], HeightMap]
+FAILURES: dict[Step, str] = {
+    _swept: "the ground is not measured in photos",
+    _shaded: "the ground is not refined by shading",
+}
 
 
 def start_map(scene: TerrainMesh, terrain: int, cell: float, support: np.ndarray | None) -> HeightMap:
@@ -181,7 +199,8 @@ def _write_refined(folder: Path, terrain: int, ground: Mesh, rocks: Mapping[int,
         if rock == NO_ROCK or len(mesh.faces) != table.loc[name, "faces"]:
             obj.write_obj(folder / name, mesh, Path(name).stem)
             row = mesh_row(name, mesh)
-            table.loc[name, list(row)[1:]] = list(row.values())[1:]
+            for column in (column for column in row if column != "mesh"):
+                table.loc[name, column] = row[column]  # type: ignore[assignment]
     table.loc[obj.ground_name(terrain), "made_from"] = PHOTOS
     tables.write_csv(folder / MESH_TABLE, table.reset_index())
     shown = {f"rock{rock}": mesh for rock, mesh in sorted(rocks.items())}

@@ -20,6 +20,7 @@ from polarsim.errors import ReconstructionError
 from polarsim.geometry.casters import make_caster
 from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.geometry.rays import Caster
+from polarsim.photo import PhotoKey
 from polarsim.relief.aggregation import aggregate, minima
 from polarsim.relief.feet import foot_cells, foot_offset
 from polarsim.relief.heights import INVENTED, MEASURED, HeightMap, PhotoView
@@ -118,7 +119,8 @@ def sweep_ground(start: HeightMap, scene: Scene) -> HeightMap:
     """
     if not scene.groups:
         raise ReconstructionError("no two photos from different cameras under the same, a similar or an opposite Sun")
-    grid, above = start.grid, np.zeros(start.height_m.shape)
+    grid = start.grid
+    above: np.ndarray = np.zeros(start.height_m.shape)
     for level in LEVELS:
         if level.cell_m < start.grid.cell - 1e-9:
             break
@@ -215,7 +217,7 @@ def _deviation(correlation: np.ndarray, nearest: np.ndarray, step: float) -> np.
 
 
 def _products(
-    patterns: Mapping[object, np.ndarray], groups: Sequence[Group], shape: tuple[int, int]
+    patterns: Mapping[PhotoKey, np.ndarray], groups: Sequence[Group], shape: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return sums (rows, columns) over all pairs of each group: products of patterns, and their norm."""
     product, norm = np.zeros(shape, np.float32), np.zeros(shape, np.float32)
