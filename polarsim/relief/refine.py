@@ -20,9 +20,9 @@ from polarsim.photo import NO_ROCK
 from polarsim.relief.feet import continued_down
 from polarsim.relief.heights import INFERRED, INVENTED, MEASURED, HeightMap, PhotoView
 from polarsim.relief.pairs import comparable_groups
-from polarsim.relief.photos import read_views
+from polarsim.relief.photos import read_ground_photos
 from polarsim.relief.shading import refine
-from polarsim.relief.sweep import Scene, below_rocks, sweep_ground
+from polarsim.relief.sweep import SweptScene, below_rocks, sweep_ground
 from polarsim.render.options import RenderOptions
 from polarsim.rocks.folder import MAX_VIEWER_VERTICES, SUPPORT_FILE, mesh_row
 from polarsim.rocks.heights import FloorGrid, filled
@@ -62,7 +62,7 @@ def refine_ground(
     origins = mesh_origins(meshes)
     name = obj.ground_name(terrain)
     scanned = origins.get(name) == SCANNED
-    views = [] if scanned else read_views(terrain, photos, cameras)
+    views = [] if scanned else read_ground_photos(terrain, photos, cameras)
     rocks = {rock: scene.part(rock) for rock in scene.rocks}
     published = {rock: mesh for rock, mesh in rocks.items() if origins.get(obj.rock_name(terrain, rock)) == PUBLISHED}
     cell = CELL_OF_COVERS if views and not views[0].linear else CELL_OF_PHOTOS
@@ -85,7 +85,7 @@ def refine_ground(
             longer = {rock: continued_down(mesh, found.grid, found.height_m) for rock, mesh in published.items()}
             _write_refined(folder, terrain, ground, rocks | longer)
         _write_map(folder, found)
-        write_json(folder / SUMMARY, summary(start, found, [str(view.key) for view in views], reasons))
+        write_json(folder / SUMMARY, _summary(start, found, [str(view.key) for view in views], reasons))
 
 
 def _steps(scanned: bool, views: list[PhotoView]) -> list[Step]:
@@ -99,12 +99,12 @@ def _steps(scanned: bool, views: list[PhotoView]) -> list[Step]:
     return [_swept] if views and views[0].linear else [_swept, _shaded]
 
 
-def _swept(start: HeightMap, around: Scene, options: RenderOptions) -> HeightMap:  # noqa: ARG001
+def _swept(start: HeightMap, around: SweptScene, options: RenderOptions) -> HeightMap:  # noqa: ARG001
     """Measure heights by a plane sweep."""
     return sweep_ground(start, around)
 
 
-def _shaded(start: HeightMap, around: Scene, options: RenderOptions) -> HeightMap:
+def _shaded(start: HeightMap, around: SweptScene, options: RenderOptions) -> HeightMap:
     """Refine heights by shading.
 
     Errors of neighbouring cells of a sweep are correlated over its window. Therefore, their common standard deviation
@@ -119,7 +119,7 @@ def _shaded(start: HeightMap, around: Scene, options: RenderOptions) -> HeightMa
     return replace(found, sd_m=np.where(start.kind == MEASURED, start.sd_m, found.sd_m))
 
 
-Step = Callable[[HeightMap, Scene, RenderOptions], HeightMap]
+Step = Callable[[HeightMap, SweptScene, RenderOptions], HeightMap]
 FAILURES: dict[Step, str] = {
     _swept: "the ground is not measured in photos",
     _shaded: "the ground is not refined by shading",
@@ -155,7 +155,7 @@ def moved_ground(ground: Mesh, start: HeightMap, found: HeightMap) -> Mesh:
     return replace(ground, vertices=vertices)
 
 
-def summary(start: HeightMap, found: HeightMap, photos: list[str], reasons: list[str]) -> dict[str, object]:
+def _summary(start: HeightMap, found: HeightMap, photos: list[str], reasons: list[str]) -> dict[str, object]:
     """Return the shares of measured, inferred and invented cells, the change of the ground, mm, and the photos."""
     known = found.kind == MEASURED
     change = (found.height_m - start.height_m)[known]
@@ -172,11 +172,11 @@ def summary(start: HeightMap, found: HeightMap, photos: list[str], reasons: list
     }
 
 
-def _scene(scene: TerrainMesh, terrain: int, views: list[PhotoView], feet: list[np.ndarray]) -> Scene:
+def _scene(scene: TerrainMesh, terrain: int, views: list[PhotoView], feet: list[np.ndarray]) -> SweptScene:
     walls = scene.walls or level_walls(half_width(terrain), scene.sand_level)
     vertices, faces, _ = walls.mesh(scene.sand_level - 0.5)
     rocks = Mesh(scene.vertices, scene.faces[scene.rock_of_face != NO_ROCK])
-    return Scene(views, comparable_groups(views), rocks, Mesh(vertices, faces), feet)
+    return SweptScene(views, comparable_groups(views), rocks, Mesh(vertices, faces), feet)
 
 
 def _nominal_bounds(terrain: int) -> np.ndarray:
@@ -200,7 +200,7 @@ def _write_refined(folder: Path, terrain: int, ground: Mesh, rocks: Mapping[int,
             obj.write_obj(folder / name, mesh, Path(name).stem)
             row = mesh_row(name, mesh)
             for column in (column for column in row if column != "mesh"):
-                table.loc[name, column] = row[column]  # type: ignore[assignment]
+                table.loc[name, column] = row[column]  # type: ignore[call-overload]
     table.loc[obj.ground_name(terrain), "made_from"] = PHOTOS
     tables.write_csv(folder / MESH_TABLE, table.reset_index())
     shown = {f"rock{rock}": mesh for rock, mesh in sorted(rocks.items())}

@@ -91,7 +91,7 @@ SINGLE_PAIR, SEVERAL_PAIRS = Trust(4.0, 0.1), Trust(2.5, 0.03)
 
 
 @dataclass(frozen=True)
-class Scene:
+class SweptScene:
     """Photos, comparable views, and meshes that hide the ground from cameras and lamps."""
 
     views: Sequence[PhotoView]
@@ -107,7 +107,7 @@ class Scene:
         return SINGLE_PAIR if pairs == 1 else SEVERAL_PAIRS
 
 
-def sweep_ground(start: HeightMap, scene: Scene) -> HeightMap:
+def sweep_ground(start: HeightMap, scene: SweptScene) -> HeightMap:
     """Return the heights of a start surface, replaced where photos measure them.
 
     Cells without measurement keep the start surface plus a thin plate through the offsets of measured cells.
@@ -156,7 +156,7 @@ def _filled(grid: FloorGrid, offset: np.ndarray, known: np.ndarray, feet: Sequen
 
 
 def _sweep(
-    grid: FloorGrid, base: np.ndarray, level: Level, scene: Scene, others: Mesh
+    grid: FloorGrid, base: np.ndarray, level: Level, scene: SweptScene, others: Mesh
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return offset from the base surface, standard deviation, and whether measured; each (rows, columns)."""
     bare = ~below_rocks(grid, scene.rocks)
@@ -177,7 +177,7 @@ def _sweep(
 
 
 def _correlations(
-    grid: FloorGrid, base: np.ndarray, level: Level, scene: Scene, others: Mesh, bare: np.ndarray
+    grid: FloorGrid, base: np.ndarray, level: Level, scene: SweptScene, others: Mesh, bare: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return correlation and contrast (rows, columns, k) of all pairs at each candidate height."""
     points, views = cell_points(grid, base), reduced(scene.views, 3 * PIXEL_M / level.cell_m)

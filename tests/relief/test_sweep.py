@@ -7,7 +7,7 @@ from polarsim.errors import ReconstructionError
 from polarsim.geometry.meshes import Mesh
 from polarsim.relief.heights import INVENTED, MEASURED
 from polarsim.relief.pairs import Group, comparable_groups
-from polarsim.relief.sweep import Scene, sweep_ground
+from polarsim.relief.sweep import SweptScene, sweep_ground
 from polarsim.relief.views import local_contrast
 from tests.relief.scenes import GRID, NO_MESH, level, relief, texture, view
 
@@ -22,7 +22,9 @@ def views():
 
 
 def swept(views, groups=None, rocks=NO_MESH):
-    return sweep_ground(level(), Scene(views, comparable_groups(views) if groups is None else groups, rocks, NO_MESH))
+    return sweep_ground(
+        level(), SweptScene(views, comparable_groups(views) if groups is None else groups, rocks, NO_MESH)
+    )
 
 
 def errors(found) -> np.ndarray:
