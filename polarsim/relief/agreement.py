@@ -16,7 +16,7 @@ from polarsim.errors import ReconstructionError
 from polarsim.geometry.rays import Caster
 from polarsim.relief.equations import Problem, solve_step
 from polarsim.relief.heights import PhotoView
-from polarsim.relief.observations import Observation, log_model, observe, quad_points, rays_of, slopes_of
+from polarsim.relief.observations import ShadingObservation, log_model, observe, quad_points, rays_of, slopes_of
 from polarsim.render.options import Parameters
 
 MAX_OFFSET = 0.12  # metres: of the shadows of rocks, by errors of poses and of the ground
@@ -61,7 +61,7 @@ def verified_views(
     return verified
 
 
-def shadows_match(seen: Observation, cell: float) -> bool:
+def shadows_match(seen: ShadingObservation, cell: float) -> bool:
     """Return whether predicted shadows of rocks correlate with darkness, more than at any other place nearby.
 
     Of 12 published photos 11 match their own scene, and 4 of 60 match another scene; 3 of these have the same rocks.
@@ -89,7 +89,11 @@ def _without_mean(values: np.ndarray, weight: np.ndarray, cell: float) -> np.nda
 
 
 def _disagreement(
-    problem: Problem, view: PhotoView, seen: Observation, others: Sequence[Observation], parameters: Parameters
+    problem: Problem,
+    view: PhotoView,
+    seen: ShadingObservation,
+    others: Sequence[ShadingObservation],
+    parameters: Parameters,
 ) -> str:
     """Return why a photo does not agree with the relief that the other photos imply; empty if it agrees."""
     if not seen.lit.any():

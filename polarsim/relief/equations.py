@@ -9,12 +9,12 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.relief.multigrid import Energy, minimise
-from polarsim.relief.observations import RESIDUAL_SD, Observation, cauchy_weight, slopes_of
+from polarsim.relief.observations import RESIDUAL_SD, ShadingObservation, cauchy_weight, slopes_of
 from polarsim.rocks.heights import FloorGrid
 
 RHO_SD = 0.15  # of the logarithm of the relative albedo
 SLOPE_SD = 0.25  # of slopes, relative to the given surface
-BEND_SD = 0.15  # of second differences over the cell size
+BEND_SD = 0.3  # of second differences over the cell size
 SHADE_SD = 0.1  # of slopes along rays in shadows
 DRIFT = 0.03  # slope that errors of light and reflectance imitate: shading adds only waves in which it is the better
 
@@ -30,7 +30,7 @@ class Problem:
     masked: np.ndarray
 
 
-def solve_step(problem: Problem, surface: np.ndarray, seen: Sequence[Observation]) -> np.ndarray:
+def solve_step(problem: Problem, surface: np.ndarray, seen: Sequence[ShadingObservation]) -> np.ndarray:
     """Return the surface (rows, columns) after one Gauss-Newton step from `surface`."""
     grid = problem.grid
     slopes, given = slopes_of(grid, surface), slopes_of(grid, problem.given)
@@ -65,7 +65,7 @@ def _square(vectors: np.ndarray) -> np.ndarray:
     return np.stack([x * x, x * y, y * y], axis=-1)
 
 
-def _slow_part(problem: Problem, view: Observation, known: np.ndarray) -> np.ndarray:
+def _slow_part(problem: Problem, view: ShadingObservation, known: np.ndarray) -> np.ndarray:
     """Return the local mean (rows - 1, columns - 1) of the residuals where heights are known, else 0.
 
     Errors of light and reflectance imitate slopes. Over long waves, the known heights are more accurate.

@@ -86,7 +86,7 @@ class _Level:
 
 
 def _levels(energy: Energy) -> list[_Level]:
-    levels = []
+    levels: list[_Level] = []
     curvature, pull, stiffness = energy.curvature, energy.pull, energy.stiffness
     while True:
         matrix = _assemble(np.ascontiguousarray(curvature), np.ascontiguousarray(pull), stiffness, _NUMBER)

@@ -123,7 +123,7 @@ def log_model_and_derivatives(
 
 
 @dataclass(frozen=True)
-class Observation:
+class ShadingObservation:
     """Quads of a view; arrays are (rows - 1, columns - 1), with a second dimension of 2 for x and y."""
 
     residual: np.ndarray  # of the logarithm, less the light field; 0 where not lit
@@ -145,7 +145,7 @@ def observe(
     masked: np.ndarray,
     occluders: Caster,
     parameters: Parameters,
-) -> Observation:
+) -> ShadingObservation:
     """Compare a photo with the prediction by a surface (rows, columns).
 
     `given` (rows, columns): the surface relative to which shadows are dark.
@@ -162,11 +162,11 @@ def observe(
     dark = visible & (contrast < DARK)
     by_wall = _connected(visible & (dark | hidden), _rim(masked))
     ground = visible & ~hidden & ~by_wall
-    lit = ground & ~ndimage.binary_dilation(dark, np.ones((3, 3)))
+    lit = ground & ~ndimage.binary_dilation(dark, np.ones((3, 3), bool))
     residual = picture - value - light_field(points, picture - value, lit)
     away = points[..., :2] - view.lamp_m[:2]
     distance = np.linalg.norm(away, axis=-1)
-    return Observation(
+    return ShadingObservation(
         np.where(lit, residual, 0.0),
         np.stack(derivatives, axis=-1),
         lit,

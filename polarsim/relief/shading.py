@@ -35,7 +35,7 @@ from polarsim.rocks.heights import FloorGrid
 
 LEVELS = (4, 2, 1)  # cell sizes of the solutions, in cells of the map
 CHECKED = 1  # number of the level on which photos are compared with the scene
-ROUNDS = 3  # Gauss-Newton steps per level
+ROUNDS = (3, 3, 2)  # Gauss-Newton steps per level
 ANCHOR_SD = 0.1  # metres: of unknown heights from the given surface
 INFERRED_SD = 0.010  # metres: least standard deviation of heights from shading
 _SPREAD = 0.1  # metres: radius over which the size of the inferred relief is averaged
@@ -76,7 +76,7 @@ def refine(
     for number, problem in enumerate(levels):
         if number:
             deviation = _resampled(levels[number - 1].grid, deviation, problem.grid)
-        for _ in range(ROUNDS):
+        for _ in range(ROUNDS[number]):
             surface = problem.given + deviation
             seen = [observe(view, problem.grid, problem.given, surface, problem.masked, occluders, parameters)
                     for view in views]  # fmt: skip
