@@ -100,14 +100,14 @@ def _disagreement(
         return "the photo shows no lit ground"
     if not others:
         return "it is not dark where known rocks cast shadows, and there is no other photo to compare it with"
-    surface = solve_step(problem, problem.given, others)
+    implied = slopes_of(problem.grid, solve_step(problem, problem.given, others))
+    given = slopes_of(problem.grid, problem.given)
     rays = rays_of(view, quad_points(problem.grid, problem.given))
-    levels = (log_model(parameters, rays, slopes_of(problem.grid, heights)) for heights in (surface, problem.given))
-    change = np.subtract(*levels)[seen.lit]
-    actual = seen.residual[seen.lit]
-    if min(np.ptp(change), np.ptp(actual)) < _FLAT:
+    level, actual, predicted = (log_model(parameters, rays, slopes) for slopes in (0 * given, given, implied))
+    predicted, actual = (predicted - level)[seen.lit], (actual - level + seen.residual)[seen.lit]
+    if min(np.ptp(predicted), np.ptp(actual)) < _FLAT:
         return ""
-    correlation = float(np.corrcoef(change, actual)[0, 1])
+    correlation = float(np.corrcoef(predicted, actual)[0, 1])
     if correlation > MIN_CORRELATION:
         return ""
     return f"correlation {correlation:.2f} with relief from the other photos, expected {MIN_CORRELATION:g}"

@@ -21,7 +21,7 @@ from scipy import sparse
 
 from polarsim.kernels import njit
 
-TOLERANCE = 1e-4  # of the norm of the residual, relative to that of the start
+TOLERANCE = 1e-3  # of the norm of the residual, relative to that of the start
 MAX_STEPS = 60
 _COARSEST = 6  # rows or columns of a level that is solved directly
 _SWEEPS = 2  # Gauss-Seidel sweeps before and after the coarse correction

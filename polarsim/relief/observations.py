@@ -23,7 +23,8 @@ RESIDUAL_SD = 0.15  # of the logarithm of a photo
 DARK = -1.0  # logarithm relative to the given surface below which ground is in shadow: the minimum between both kinds
 _CAUCHY = 2.4  # residuals of as many standard deviations have half the weight
 _FIELD_ROUNDS, _FIELD_SD, _RIDGE = 8, 0.5, 1e-3  # of the fit of the light field
-_FIELD_SAMPLES = 10_000
+_FIELD_SAMPLES = 5_000
+_CUBIC = tuple((i, j) for i in range(4) for j in range(4 - i))  # powers of x and y
 _RIM_CELLS = 4  # cells next to a wall: a shadow that starts here is the wall's
 _PER_SIDE = 3  # samples of the photo along each side of a quad
 _LIFT = 0.002  # metres between the ground and the start of a ray to a camera or lamp
@@ -115,10 +116,8 @@ def log_model_and_derivatives(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return `log_model` and its derivatives by the slopes along x and y, each (rows, columns)."""
     values = log_model(parameters, rays, slopes)
-    along_x, along_y = (
-        (log_model(parameters, rays, slopes + step) - log_model(parameters, rays, slopes - step)) / (2 * _STEP)
-        for step in (np.array([_STEP, 0]), np.array([0, _STEP]))
-    )
+    steps = (np.array([_STEP, 0.0]), np.array([0.0, _STEP]))
+    along_x, along_y = ((log_model(parameters, rays, slopes + step) - values) / _STEP for step in steps)
     return values, along_x, along_y
 
 
@@ -181,25 +180,27 @@ def observe(
 
 def light_field(points: np.ndarray, values: np.ndarray, chosen: np.ndarray) -> np.ndarray:
     """Return a cubic polynomial of x and y (rows, columns) that fits the chosen values, robust against shadows."""
-    x, y = points[..., 0].ravel() / 2, points[..., 1].ravel() / 2
-    terms = np.stack([x**i * y**j for i in range(4) for j in range(4 - i)], axis=1)
-    used = chosen.ravel()
-    if not used.any():
+    if not chosen.any():
         return np.zeros(values.shape)
-    step = max(1, int(used.sum()) // _FIELD_SAMPLES)
-    here, value = terms[used][::step], values.ravel()[used][::step]
+    x, y = points[0, :, 0] / 2, points[:, 0, 1] / 2  # metres over half the sandbox
+    row, column = np.nonzero(chosen)
+    step = max(1, len(row) // _FIELD_SAMPLES)
+    row, column = row[::step], column[::step]
+    terms = np.stack([x[column] ** i * y[row] ** j for i, j in _CUBIC])
+    value = values[row, column]
     fitted = np.full(len(value), np.median(value))
-    solution = np.zeros(terms.shape[1])
+    solution = np.zeros(len(terms))
     for _ in range(_FIELD_ROUNDS):
         offset = value - fitted
-        weight = np.where(offset < DARK, 0.0, 1 / (1 + (offset / _FIELD_SD) ** 2))
+        weighted = terms * np.where(offset < DARK, 0.0, 1 / (1 + (offset / _FIELD_SD) ** 2))
         # Sums without BLAS, so that the number of threads changes no bit.
-        square = np.array([[(weight * one * two).sum() for two in here.T] for one in here.T])
-        solution = np.linalg.solve(
-            square + _RIDGE * np.eye(len(square)), [(weight * one * value).sum() for one in here.T]
-        )
-        fitted = (here * solution).sum(axis=1)
-    return np.asarray((terms * solution).sum(axis=1).reshape(values.shape))
+        square = np.array([[(one * two).sum() for two in terms] for one in weighted])
+        solution = np.linalg.solve(square + _RIDGE * np.eye(len(terms)), (weighted * value).sum(axis=1))
+        fitted = (terms * solution[:, None]).sum(axis=0)
+    along_x = np.zeros((4, len(x)))  # coefficients of y^j at each x
+    for (i, j), coefficient in zip(_CUBIC, solution.tolist(), strict=True):
+        along_x[j] += coefficient * x**i
+    return np.asarray(sum(along_x[j] * y[:, None] ** j for j in range(4)))
 
 
 def cauchy_weight(residual: np.ndarray) -> np.ndarray:

@@ -89,6 +89,14 @@ def test_photos_of_another_scene_are_refused():
         refine(level(), views, NO_MASK, NOTHING, PARAMETERS)
 
 
+def test_photos_that_contradict_a_scan_are_refused_and_others_are_used(caplog):
+    truth = bump(0.1, 0.1) + bump(-0.2, 0.0, 0.01, 0.04)
+    scanned = HeightMap(GRID, truth, np.full(GRID.shape, 1e-4), np.full(GRID.shape, MEASURED, np.uint8))
+    views = [photo(truth, "30"), photo(bump(0.25, -0.2, -0.03), "180"), photo(truth, "270")]
+    refine(scanned, views, NO_MASK, NOTHING, PARAMETERS)
+    assert [record.getMessage().split(":")[0] for record in caplog.records] == ["03_A_off_180_L_0256"]
+
+
 def test_a_single_photo_without_shadows_of_rocks_is_refused():
     with pytest.raises(ReconstructionError):
         inferred(bump(), ("30",))
