@@ -5,6 +5,7 @@ import numpy as np
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.lens import Lens
+from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.geometry.poses import camera_pose
 from polarsim.geometry.rays import Caster, NumpyCaster
 from polarsim.photo import NO_ROCK, PhotoKey
@@ -34,11 +35,21 @@ def lamp(azimuth: str) -> np.ndarray:
     return np.array([4 * np.cos(angle), 4 * np.sin(angle), 1.2])
 
 
-def photo(heights: np.ndarray, azimuth: str, gain: float = 1000.0) -> PhotoView:
-    """Return a linear photo of a ground with heights (rows, columns) of `GRID` under one lamp."""
+def rocks(*places: tuple[float, float]) -> Mesh:
+    """Return pyramids, 8 cm wide and 7 cm high, at places (x, y)."""
+    corners = np.array([[-0.04, -0.04, -0.02], [0.04, -0.04, -0.02], [0.04, 0.04, -0.02], [-0.04, 0.04, -0.02]])
+    pyramid = np.vstack([corners, [[0.0, 0.0, 0.07]]])
+    faces = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+    return join_meshes([Mesh(pyramid + np.array([*place, 0.0]), faces) for place in places])
+
+
+def photo(heights: np.ndarray, azimuth: str, gain: float = 1000.0, rocky: Mesh | None = None) -> PhotoView:
+    """Return a linear photo of a ground with heights (rows, columns) of `GRID` and rocks under one lamp."""
     x, y = np.moveaxis(GRID.centres(), -1, 0)
-    mesh = grid_mesh(x, y, heights)
-    ground = TerrainMesh(mesh.vertices, mesh.faces, np.full(len(mesh.faces), NO_ROCK))
+    parts = [grid_mesh(x, y, heights), *([rocky] if rocky else [])]
+    whole = join_meshes(parts)
+    numbers = np.repeat([NO_ROCK, 1][: len(parts)], [len(part.faces) for part in parts])
+    ground = TerrainMesh(whole.vertices, whole.faces, numbers)
     lamps = {azimuth: Lamp(lamp(azimuth))}
     rendered = render_view(build_surfaces(ground, OPTIONS), CAMERA, lamps, ["principled"], None, OPTIONS)
     picture = gain * rendered.whole["principled", azimuth] + 0.01

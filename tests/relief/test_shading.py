@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from polarsim.errors import ReconstructionError
+from polarsim.geometry.rays import NumpyCaster
 from polarsim.relief.heights import INFERRED, MEASURED, HeightMap
 from polarsim.relief.shading import refine
-from tests.relief.synthetic import GRID, NOTHING, PARAMETERS, bump, level, photo
+from tests.relief.synthetic import GRID, NOTHING, PARAMETERS, bump, level, photo, rocks
 
 INNER = (np.abs(GRID.centres()) < 0.45).all(axis=-1)
 NO_MASK = np.zeros(GRID.shape, bool)
@@ -100,6 +101,21 @@ def test_photos_that_contradict_a_scan_are_refused_and_others_are_used(caplog):
 def test_a_single_photo_without_shadows_of_rocks_is_refused():
     with pytest.raises(ReconstructionError):
         inferred(bump(), ("30",))
+
+
+def test_shadows_of_rocks_show_whether_a_photo_is_of_the_scene():
+    truth = bump()
+    here, elsewhere = rocks((-0.3, 0.2), (0.25, -0.25), (0.3, 0.3)), rocks((0.0, 0.35), (-0.3, -0.3), (0.3, 0.0))
+    caster = NumpyCaster(here.vertices, here.faces)
+    centres = GRID.centres()
+    masked = np.zeros(GRID.shape, bool)
+    for place in ((-0.3, 0.2), (0.25, -0.25), (0.3, 0.3)):
+        masked |= (np.abs(centres - place) < 0.06).all(axis=-1)
+    refined = refine(level(), [photo(truth, "30", rocky=here)], masked, caster, PARAMETERS)
+    free = INNER & ~masked
+    assert np.corrcoef(refined.height_m[free], truth[free])[0, 1] > 0.7
+    with pytest.raises(ReconstructionError):
+        refine(level(), [photo(truth, "30", rocky=elsewhere)], masked, caster, PARAMETERS)
 
 
 def test_dark_photos_are_refused():
