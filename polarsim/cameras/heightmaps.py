@@ -17,7 +17,7 @@ MIN_OVERLAP = 0.25  # minimum overlap of a translation, share of the smaller map
 
 
 @dataclass(frozen=True)
-class HeightMap:
+class ScanHeights:
     """Mean heights of square cells: rows along y, columns along x, from -reach to +reach; NaN in empty cells."""
 
     height: np.ndarray  # (n, n) metres
@@ -36,7 +36,7 @@ class HeightMap:
         return np.asarray(np.clip(np.where(self.known, self.height - level, 0), -RELIEF_LIMIT, RELIEF_LIMIT))
 
 
-def height_map(points: np.ndarray, reach: float, step: float) -> HeightMap:
+def height_map(points: np.ndarray, reach: float, step: float) -> ScanHeights:
     """Return mean heights of points (n, 3) in cells of `step` over a square of +-`reach`, metres."""
     side = 2 * round(reach / step)
     cells = np.floor((points[:, :2] + reach) / step).astype(int)
@@ -45,7 +45,7 @@ def height_map(points: np.ndarray, reach: float, step: float) -> HeightMap:
     count = np.bincount(cell, minlength=side * side)
     total = np.bincount(cell, weights=points[inside, 2], minlength=side * side)
     with np.errstate(invalid="ignore"):
-        return HeightMap((total / np.where(count > 0, count, np.nan)).reshape(side, side), step)
+        return ScanHeights((total / np.where(count > 0, count, np.nan)).reshape(side, side), step)
 
 
 def correlate_rotations(
@@ -87,7 +87,7 @@ class _MaskedSpectra:
     side: int
 
     @classmethod
-    def of(cls, heights: HeightMap) -> _MaskedSpectra:
+    def of(cls, heights: ScanHeights) -> _MaskedSpectra:
         relief, known = heights.relief(), heights.known.astype(float)
         side = fft.next_fast_len(2 * len(known), real=True)
         parts = (np.asarray(fft.rfft2(part, s=(side, side))) for part in (relief, relief**2, known))
