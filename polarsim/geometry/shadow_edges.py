@@ -14,13 +14,13 @@ COARSE = 2  # step between tested offsets, points
 _DARKEST = 1e-3  # brightness relative to the brightest point, against logarithms of zero
 
 
-def disc_share(height: np.ndarray) -> np.ndarray:
+def segment_share(height: np.ndarray) -> np.ndarray:
     """Return the share (n,) of a disc above a line; `height` (n,) of the centre above the line, in radii."""
     u = np.clip(height, -1.0, 1.0)
     return np.asarray(0.5 + (u * np.sqrt(1 - u**2) + np.arcsin(u)) / np.pi)
 
 
-def fit_edges(brightness: np.ndarray, penumbra: np.ndarray, step: float) -> np.ndarray:
+def shadow_edge_offsets(brightness: np.ndarray, penumbra: np.ndarray, step: float) -> np.ndarray:
     """Return the offset (n,) of the shadow edge from the middle of profiles (n, k), metres; NaN without a clear edge.
 
     A disc lamp that rises above a straight edge is fitted: the edge is the point at which half of the disc is visible.
@@ -65,7 +65,7 @@ def _unexplained(window: np.ndarray, at: np.ndarray, width: float) -> np.ndarray
     dark = _mean(values[:, is_dark], known[:, is_dark])[:, None]
     lit = np.exp(_mean(np.log(values[:, is_lit]), known[:, is_lit]))[:, None]
     observed = np.log(values + FAINT * lit)
-    expected = np.log(dark + np.maximum(lit - dark, 0.0) * disc_share(at / width) + FAINT * lit)
+    expected = np.log(dark + np.maximum(lit - dark, 0.0) * segment_share(at / width) + FAINT * lit)
     variance = _mean((observed - _mean(observed, known)[:, None]) ** 2, known)
     left = _mean((observed - expected) ** 2, known)
     usable = (lit > MIN_RATIO * dark)[:, 0] & (variance > 0)

@@ -19,7 +19,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.casters import make_caster
 from polarsim.geometry.patches import NEARER, between_pixels
 from polarsim.geometry.rays import Caster
-from polarsim.geometry.shadow_edges import WINDOW_M, fit_edges
+from polarsim.geometry.shadow_edges import WINDOW_M, shadow_edge_offsets
 from polarsim.photo import NO_ROCK, SUNS, by_bracket
 from polarsim.run_files.brackets import read_rate
 from polarsim.run_files.pictures import pictures_at
@@ -94,7 +94,7 @@ class EdgeProfiles:
 
     def measure(self, rate: np.ndarray, camera: Camera) -> EdgeSamples:
         """Locate the edges in a linear photo (h, w); groups without a clear edge are omitted."""
-        offset = fit_edges(self._brightness(rate, camera), self.penumbra, STEP)
+        offset = shadow_edge_offsets(self._brightness(rate, camera), self.penumbra, STEP)
         found = np.flatnonzero(np.isfinite(offset))
         count = self.points.shape[2]
         line = _nanmean(self.points[found])  # (m, k, 3)

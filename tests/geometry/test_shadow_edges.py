@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from polarsim.geometry.shadow_edges import disc_share, fit_edges
+from polarsim.geometry.shadow_edges import segment_share, shadow_edge_offsets
 
 STEP, WIDTH = 0.0025, 0.12
 
@@ -11,17 +11,17 @@ STEP, WIDTH = 0.0025, 0.12
 def profile(edge: float, dark: float = 0.1, lit: float = 2.0, width: float = WIDTH) -> np.ndarray:
     """Return the brightness (k,) of a shadow edge at an offset, 0.5 m on both sides."""
     at = np.arange(-200, 201) * STEP
-    return dark + (lit - dark) * disc_share((at - edge) / width)
+    return dark + (lit - dark) * segment_share((at - edge) / width)
 
 
 def fitted(*profiles: np.ndarray, width: float = WIDTH) -> np.ndarray:
-    return fit_edges(np.array(profiles), np.full(len(profiles), width), STEP)
+    return shadow_edge_offsets(np.array(profiles), np.full(len(profiles), width), STEP)
 
 
 def test_the_visible_share_of_a_disc_is_the_area_of_a_circular_segment():
     # The segment below the line at half a radius: (arccos(1/2) - 1/2 sqrt(3/4)) / pi = 0.1955.
     np.testing.assert_allclose(
-        disc_share(np.array([-2, -1, -0.5, 0, 0.5, 1, 3])), [0, 0, 0.1955, 0.5, 0.8045, 1, 1], atol=1e-4
+        segment_share(np.array([-2, -1, -0.5, 0, 0.5, 1, 3])), [0, 0, 0.1955, 0.5, 0.8045, 1, 1], atol=1e-4
     )
 
 
