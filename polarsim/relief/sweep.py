@@ -5,7 +5,8 @@ under the same Sun lamp show the same pattern of relief, albedo and shadows, fro
 The correlations of all pairs of views are summed, aggregated over the grid (`aggregation`), and the best height of each
 cell is kept if the correlation supports it. The sweep is repeated with finer cells and smaller ranges of heights.
 
-The sweep was tuned on the analog's terrain 3 and on published cover photos; terrains 1, 6 and 11 were tests.
+The sweep was tuned on the analog's terrains 3 and 11 and on six published terrains; the analog's terrains 1 and 6 were
+tests.
 """
 
 from __future__ import annotations
@@ -46,8 +47,8 @@ MIN_SUPPORT = 0.45  # minimum correlation of a measured cell and its neighbours,
 SUPPORT_CELLS = 4.0  # standard deviation of this mean, cells
 MIN_EVIDENCE = 0.2  # minimum contrast of a measured cell: twice the number of pairs times their squared contrast
 SPECKLE_M2 = 0.05  # measured areas up to this size that are separated by steps are rejected
-# Share of all cells that must be measured. With the photo of another terrain at C, at most 0.08 of the cells of six
-# published terrains are measured; with the right photo 0.09 (Suns 30 and 180) to 0.57.
+# Share of cells that must be measured. Six published terrains: 0.18 to 0.53 with the right photo at C (0.10 for Suns
+# 30 and 180), at most 0.07 with the photo of another terrain, except 0.28 for one crater with the photo of the other.
 MIN_SHARE = 0.085
 GROUND_DROP = 0.01  # metres by which the ground is lowered as an occluder of its own cells
 PIXEL_M = 0.0017  # size of a pixel on the ground, across the line of sight
