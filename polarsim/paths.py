@@ -173,11 +173,8 @@ class RunPaths:
         if self.config.data_source.has_photos:
             return [f"results/{{run}}/acquire/Terrain{terrain}/photos.parquet" for terrain in self.terrains]
         root = self.config.annotated_root
-        return (
-            ["results/{run}/covers/photos"]
-            if any(cover_photos(root, terrain) for terrain in self.config.terrains)
-            else []
-        )
+        has_covers = any(cover_photos(root, terrain) for terrain in self.config.terrains)
+        return ["results/{run}/covers/photos"] if has_covers else []
 
     @property
     def _has_fit(self) -> bool:
@@ -509,7 +506,8 @@ class CoverPaths:
         self.first_seed = run.seeds[0]
         self.best = f"{{fold}}/seed{self.first_seed}/{self.trainings[-1]}"
         # Domains of `real_tables`: images and labels, training of detectors, evaluation.
-        self.domains = self.trained = [config.photo_domain, *run.models]
+        self.domains = [config.photo_domain, *run.models]
+        self.trained = [config.photo_domain, *config.compared_models]
         self.evaluated = [*self.domains, CONTROL]
         self.folders_of_twins = {model: f"results/{run.run}/renders/{model}" for model in run.models}  # above terrains
         self.folders_of_twins[CONTROL] = f"results/{run.run}/covers/control/pictures"

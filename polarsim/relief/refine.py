@@ -28,12 +28,13 @@ from polarsim.rocks.folder import MAX_VIEWER_VERTICES, SUPPORT_FILE, mesh_row
 from polarsim.rocks.heights import FloorGrid, filled
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.solids import cluster_vertices
+from polarsim.run_files.fitted_photos import GROUND_FILE
 from polarsim.run_files.scene import MESH_TABLE, PHOTOS, PUBLISHED, SCANNED, TerrainMesh, mesh_origins, read_terrain
 from polarsim.run_files.walls import level_walls
 from polarsim.survey import half_width
 
 log = logging.getLogger("polarsim")
-MAP, PICTURE, SUMMARY = "ground_map.npz", "ground_kind.png", "ground.json"
+MAP, PICTURE = "ground_map.npz", "ground_kind.png"
 CELL_OF_PHOTOS, CELL_OF_COVERS = 0.005, 0.010  # cells of height maps from linear photos and from published covers, m
 WALL_MARGIN = 0.03  # width of the sand along the walls that is not refined, metres
 SCAN_SD = 0.0012  # standard deviation of scanned heights in a cell, metres
@@ -85,7 +86,7 @@ def refine_ground(
             longer = {rock: continued_down(mesh, found.grid, found.height_m) for rock, mesh in published.items()}
             _write_refined(folder, terrain, ground, rocks | longer)
         _write_map(folder, found)
-        write_json(folder / SUMMARY, _summary(start, found, [str(view.key) for view in views], reasons))
+        write_json(folder / GROUND_FILE, _summary(start, found, [str(view.key) for view in views], reasons))
 
 
 def _steps(scanned: bool, views: list[PhotoView]) -> list[Step]:
@@ -114,7 +115,7 @@ def _shaded(start: HeightMap, around: SweptScene, options: RenderOptions) -> Hei
     loose = replace(start, sd_m=start.sd_m * cells)
     masked = below_rocks(start.grid, around.rocks)
     solid = join_meshes([around.rocks, around.walls])
-    parameters = options.parameters(options.models[0], "ground")
+    parameters = options.parameters(options.reflectance_models[0], "ground")
     found = refine(loose, around.views, masked, make_caster(solid.vertices, solid.faces), parameters)
     return replace(found, sd_m=np.where(start.kind == MEASURED, start.sd_m, found.sd_m))
 

@@ -57,7 +57,7 @@ PHOTOS_NOTE = (
 )
 APPEARANCE_NOTE = (
     "Appearance: PSNR, SSIM and correlation of photo and twin at a quarter of the size after the best increasing tone "
-    "curve. Photos are 8-bit images with erased annotations. IoU of boxes: mean IoU of human and rendered boxes of "
+    "curve. Photos are 8-bit images; drawn annotations are not compared. IoU of boxes: mean IoU of human and rendered boxes of "
     "rocks, the performance in photos of a detector that predicts the rendered boxes."
 )
 _SIDES = ("kind", "split", "trained", "evaluated")
@@ -74,6 +74,7 @@ def tabulate_real_tables(
     differences: Path,
     photos: Path,
     pictures: Path,
+    drawn: Path,
     twins: Mapping[str, Path],
     tables: Path,
     origin: dict[str, str],
@@ -84,8 +85,8 @@ def tabulate_real_tables(
     ----------
     photos : Path
         Table of the IPD of each photo, written by `compare_domains`.
-    pictures : Path
-        Folder of cover photos, `KEY.png`.
+    pictures, drawn : Path
+        Folders of cover photos, `KEY.png`, and of masks of the lines drawn into them, which are not compared.
     twins : mapping of str to Path
         Folder above `TerrainTT/KEY.png` of each domain of twins.
     """
@@ -104,7 +105,7 @@ def tabulate_real_tables(
     stem = tables / "real_differences"
     tabulate_differences(differences=differences, detection=detection, stem=stem, origin=origin)
 
-    likeness = appearance_of_twins(pictures, twins)
+    likeness = appearance_of_twins(pictures, drawn, twins)
     by_photo = tidy_photos(read_parquet(photos, PHOTO_IPD.columns), likeness)
     blocks = {
         APPEARANCE_CAPTION: format_appearance(likeness, pairs, by_photo),
@@ -114,13 +115,14 @@ def tabulate_real_tables(
     write_blocks(tables / "real_photos", by_photo, blocks, notes, origin)
 
 
-def appearance_of_twins(pictures: Path, twins: Mapping[str, Path]) -> pd.DataFrame:
+def appearance_of_twins(pictures: Path, drawn: Path, twins: Mapping[str, Path]) -> pd.DataFrame:
     """Return a row per photo and domain of twins: key, twin, psnr_db, ssim, correlation."""
     rows = []
     for path in sorted(pictures.glob("*.png")):
-        photo, terrain = png.read_png(path), PhotoKey.parse(path.stem).terrain
+        photo, lines = png.read_png(path), png.read_png(drawn / path.name) > 0
+        terrain = PhotoKey.parse(path.stem).terrain
         for twin, folder in twins.items():
-            compared = compare_appearance(photo, png.read_png(folder / f"Terrain{terrain:02d}" / path.name))
+            compared = compare_appearance(photo, png.read_png(folder / f"Terrain{terrain:02d}" / path.name), lines)
             rows.append((path.stem, twin, *(getattr(compared, name) for name in _LIKENESS)))
     return pd.DataFrame(rows, columns=["key", "twin", *_LIKENESS])
 

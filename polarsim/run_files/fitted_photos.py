@@ -1,7 +1,8 @@
-"""Photos that took part in a fit of a run, as recorded by the files of the fit."""
+"""Photos that took part in the fits of a run, as recorded by the files of the fits."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +13,10 @@ from polarsim.formats.files import read_json
 from polarsim.formats.readers import reader
 from polarsim.formats.yaml_files import describe_error
 from polarsim.photo import PhotoKey
+from polarsim.run_files.light_fields import read_light_fields
 from polarsim.run_files.materials import TABLE_FILE
+
+GROUND_FILE = "ground.json"  # in the folder of the meshes, if the ground was refined by photos
 
 
 @dataclass(frozen=True)
@@ -26,27 +30,54 @@ class FittedPhotos:
         return key.azimuth in self.azimuths and (self.positions is None or key.position in self.positions)
 
 
-class _Lamps(BaseModel, extra="ignore"):
-    lamps: dict[str, float]
+class _Materials(BaseModel, extra="ignore"):
+    azimuths: tuple[str, ...]
+    positions: tuple[str, ...]
+    models: dict[str, object]
 
 
-class _Record(BaseModel, extra="ignore"):
-    """Fields of a file of a fit that describe the photos; without `azimuths`, the fitted lamps name the Suns."""
+class _Ground(BaseModel, extra="ignore"):
+    refined: bool
+    photos: tuple[str, ...]
 
-    azimuths: tuple[str, ...] | None = None
-    positions: tuple[str, ...] | None = None
-    models: dict[str, _Lamps]
+
+def read_fits(
+    terrain: int, domains: Collection[str], materials: Path | None, light: Path | None, meshes: Path
+) -> dict[str, list[FittedPhotos]]:
+    """Return the photos of a terrain that took part in fits of the twins of each domain, by domain.
+
+    `materials`, `light`: folder of fitted materials and file of light fields; domains without entries were not fitted.
+    `meshes`: folder of the meshes; a ground refined by photos is part of the twins of all domains.
+    """
+    by_domain: dict[str, list[FittedPhotos]] = {domain: read_ground_photos(meshes) for domain in domains}
+    for domain, fit in (read_material_photos(materials) if materials else {}).items():
+        by_domain.setdefault(domain, []).append(fit)
+    for domain, fields in (read_light_fields(light) if light else {}).items():
+        azimuths = frozenset(azimuth for azimuth, field in fields.items() if terrain in field.terrains)
+        by_domain.setdefault(domain, []).append(FittedPhotos(azimuths))
+    return by_domain
 
 
 @reader("fitted photos")
-def read_fitted_photos(materials: Path) -> FittedPhotos | None:
-    """Return the photos that took part in a fit of materials, from the folder of the fit; None if the fit failed."""
+def read_material_photos(materials: Path) -> dict[str, FittedPhotos]:
+    """Return the photos that took part in a fit of materials, by domain, from the folder of the fit."""
+    path = materials / TABLE_FILE
     try:
-        record = _Record.model_validate(read_json(materials / TABLE_FILE))
+        record = _Materials.model_validate(read_json(path))
     except ValidationError as error:
-        raise FormatError(describe_error(error, "the file"), path=materials / TABLE_FILE) from error
-    if not record.models:
-        return None
-    lamps = [lamp for fit in record.models.values() for lamp in fit.lamps]
-    positions = None if record.positions is None else frozenset(record.positions)
-    return FittedPhotos(frozenset(lamps if record.azimuths is None else record.azimuths), positions)
+        raise FormatError(describe_error(error, "the file"), path=path) from error
+    return dict.fromkeys(record.models, FittedPhotos(frozenset(record.azimuths), frozenset(record.positions)))
+
+
+@reader("fitted photos")
+def read_ground_photos(meshes: Path) -> list[FittedPhotos]:
+    """Return the photos that refined the ground of a folder of meshes; empty for a ground without photos."""
+    path = meshes / GROUND_FILE
+    if not path.exists():
+        return []
+    try:
+        record = _Ground.model_validate(read_json(path))
+    except ValidationError as error:
+        raise FormatError(describe_error(error, "the file"), path=path) from error
+    keys = [PhotoKey.parse(name) for name in record.photos] if record.refined else []
+    return [FittedPhotos(frozenset({key.azimuth}), frozenset({key.position})) for key in keys]

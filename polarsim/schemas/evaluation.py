@@ -33,9 +33,9 @@ MESH_SCORES = SHARED.table("""
     evaluation/meshes_TerrainTT.csv: A mesh
     mesh | str | | Name of the file
     rock | int64 | | Rock id; -1 is the ground
-    made_from | str | | Origin: `scan`, `published`, `fitted`, or `photos`. A fitted ground is a thin plate through the feet of
-        published rocks with a slope of at most 35 degrees, without craters and mounds between rocks; rock heights are
-        above the fitted ground
+    made_from | str | | Origin: `scan`, `published`, `fitted`, or `photos`. A fitted ground is a thin plate through the
+        feet of published rocks with a slope of at most 35 degrees, without craters and mounds between rocks; rock
+        heights are above the fitted ground
     vertices faces | int64 | count | Vertices and faces
     = soundness
     islands | int64 | count | Connected components

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
 
 from polarsim.formats.tables import write_parquet
-from polarsim.run_files.fitted_photos import read_fitted_photos
+from polarsim.run_files.fitted_photos import read_fits
 from polarsim.run_files.pictures import pictures_at
 from polarsim.scoring.labels import ALL, against, read_folder, read_true_labels, score_tasks
 from polarsim.scoring.metrics import Metric, summary_metric, write_metrics
@@ -29,7 +29,8 @@ def score_twins(
     twins: Mapping[str, Path],
     others: Mapping[str, Path],
     materials: Path | None,
-    fitted: Collection[str],
+    light: Path | None,
+    meshes: Path,
     photos: Path,
     covers: Path | None,
     drawn: Path | None,
@@ -47,10 +48,10 @@ def score_twins(
         Folder of annotated `KEY.txt` files, or `labels.parquet` of the analog.
     twins, others : mapping of model to Path
         Folders of `KEY.png` of the terrain, and of another terrain for the control; `others` may be empty.
-    materials : Path, optional
-        Folder of materials fitted to photos of the terrain.
-    fitted : collection of str
-        Models whose twins have these materials.
+    materials, light : Path, optional
+        Folder of materials and file of light fields, fitted to photos.
+    meshes : Path
+        Folder of the meshes of the terrain, whose ground may have been refined by photos.
     photos : Path
         Table `photos.parquet`, may be empty.
     covers, drawn : Path, optional
@@ -65,12 +66,11 @@ def score_twins(
         for metric in score_tasks(true, rendered, tasks, order, against(truth), options):
             subject = "rendered " + metric.subject.replace(ALL, "all")  # rendered boxes do not depend on seeds
             metrics.append(replace(metric, subject=subject))
-    fit = read_fitted_photos(materials) if materials else None
     pairs = compare_twins(
         photos_to_compare(terrain, photos, covers, drawn),
         {model: pictures_at(folder) for model, folder in twins.items()},
         {model: pictures_at(folder) for model, folder in others.items()},
-        {} if fit is None else {model: [fit] for model in fitted},
+        read_fits(terrain, twins, materials, light, meshes),
     )
     write_metrics(evaluation, "render", terrain, metrics + similarity_metrics(pairs))
     write_parquet(appearance, pairs)

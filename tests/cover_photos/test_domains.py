@@ -127,11 +127,13 @@ def test_tables_have_the_values_of_the_paper_and_intervals(tmp_path):
     for key in KEYS:
         photo = random.integers(0, 256, (304, 484)).astype(np.uint8).repeat(4, 0).repeat(4, 1)
         png.write_png(tmp_path / "photos" / f"{key}.png", photo)
+        png.write_png(tmp_path / "drawn" / f"{key}.png", np.zeros_like(photo))
         for model in ("principled", "hapke"):  # hapke: the photo after a tone curve; principled: another image
             twin = photo.astype(np.uint16) ** 2 // 20 if model == "hapke" else photo[::-1].astype(np.uint16)
             png.write_png(tmp_path / model / f"Terrain{key[:2]}" / f"{key}.png", twin)
     tabulate_real_tables(
-        **paths, pictures=tmp_path / "photos", twins={model: tmp_path / model for model in ("principled", "hapke")},
+        **paths, pictures=tmp_path / "photos", drawn=tmp_path / "drawn",
+        twins={model: tmp_path / model for model in ("principled", "hapke")},
         tables=tmp_path / "tables", origin=origin,
     )  # fmt: skip
     photos = tables.read_parquet(tmp_path / "tables/real_photos.parquet", REAL_PHOTOS.columns)

@@ -15,7 +15,8 @@ from polarsim.geometry.topology import open_edges
 from polarsim.photo import NO_ROCK
 from polarsim.relief.feet import DEPTH_M, continued_down
 from polarsim.relief.heights import MEASURED
-from polarsim.relief.refine import MAP, PICTURE, SUMMARY, refine_ground
+from polarsim.relief.refine import MAP, PICTURE, refine_ground
+from polarsim.run_files.fitted_photos import GROUND_FILE
 from polarsim.render.options import RenderOptions
 from polarsim.rocks.folder import height_mesh, write_meshes
 from polarsim.run_files.lamps import write_suns
@@ -67,7 +68,7 @@ def refined(folder):
         terrain=1, meshes=folder / "meshes", cameras=folder / "cameras", photos=folder / "photos", refined=out,
         options=RenderOptions(),
     )  # fmt: skip
-    return out, json.loads((out / SUMMARY).read_text())
+    return out, json.loads((out / GROUND_FILE).read_text())
 
 
 @pytest.fixture(scope="module")

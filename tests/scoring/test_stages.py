@@ -333,7 +333,8 @@ def test_twins_are_scored_by_boxes_and_pixels_if_available(tmp_path):
         "twins": twins,
         "others": {},
         "materials": None,
-        "fitted": ["hapke"],
+        "light": None,
+        "meshes": tmp_path / "meshes",
         "covers": None,
         "drawn": None,
         "evaluation": tmp_path / "q.csv",
@@ -349,7 +350,7 @@ def test_twins_are_scored_by_boxes_and_pixels_if_available(tmp_path):
     assert (pair["key"], pair["model"], pair["relation"]) == (str(key), "hapke", "not fitted")
     assert pair["lit_px"] == 161 * 388  # a quarter of 53 % of the rows and of 80 % of the columns
     for lamp, relation in (("30", "in place"), ("180", "held out")):
-        fit = {"models": {"hapke": {"lamps": {lamp: 1.0}}}}
+        fit = {"azimuths": [lamp], "positions": ["A"], "models": {"hapke": {"lamps": {lamp: 1.0}}}}
         (tmp_path / "materials.json").write_text(json.dumps(fit))
         score_twins(**{**arguments, "materials": tmp_path}, photos=tmp_path / "photos.parquet")
         assert read_parquet(tmp_path / "pairs.parquet")["relation"].tolist() == [relation]

@@ -216,6 +216,7 @@ rule report_real_tables:
         differences="results/{run}/covers/domains/differences.parquet",
         photos="results/{run}/covers/domains/photos.parquet",
         pictures=expand("results/{{run}}/covers/domains/pictures/{domain}", domain=COVERS.evaluated),
+        drawn="results/{run}/covers/drawn",
         labels=expand("results/{{run}}/covers/domains/labels/{domain}.parquet", domain=COVERS.evaluated),
         twins=of_run(  # read through params.twins
             "results/{run}/renders/{model}/Terrain{terrain}", model=MODELS, terrain=TERRAINS

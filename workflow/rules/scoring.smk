@@ -93,6 +93,8 @@ rule score_twins:
         twins=expand("results/{{run}}/renders/{model}/Terrain{{terrain}}", model=MODELS),
         others=PATHS.twins_of_another_terrain,
         materials=PATHS.materials_of_terrain,
+        light=PATHS.light_of_terrain,
+        meshes="results/{run}/meshes/Terrain{terrain}",
         photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
         covers=COVERS.instead_of_photos("photos"),
         drawn=COVERS.instead_of_photos("drawn"),
@@ -105,7 +107,6 @@ rule score_twins:
     params:
         truth=PATHS.true_labels,
         models=MODELS,
-        fitted=MODELS if PATHS.materials_of_terrain else [],
         options=options("scoring"),
     script:
         "../scripts/score_twins.py"

@@ -15,6 +15,7 @@ with reporting(log=snakemake.log[0]):
         differences=Path(snakemake.input.differences),
         photos=Path(snakemake.input.photos),
         pictures=Path(snakemake.input.pictures[0]),
+        drawn=Path(snakemake.input.drawn),
         twins={domain: Path(folder) for domain, folder in snakemake.params.twins.items()},
         tables=Path(snakemake.output.real_detection).parent,
         origin=snakemake.params.origin,
