@@ -167,9 +167,10 @@ _PARAMETERS: dict[Model, Parameters] = {
 }
 
 
-# Options of fitted twins, unless the run sets them. The radius is that of the analog's lamps; on published cover photos, a
-# disc improves the correlation by 0.013 and not PSNR. The lamp is probed at every 8th pixel: 1.7 instead of 3.4 s a view,
-# no measurable difference. Not included, because images at quarter size do not improve: traced indirect light (4 s a view), blur, noise.
+# Options of fitted twins, unless the run sets them. The radius is that of the analog's lamps; on published cover photos
+# a disc raises the correlation by 0.013 and leaves PSNR as it is. The lamp is probed at every 8th pixel: 1.7 instead of
+# 3.4 s a view, no measurable difference. Not included, because images at quarter size hardly improve: traced indirect
+# light (+0.25 dB for 4 s a view), blur, noise.
 _OF_FITTED: dict[str, Any] = {
     "falloff": True,  # of lamps without light field
     "lamp_radius_m": 0.045,

@@ -57,8 +57,8 @@ PHOTOS_NOTE = (
 )
 APPEARANCE_NOTE = (
     "Appearance: PSNR, SSIM and correlation of photo and twin at a quarter of the size after the best increasing tone "
-    "curve. Photos are 8-bit images; drawn annotations are not compared. IoU of boxes: mean IoU of human and rendered boxes of "
-    "rocks, the performance in photos of a detector that predicts the rendered boxes."
+    "curve. Photos are 8-bit images; drawn annotations are not compared. IoU of boxes: mean IoU of human and rendered "
+    "boxes of rocks, the performance in photos of a detector that predicts the rendered boxes."
 )
 _SIDES = ("kind", "split", "trained", "evaluated")
 _PAIRS = ("kind", "split", "trained", "first", "second")

@@ -49,8 +49,8 @@ def read_fits(
     `materials`, `light`: folder of fitted materials and file of light fields; domains without entries were not fitted.
     `meshes`: folder of the meshes; a ground refined by photos is part of the twins of all domains.
     """
-    by_domain: dict[str, list[FittedPhotos]] = {domain: read_ground_photos(meshes) for domain in domains}
-    for domain, fit in (read_material_photos(materials) if materials else {}).items():
+    by_domain: dict[str, list[FittedPhotos]] = {domain: read_photos_of_ground(meshes) for domain in domains}
+    for domain, fit in (read_photos_of_materials(materials) if materials else {}).items():
         by_domain.setdefault(domain, []).append(fit)
     for domain, fields in (read_light_fields(light) if light else {}).items():
         azimuths = frozenset(azimuth for azimuth, field in fields.items() if terrain in field.terrains)
@@ -59,7 +59,7 @@ def read_fits(
 
 
 @reader("fitted photos")
-def read_material_photos(materials: Path) -> dict[str, FittedPhotos]:
+def read_photos_of_materials(materials: Path) -> dict[str, FittedPhotos]:
     """Return the photos that took part in a fit of materials, by domain, from the folder of the fit."""
     path = materials / TABLE_FILE
     try:
@@ -70,7 +70,7 @@ def read_material_photos(materials: Path) -> dict[str, FittedPhotos]:
 
 
 @reader("fitted photos")
-def read_ground_photos(meshes: Path) -> list[FittedPhotos]:
+def read_photos_of_ground(meshes: Path) -> list[FittedPhotos]:
     """Return the photos that refined the ground of a folder of meshes; empty for a ground without photos."""
     path = meshes / GROUND_FILE
     if not path.exists():

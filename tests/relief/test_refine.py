@@ -16,9 +16,9 @@ from polarsim.photo import NO_ROCK
 from polarsim.relief.feet import DEPTH_M, continued_down
 from polarsim.relief.heights import MEASURED
 from polarsim.relief.refine import MAP, PICTURE, refine_ground
-from polarsim.run_files.fitted_photos import GROUND_FILE
 from polarsim.render.options import RenderOptions
 from polarsim.rocks.folder import height_mesh, write_meshes
+from polarsim.run_files.fitted_photos import GROUND_FILE
 from polarsim.run_files.lamps import write_suns
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.run_files.scene import FITTED, PHOTOS, PUBLISHED, SCANNED

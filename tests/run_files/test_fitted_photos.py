@@ -50,7 +50,7 @@ def test_failed_fits_have_no_photos(tmp_path):
     assert read_fits(3, ("fitted",), materials(tmp_path, models=()), None, tmp_path) == {"fitted": []}
 
 
-@pytest.mark.parametrize("content", ({"azimuths": ["30"]}, {"models": {}, "positions": []}, []))
+@pytest.mark.parametrize("content", [{"azimuths": ["30"]}, {"models": {}, "positions": []}, []])
 def test_an_incomplete_record_is_an_error(tmp_path, content):
     (tmp_path / TABLE_FILE).write_text(json.dumps(content))
     with pytest.raises(FormatError, match=TABLE_FILE):
