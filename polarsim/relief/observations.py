@@ -15,6 +15,7 @@ from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.rays import Caster
 from polarsim.relief.heights import PhotoView
 from polarsim.relief.multigrid import quad_differences
+from polarsim.relief.views import unobstructed
 from polarsim.render import brdf_numba
 from polarsim.render.options import Parameters
 from polarsim.rocks.heights import FloorGrid
@@ -27,7 +28,6 @@ _FIELD_SAMPLES = 5_000
 _CUBIC = tuple((i, j) for i in range(4) for j in range(4 - i))  # powers of x and y
 _RIM_CELLS = 4  # cells next to a wall: a shadow that starts here is the wall's
 _PER_SIDE = 3  # samples of the photo along each side of a quad
-_LIFT = 0.002  # metres between the ground and the start of a ray to a camera or lamp
 _STEP = 0.01  # of the slope, for derivatives
 _GRAZING = 0.02  # smallest cosine of incidence and emergence that the model predicts
 
@@ -66,12 +66,6 @@ def log_picture(view: PhotoView, points: np.ndarray) -> np.ndarray:
     mean = sampled.reshape(rows, _PER_SIDE, columns, _PER_SIDE).mean(axis=(1, 3))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(mean > 0, np.log(mean), np.nan)
-
-
-def unobstructed(points: np.ndarray, target: np.ndarray, occluders: Caster) -> np.ndarray:
-    """Return whether the lines from points (rows, columns, 3) to a camera or lamp (3,) pass all occluders."""
-    starts = points.reshape(-1, 3) + np.array([0.0, 0.0, _LIFT])
-    return ~occluders.occluded(starts, target - starts, 1.0).reshape(points.shape[:-1])
 
 
 def rays_of(view: PhotoView, points: np.ndarray) -> Rays:
