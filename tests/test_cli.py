@@ -103,7 +103,7 @@ lens: {{kind: pinhole, hfov_deg: 60, width_px: 64, height_px: 48}}
 cameras: [{{kind: orbit, radius_m: 1.5, height_m: 1, number: 2}}]
 lights: [{{kind: sun, azimuth_deg: [30], elevation_deg: [20]}}]
 exposures_ms: [64, auto]
-render: {{models: [lambert], rim: false}}
+render: {{models: [lambert], walls: false}}
 """
 
 

@@ -54,7 +54,12 @@ RELEASE = {
     "covers": COVERS,
     "detect": {"seeds": [0, 1], "training": {"model": "compact", "masks": True}},
 }
-FITTED_RELEASE = RELEASE | {"covers": {}, "detect": {}, "render": {"models": ["principled", "fitted"]}}
+FITTED_RELEASE = RELEASE | {
+    "covers": {},
+    "detect": {},
+    "render": {"models": ["principled", "fitted"]},
+    "rocks": {"ground_from_photos": True},
+}
 ONE_SEED = RELEASE | {
     "covers": COVERS | {"carved_scenes": 0},
     "detect": {"seeds": [0], "training": {"model": "compact"}},

@@ -91,7 +91,6 @@ rule convert_control:
     """Images and labels of the control."""
     input:
         photos=f"results/{{run}}/covers/domains/pictures/{CONFIG.photo_domain}",
-        # read through params.twins
         twins=of_run("results/{run}/covers/control/pictures/Terrain{terrain}", terrain=TERRAINS),
         rendered="results/{run}/covers/control/labels.parquet",
     output:
@@ -100,8 +99,6 @@ rule convert_control:
     resources:
         mem_mb=memory_per_attempt(1000),
         runtime=10,
-    params:
-        twins=COVERS.folders_of_twins[COVERS.evaluated[-1]],
     script:
         "../scripts/convert_control.py"
 

@@ -8,7 +8,7 @@ from polarsim.reporting import reporting
 with reporting(log=snakemake.log[0]):
     convert_control(
         photos=Path(snakemake.input.photos),
-        twins=Path(snakemake.params.twins),
+        twins=Path(snakemake.input.twins[0]).parent,
         rendered=Path(snakemake.input.rendered),
         pictures=Path(snakemake.output.pictures),
         labels=Path(snakemake.output.labels),
