@@ -14,7 +14,7 @@ Domain = Model | Literal["fitted"]  # of twins: a model with the parameters of t
 def model_of(domain: Domain) -> Model:
     """Return the reflectance model of a domain of twins.
 
-    The fitted domain uses the principled model: with fitted light it matches photos as well as Hapke's model, has two
-    parameters instead of six, and its fit is stable.
+    The fitted domain uses the principled model, which has two parameters instead of six. With fitted light, its twins
+    have a PSNR of 22.3 dB at a position that is not fitted, those of Hapke's model 21.5 dB (analog, terrains 3 and 11).
     """
     return "principled" if domain == FITTED else domain
