@@ -8,7 +8,7 @@ Model = Literal["principled", "hapke", "lambert", "lunar_lambert", "hapke_chrono
 MODELS: tuple[Model, ...] = get_args(Model)
 CHRONO: tuple[Model, ...] = ("hapke_chrono", "principled_chrono")  # direct light only, as in the paper's images
 FITTED: Literal["fitted"] = "fitted"  # domain of twins: principled, with light, lens and materials fitted to photos
-Domain = Model | Literal["fitted"]  # of twins: a model with the parameters of the paper, or `FITTED`
+Domain = Literal[Model, "fitted"]  # of twins: a model with the parameters of the paper, or `FITTED`
 
 
 def model_of(domain: Domain) -> Model:
