@@ -168,10 +168,15 @@ class RunPaths:
         return self.fitted_light if self.config.render.fitted_domains and self.photos_for_light else []
 
     @property
+    def photo_tables(self) -> list[str]:
+        """The tables of photos of all terrains; empty tables for a source without photos."""
+        return [f"results/{{run}}/acquire/Terrain{terrain}/photos.parquet" for terrain in self.terrains]
+
+    @property
     def photos_for_light(self) -> list[str]:
         """The photos of the run that show its lamps: own photos, else published cover photos."""
         if self.config.data_source.has_photos:
-            return [f"results/{{run}}/acquire/Terrain{terrain}/photos.parquet" for terrain in self.terrains]
+            return self.photo_tables
         root = self.config.annotated_root
         has_covers = any(cover_photos(root, terrain) for terrain in self.config.terrains)
         return ["results/{run}/covers/photos"] if has_covers else []
@@ -541,9 +546,7 @@ class CoverPaths:
 
     def photos_or_covers(self) -> list[str]:
         """Return the tables of photos, or the folder of cover photos that replaces them."""
-        covers = self.instead_of_photos("photos")
-        tables = [f"results/{{run}}/acquire/Terrain{terrain}/photos.parquet" for terrain in self.run.terrains]
-        return [covers] if isinstance(covers, str) else tables
+        return self.run.photos_for_light or self.run.photo_tables
 
     def number_of_scenes(self, wildcards: Wildcards) -> int:
         """Return the number of scenes with a terrain's rocks."""
