@@ -173,6 +173,7 @@ def test_the_output_is_short_and_names_warnings_and_the_log(folder, start):
     assert_whole(folder)
 
 
+@pytest.mark.parametrize("folder", [0.5], indirect=True, ids=["jobs of several seconds"])
 def test_a_terminal_has_live_lines_until_ctrl_c(folder, start, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setenv("TERM", "xterm")
@@ -180,25 +181,31 @@ def test_a_terminal_has_live_lines_until_ctrl_c(folder, start, monkeypatch):
     with os.fdopen(own, "rb", buffering=0) as screen:
         process = start(folder, output=terminal)
         os.close(terminal)
-        jobs_at_work(folder, process)
-        time.sleep(1.5)
+        text = read_terminal(screen, until=r"(?m)^jobs +0/7 .*first 0[12]")
         process.send_signal(signal.SIGINT)
-        text = read_terminal(screen)
+        text += read_terminal(screen)
     assert process.wait(60) == 130
-    lines = re.sub(r"\x1b\[\??[0-9;]*[A-Za-z]", "", text).replace("\r", "\n").splitlines()
+    lines = without_codes(text).splitlines()
     assert any(re.match(r"jobs +0/7 .*first 0[12]", line) for line in lines)
     assert any(line.startswith("polarsim run: stopping") for line in lines)
     assert max(map(len, lines)) <= 80
     assert rules_in(text) == set()
 
 
-def read_terminal(screen) -> str:
-    """Return the text written to a pseudo terminal until all writers have closed it."""
-    parts = []
+def read_terminal(screen, until: str | None = None) -> str:
+    """Return the text written to a pseudo terminal, until it contains a pattern or all writers have closed it."""
+    text = b""
     with suppress(OSError):  # Linux: at the end
         while part := screen.read(65536):
-            parts.append(part)
-    return b"".join(parts).decode()
+            text += part
+            if until and re.search(until, without_codes(text.decode(errors="ignore"))):
+                break
+    return text.decode(errors="ignore")
+
+
+def without_codes(text: str) -> str:
+    """Return text of a terminal without control codes."""
+    return re.sub(r"\x1b\[\??[0-9;]*[A-Za-z]", "", text).replace("\r", "\n")
 
 
 @pytest.mark.parametrize("broken", ["Snakefile", "rule"])
