@@ -1,8 +1,8 @@
 """Light fields of the Sun lamps of a terrain, by domain of twins and azimuth: `renders/light/TerrainTT.json`.
 
 A field describes the irradiance over the sand (`geometry.light_field`). Fields are fitted per domain, because
-reflectance models differ in their trend over the sand, and shared by all terrains. The field of the held-out azimuth is
-fitted without the photos of the terrain.
+reflectance models differ in their trend over the sand, and shared by all terrains. Fields of the held-out azimuth, and
+all fields of a terrain with published photos only, are fitted without the photos of the terrain.
 """
 
 from __future__ import annotations

@@ -69,11 +69,19 @@ def fit_light(
     """Fit the light fields of every domain of twins; write a file per terrain.
 
     `cameras`, `meshes`: folders of each terrain. `photos`: tables `photos.parquet`, or a folder of published photos.
+
+    A terrain has one or two published photos. The fields of a terrain are fitted to those of other terrains only, so
+    that all of them remain tests of its twins.
     """
     engine, options = reflectance_engine(options, threads), options.as_fitted()
     found: dict[int, tuple[TerrainMesh, FitSamples]] = {}
     paths = {key: path for source in photos for key, path in pictures_at(source).items()}
-    read = png.read_photo if all(source.suffix == ".parquet" for source in photos) else read_published_photo
+    published = not all(source.suffix == ".parquet" for source in photos)
+    read, held_out = (
+        (read_published_photo, frozenset(SUNS))
+        if published
+        else (png.read_photo, frozenset({options.fitting.held_out}))
+    )
     for terrain in sorted({key.terrain for key in paths} & set(light)):
         mesh = read_terrain(meshes[terrain], terrain, cameras=cameras[terrain])
         samples = samples_of_terrain(terrain, cameras[terrain], mesh, paths, options, threads, _SCALE, read)
@@ -84,7 +92,7 @@ def fit_light(
         model = model_of(domain)
         setting = Setting(model, options.parameters(model), engine, options.model_copy(update={"falloff": False}))
         seen = {terrain: photo_over_twin(samples, mesh, setting) for terrain, (mesh, samples) in found.items()}
-        for terrain, of_terrain in light_fields(seen, set(light), options.fitting.held_out).items():
+        for terrain, of_terrain in light_fields(seen, set(light), held_out).items():
             fields[terrain][domain] = of_terrain
     if not any(fields[terrain].get(domain) for terrain in light for domain in domains):
         log.warning("no light field: no photo shows lit sand; the light of lamps is even")
@@ -110,12 +118,12 @@ def photo_over_twin(samples: FitSamples, mesh: TerrainMesh, setting: Setting) ->
 
 
 def light_fields(
-    seen: Mapping[int, Mapping[str, PhotoOverTwin]], terrains: Set[int], held_out: str
+    seen: Mapping[int, Mapping[str, PhotoOverTwin]], terrains: Set[int], held_out: Set[str]
 ) -> dict[int, dict[str, FittedField]]:
     """Return the fields of every terrain by azimuth, from photo over twin by terrain and azimuth.
 
     The field of an azimuth is even if, on left-out terrains, the median error of a fitted field is not lower. The
-    photos of a terrain under the held-out azimuth do not affect its field. Azimuths without photos are omitted.
+    photos of a terrain under the held-out azimuths do not affect its fields. Azimuths without photos are omitted.
     """
     fields: dict[int, dict[str, FittedField]] = {terrain: {} for terrain in terrains}
     for azimuth in SUNS:
@@ -148,7 +156,7 @@ def light_fields(
             if not used:
                 everywhere, others = EVEN, dict.fromkeys(others, EVEN)
         for terrain in terrains:
-            if azimuth != held_out:
+            if azimuth not in held_out:
                 field, fitted = everywhere, tuple(parts)
             elif terrain in others:
                 field, fitted = others[terrain], tuple(other for other in parts if other != terrain)
