@@ -16,25 +16,31 @@ from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose, noise_generator, noise_seed
 from polarsim.render.sidecar import Shot, Sidecar, digests_of
 from polarsim.render.surfaces import Surfaces, build_surfaces, check_position
-from polarsim.run_files.scene import mesh_files, read_terrain
+from polarsim.run_files.scene import cameras_of_run, mesh_files, read_terrain
+from polarsim.run_files.walls import walls_file
 
 
 class Scene:
     """Meshes of a terrain and render options; the meshes are read once for all images."""
 
     def __init__(self, meshes: Path, terrain: int, options: RenderOptions) -> None:
-        """`meshes`: folder with `terrainNN_ground.obj` and `terrainNN_rock<k>.obj`."""
+        """`meshes`: folder with `terrainNN_ground.obj` and `terrainNN_rock<k>.obj`.
+
+        The walls are those of twins: fitted to photos, if the folder is part of a run that has fitted them.
+        """
         self.meshes, self.terrain, self.options = meshes, terrain, options
-        self._mesh = read_terrain(meshes, terrain)
+        self._cameras = cameras_of_run(meshes)
+        self._mesh = read_terrain(meshes, terrain, cameras=self._cameras)
 
     @cached_property
     def surfaces(self) -> Surfaces:
         return build_surfaces(self._mesh, self.options)
 
     @cached_property
-    def mesh_digests(self) -> dict[str, str]:
-        """SHA-256 of every mesh by file name."""
-        return digests_of(mesh_files(self.meshes, self.terrain).values())
+    def digests(self) -> dict[str, str]:
+        """SHA-256 of every mesh and of the file of the walls by file name."""
+        walls = walls_file(self.meshes, self._cameras)
+        return digests_of([*mesh_files(self.meshes, self.terrain).values(), *([walls] if walls else [])])
 
     def refuse_positions(self, shot: Shot) -> None:
         """Raise `RenderError` if the camera or a lamp is below the ground or more than a kilometre away."""
@@ -63,4 +69,4 @@ class Scene:
     def sidecar(self, shot: Shot) -> dict[str, Any]:
         """Return the content of the JSON file of an image: see `render.sidecar`."""
         seed = noise_seed(self.options, "scene", self.terrain, shot.exposure_ms)
-        return Sidecar(shot, self.terrain, self.options, self.gain(shot.model), self.mesh_digests, seed).content()
+        return Sidecar(shot, self.terrain, self.options, self.gain(shot.model), self.digests, seed).content()

@@ -20,9 +20,9 @@ from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose, noise_generator, noise_seed
 from polarsim.render.sidecar import Shot, Sidecar, digest_of, write_sidecar
 from polarsim.run_files import lamps as lamp_files
-from polarsim.run_files import walls
 from polarsim.run_files.materials import FittedMaterials
 from polarsim.run_files.scene import mesh_files
+from polarsim.run_files.walls import walls_file
 
 log = logging.getLogger("polarsim.render")
 
@@ -30,14 +30,14 @@ log = logging.getLogger("polarsim.render")
 def input_digests(terrain: int, meshes: Path, cameras: Path, lamps: Path) -> dict[str, str]:
     """Return the digests of the inputs common to all twins of a terrain, for `sources` of the sidecars.
 
-    `cameras`, `meshes`: folders that may contain `walls.json`, as in `read_terrain`.
+    `cameras`, `meshes`: folders that may contain `walls.json`, see `walls_file`.
     `lamps`: folder of `lamps.json`, which exists if the lamps were localised on photos.
     """
     lamp_file = lamps / lamp_files.FILE
-    wall_files = [path for folder in (cameras, meshes) if (path := folder / walls.FILE).exists()][:1]
+    walls = walls_file(meshes, cameras)
     return {
         "meshes": digest_of(mesh_files(meshes, terrain).values()),
-        **({"walls": digest_of(wall_files)} if wall_files else {}),
+        **({"walls": digest_of([walls])} if walls else {}),
         **({"lamps": digest_of([lamp_file])} if lamp_file.exists() else {}),
     }
 

@@ -15,7 +15,7 @@ from polarsim.formats.files import existing_folder
 from polarsim.formats.readers import reader
 from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.photo import NO_ROCK
-from polarsim.run_files.walls import Walls, read_walls, surveyed_walls
+from polarsim.run_files.walls import Walls, read_walls, surveyed_walls, walls_file
 
 MESH_TABLE = "meshes.csv"  # in the folder of the meshes, with a row per mesh
 # Origins of meshes; a fitted ground is an estimate, refined by photos if the origin is PHOTOS.
@@ -108,5 +108,12 @@ def read_terrain(
     whole = join_meshes(meshes)
     rocks = np.repeat(list(files), [len(mesh.faces) for mesh in meshes])
     mesh = TerrainMesh(whole.vertices, whole.faces, rocks)
-    fitted = None if cameras is None else read_walls(cameras)
-    return replace(mesh, walls=fitted or read_walls(folder) or surveyed_walls(terrain, mesh.sand_level))
+    file = walls_file(Path(folder), cameras)
+    return replace(mesh, walls=read_walls(file.parent) if file else surveyed_walls(terrain, mesh.sand_level))
+
+
+def cameras_of_run(meshes: Path) -> Path | None:
+    """Return the folder of the rig poses of the run that a folder `meshes/TerrainTT` is part of; None outside a run."""
+    folder = meshes.absolute()
+    cameras = folder.parents[1] / "cameras" / folder.name if folder.parent.name == "meshes" else None
+    return cameras if cameras is not None and cameras.is_dir() else None

@@ -157,6 +157,12 @@ def write_walls(folder: str | Path, walls: Walls) -> None:
     write_json(Path(folder) / FILE, {"origin": walls.origin, "sides": sides})
 
 
+def walls_file(meshes: Path, cameras: Path | None) -> Path | None:
+    """Return the file of walls fitted to photos, in the folder of the rig poses, else measured, of the meshes."""
+    folders = [folder for folder in (cameras, meshes) if folder is not None]
+    return next((path for folder in folders if (path := folder / FILE).exists()), None)
+
+
 @reader("walls")
 def read_walls(folder: str | Path) -> Walls | None:
     """Read the walls of a folder of meshes; None if the folder has no such file: a sandbox without walls."""

@@ -1,6 +1,8 @@
 """Sidecar files of images."""
 
+import hashlib
 import json
+import shutil
 import subprocess
 from dataclasses import replace
 
@@ -14,8 +16,9 @@ from polarsim.randomness import generator
 from polarsim.render.lamps import ROVER
 from polarsim.render.options import RenderOptions
 from polarsim.render.scene import Scene
-from polarsim.render.sidecar import read_sidecar, write_sidecar
+from polarsim.render.sidecar import digest_of, read_sidecar, write_sidecar
 from polarsim.run_files.instances import ROCK_IDS
+from polarsim.run_files.walls import FILE, level_walls, write_walls
 
 from .conftest import render_into
 
@@ -42,6 +45,23 @@ def test_a_twin_can_be_rendered_again_from_sidecar_and_meshes(folders):
         assert (again > 16).any() == (key != KEYS[3])
         lamps.append(list(sidecar.shot.lamps))
     assert lamps == [["30"], ["30", ROVER], ["180", ROVER], []]  # the first casts the labelled shadows
+
+
+def test_a_twin_with_walls_fitted_to_photos_can_be_rendered_again_from_its_run(folders, tmp_path):
+    run, options = tmp_path / "run", OPTIONS.model_copy(update={"walls": True})
+    meshes, cameras = run / "meshes" / "Terrain01", run / "cameras" / "Terrain01"
+    shutil.copytree(folders / "meshes", meshes)
+    write_walls(folders / "meshes", level_walls(1.9, 0.2, "scans"))
+    write_walls(folders / "cameras", level_walls(1.0, 0.5, "photos"))  # near enough to shade the block
+    sidecar = read_sidecar((twins := make(folders, options=options)) / f"{KEYS[0]}.json")
+    twin = png.read_png(twins / f"{KEYS[0]}.png")
+    measured = Scene(folders / "meshes", 1, sidecar.options)  # outside a run
+    assert (measured.picture(sidecar.shot) != twin).mean() > 0.1
+    shutil.copytree(folders / "cameras", cameras)
+    of_run = Scene(meshes, sidecar.terrain, sidecar.options)
+    assert (of_run.picture(sidecar.shot) != twin).mean() < 1e-3
+    assert digest_of([cameras / FILE]) == sidecar.sources["walls"]
+    assert of_run.digests[FILE] == hashlib.sha256((cameras / FILE).read_bytes()).hexdigest()
 
 
 def test_the_light_field_of_a_lamp_is_stored(folders, tmp_path):

@@ -107,7 +107,7 @@ class ViewsFolder:
         return {
             **{key: value for key, value in content.items() if key not in _OF_ONE_TERRAIN},
             **picture.columns(),
-            "terrains": [{"terrain": scene.terrain, "meshes": scene.mesh_digests}],
+            "terrains": [{"terrain": scene.terrain, "meshes": scene.digests}],
             "moment_utc": picture.light.moment_utc,
             "exposure": "stated" if picture.exposure_ms else {AUTO: views.auto_exposure.model_dump()},
             "stars": views.stars.model_dump() if views.stars else None,
