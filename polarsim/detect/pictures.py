@@ -208,7 +208,7 @@ def _read_mask(folders: Sequence[Path], key: PhotoKey, labelled: Collection[int]
     folder = next((folder for folder in folders if folder.name == name), None)
     if folder is None:
         raise DetectError(f"no folder {name} of masks for {key}")
-    grey_map, instance_map = folder / f"{key}.png", folder / f"{str(key).rpartition('_')[0]}.png"
+    grey_map, instance_map = folder / f"{key}.png", folder / instances.instance_map_name(key)
     if grey_map.is_file():
         return class_masks.of_grey_map(read_picture(grey_map))
     return class_masks.of_ids(instances.read_instances(instance_map), labelled)

@@ -24,7 +24,7 @@ from polarsim.render.lamps import lamps_on
 from polarsim.render.olat import NO_LAMP
 from polarsim.render.options import RenderOptions
 from polarsim.render.surfaces import Surfaces
-from polarsim.run_files.instances import BACKGROUND, ROCK_IDS, SHADOW_IDS
+from polarsim.run_files.instances import BACKGROUND, ROCK_IDS, SHADOW_IDS, instance_map_name
 
 SOURCE_RENDERED = "rendered"  # source of labels computed by rays
 _TOUCHING = np.ones((3, 3), bool)  # 8-connectivity
@@ -129,7 +129,7 @@ def label_view(
     for bracket in by_bracket(keys).values():
         lamps = lamps_on(bracket[0])
         of_bracket = by_lamp[lamps[0]] if lamps else []
-        png.write_png(instances / f"{str(bracket[0]).rpartition('_')[0]}.png", ids[lamps[0] if lamps else NO_LAMP])
+        png.write_png(instances / instance_map_name(bracket[0]), ids[lamps[0] if lamps else NO_LAMP])
         classes = np.array([BOX_CLASSES.index(label.kind) for label in of_bracket], int)
         rectangles = np.array([label.box for label in of_bracket], float)
         for key in bracket:

@@ -9,11 +9,16 @@ import numpy as np
 from polarsim.errors import FormatError
 from polarsim.formats import png
 from polarsim.formats.readers import reader
-from polarsim.photo import ROCK, SHADOW
+from polarsim.photo import ROCK, SHADOW, PhotoKey
 
 # RELIEF_SHADOW is ground in the shadow of relief or a wall; rock k is ROCK_IDS + k, shadow of rock k is SHADOW_IDS + k.
 # Ids from BODY to ROCK_IDS are parts of the rover in images of the rover cameras.
 BACKGROUND, GROUND, RELIEF_SHADOW, BODY, ROCK_IDS, SHADOW_IDS = 0, 1, 2, 3, 1000, 2000
+
+
+def instance_map_name(key: PhotoKey) -> str:
+    """Return the file name of the instance map of an exposure bracket, whose photos share a map."""
+    return f"{str(key).rpartition('_')[0]}.png"
 
 
 @reader("instance map")

@@ -14,6 +14,7 @@ from polarsim.errors import ConfigError
 from polarsim.formats.tables import LABEL_COLUMNS, label_table, read_csv, read_parquet
 from polarsim.formats.yaml_files import read_yaml
 from polarsim.photo import TERRAINS, PhotoKey
+from polarsim.run_files.instances import instance_map_name
 from polarsim.run_files.pictures import pictures_at
 from polarsim.schemas.detect import PREDICTIONS
 
@@ -103,8 +104,7 @@ class Run:
 
     def instances(self, key: PhotoKey) -> Path:
         """Return the instance map of the twins of an exposure bracket."""
-        bracket = str(key).rpartition("_")[0]
-        return self.folder / "renders" / "instances" / f"Terrain{key.terrain:02d}" / f"{bracket}.png"
+        return self.folder / "renders" / "instances" / f"Terrain{key.terrain:02d}" / instance_map_name(key)
 
     def labels(self, terrain: int, *, of_twins: bool = False) -> pd.DataFrame:
         """Return the labels of a terrain, propagated to photos or rendered with twins; empty without a table."""

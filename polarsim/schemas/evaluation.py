@@ -7,9 +7,9 @@ IN_PLACE, HELD_OUT, NOT_FITTED = "in place", "held out", "not fitted"  # relatio
 SHARED = Shared(
     """
     terrain | int64 | | Terrain
-    brightness: log2_twin_over_photo | float64 | stops | Brightness of the twin over that of the photo, median of lit
-        pixels
-    brightness: log2_difference | float64 | stops | Median absolute difference of brightness
+    brightness: log2_twin_over_photo | float64 | stops | Brightness of the twin over that of the photo, median on lit
+        sand
+    brightness: log2_difference | float64 | stops | Median absolute difference of brightness on lit sand
     relation | str | | `in place` (the photo took part in the fit of materials or ground), `held out` (it did not), or
         `not fitted` (nothing was fitted to photos)
     """,
@@ -83,8 +83,9 @@ APPEARANCE_PAIRS = SHARED.table("""
     = relation
     psnr_db | float64 | dB | PSNR of the compared part at a quarter of the size, after the best increasing tone curve
     ssim correlation | float64 | 1 | Structural similarity and correlation of the same images
-    stops | float64 | stops | Median absolute difference of brightness on lit pixels, without the median difference
-    lit_px | int64 | px | Pixels of the reduced images that are lit and not clipped in both
+    stops | float64 | stops | Median absolute difference of brightness on lit sand, without the median difference
+    lit_px | int64 | px | Pixels of the reduced images that show only lit sand in the twin (neither shadow, rock nor
+        wall), and are neither dark nor clipped in photo and twin
     = brightness
     features | int64 | count | SIFT features of the photo
     matches | int64 | count | Matches of features of photo and twin

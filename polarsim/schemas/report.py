@@ -101,7 +101,7 @@ APPEARANCE = SHARED.table("""
     psnr_db | interval | dB | Median PSNR of photo and twin after the best increasing tone curve
     ssim | interval | 1 | Median structural similarity of the same images
     correlation | interval | 1 | Median correlation of the same images
-    stops | interval | stops | Median over photos of the median absolute difference of brightness on lit pixels, without
+    stops | interval | stops | Median over photos of the median absolute difference of brightness on lit sand, without
         the median difference; empty for published photos of 8 bits
     matches | int64 | count | Matches of SIFT features of photo and twin, all photos
     agreement | interval | 1 | Share of these matches at the same position, within 4 px

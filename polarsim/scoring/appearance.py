@@ -2,7 +2,8 @@
 
 The reflectance models and the exposure of a twin are approximate, so that grey values of twin and photo differ by an
 unknown monotone curve. The curve is fitted for each photo (isotonic regression), and only the remaining differences
-count: shadows, relief, walls, texture. Brightness is measured separately, in stops.
+count: shadows, relief, walls, texture. Brightness is measured separately, in stops, on sand that the lamp lights: light
+in shadows comes from walls and surroundings, which the twins approximate by a constant.
 
 A curve with many levels also explains a part of the twin of another scene. Therefore `scoring.twin_photos` compares
 each photo with the twin of another terrain as well.
@@ -30,8 +31,8 @@ class Appearance:
     psnr_db: float  # of 8-bit images with display tone mapping
     ssim: float
     correlation: float
-    stops: float  # median |log2 (twin / photo)| of lit pixels, without the median ratio; NaN without lit pixels
-    lit_px: int  # number of pixels, at reduced size, that are lit and not clipped in both images
+    stops: float  # median |log2 (twin / photo)| on lit sand, without the median ratio; NaN without lit sand
+    lit_px: int  # number of pixels of lit sand, at reduced size, that are neither dark nor clipped in both images
     log2_twin_over_photo: float  # median over these pixels
     log2_difference: float  # median of absolute values over these pixels
 
@@ -43,6 +44,7 @@ class ReducedPhoto:
     tones: np.ndarray  # float32, grey values of the displayed photo, 0 to 255
     light: np.ndarray | None  # float32, DN above black; None for 8-bit photos, whose tone curve is unknown
     valid: np.ndarray  # bool, pixels without an ignored pixel of the full size
+    lit_sand: np.ndarray  # bool, pixels that show lit sand only
 
 
 @dataclass(frozen=True)
@@ -57,7 +59,9 @@ class ToneCurve:
         return np.interp(twin, self.levels, self.tones).astype(np.float32)
 
 
-def compare_appearance(photo: np.ndarray, twin: np.ndarray, ignored: np.ndarray | None = None) -> Appearance:
+def compare_appearance(
+    photo: np.ndarray, twin: np.ndarray, ignored: np.ndarray | None = None, lit_sand: np.ndarray | None = None
+) -> Appearance:
     """Compare a twin (h, w) uint16 and the photo on the part of the image that shows the sandbox.
 
     Parameters
@@ -66,18 +70,24 @@ def compare_appearance(photo: np.ndarray, twin: np.ndarray, ignored: np.ndarray 
         Photo with linear grey values, or published photo with an unknown tone curve.
     ignored : (h, w) bool, optional
         Pixels of the photo that are not compared, such as drawn lines.
+    lit_sand : (h, w) bool, optional
+        Pixels whose brightness is compared; default: all.
     """
-    reduced = reduce_photo(photo, ignored)
+    reduced = reduce_photo(photo, ignored, lit_sand)
     return compare_reduced(reduced, reduce_picture(twin))
 
 
-def reduce_photo(photo: np.ndarray, ignored: np.ndarray | None = None) -> ReducedPhoto:
+def reduce_photo(
+    photo: np.ndarray, ignored: np.ndarray | None = None, lit_sand: np.ndarray | None = None
+) -> ReducedPhoto:
     """Return the compared part of a photo, see `compare_appearance`."""
     used = photo if ignored is None or ignored.all() else photo[~ignored]
     tones = reduce_picture(to_8bit(photo, display_white_level(used))[..., 0])
-    valid = np.ones(tones.shape, bool) if ignored is None else reduce_picture(ignored) == 0
+    everywhere = np.ones(tones.shape, bool)
+    valid = everywhere if ignored is None else reduce_picture(ignored) == 0
+    sand = everywhere if lit_sand is None else reduce_picture(~lit_sand) == 0
     light = None if photo.dtype == np.uint8 else reduce_picture(photo) - BLACK_LEVEL
-    return ReducedPhoto(tones, light, valid)
+    return ReducedPhoto(tones, light, valid, sand)
 
 
 def sandbox_part(picture: np.ndarray) -> np.ndarray:
@@ -101,7 +111,8 @@ def reduce_picture(picture: np.ndarray) -> np.ndarray:
 def compare_reduced(photo: ReducedPhoto, twin: np.ndarray) -> Appearance:
     """Compare a photo and a twin (h, w) float32, both reduced; NaN if no pixel is valid."""
     valid = photo.valid
-    ratio = np.empty(0) if photo.light is None else log_ratio(photo.light[valid], twin[valid] - BLACK_LEVEL)
+    sand = valid & photo.lit_sand
+    ratio = np.empty(0) if photo.light is None else log_ratio(photo.light[sand], twin[sand] - BLACK_LEVEL)
     typical = float(np.median(ratio)) if ratio.size else np.nan
     spread, difference = (float(np.median(np.abs(ratio - at))) if ratio.size else np.nan for at in (typical, 0))
     brightness = (spread, ratio.size, typical, difference)

@@ -22,6 +22,7 @@ from polarsim.formats import png
 from polarsim.formats.tables import key_columns
 from polarsim.photo import PhotoKey, by_bracket
 from polarsim.run_files.fitted_photos import FittedPhotos
+from polarsim.run_files.instances import GROUND, instance_map_name
 from polarsim.run_files.pictures import pictures_at
 from polarsim.schemas.evaluation import APPEARANCE_PAIRS, HELD_OUT, IN_PLACE, NOT_FITTED
 from polarsim.scoring.appearance import ReducedPhoto, compare_reduced, reduce_photo, reduce_picture, toned_twin
@@ -34,10 +35,11 @@ _CONTROLLED = ("psnr_db", "ssim", "correlation")  # metrics after the tone curve
 
 @dataclass(frozen=True)
 class ComparedPhoto:
-    """Photo of 12 or 8 bits, and a mask with values above 0 at drawn lines, if there are any."""
+    """Photo of 12 or 8 bits, mask with values above 0 at drawn lines, and instance map of the twins."""
 
     path: Path
     drawn: Path | None = None
+    instances: Path | None = None
 
 
 def compare_twins(
@@ -63,7 +65,8 @@ def compare_twins(
         if not paths:
             continue
         photo, drawn = read_compared(compared)
-        reduced = reduce_photo(photo, drawn)
+        lit_sand = None if compared.instances is None else read_in_size(compared.instances, photo.shape) == GROUND
+        reduced = reduce_photo(photo, drawn, lit_sand)
         features = find_features(reduced.tones, reduced.valid)
         for model, path in paths.items():
             twin = reduce_picture(read_in_size(path, photo.shape))
@@ -95,15 +98,18 @@ def subject_of(model: str, relation: str) -> str:
 
 
 def photos_to_compare(
-    terrain: int, photos: Path, covers: Path | None, drawn: Path | None
+    terrain: int, photos: Path, covers: Path | None, drawn: Path | None, instances: Path
 ) -> dict[PhotoKey, ComparedPhoto]:
     """Return typical photos of a terrain from a table of photos, or all cover photos from a folder of `KEY.png`.
 
-    `drawn` is the folder of the masks of the lines in cover photos.
+    `drawn` is the folder of the masks of the lines in cover photos, `instances` that of the instance maps of the twins.
     """
     if covers is None:
         paths = {key: path for key, path in pictures_at(photos).items() if key.terrain == terrain}
-        return {key: ComparedPhoto(paths[key]) for key in typical_photos(list(paths), COMPARED_PHOTOS)}
+        return {
+            key: ComparedPhoto(paths[key], instances=instances / instance_map_name(key))
+            for key in typical_photos(list(paths), COMPARED_PHOTOS)
+        }
     masks = {} if drawn is None else pictures_at(drawn)
     found = {key: path for key, path in pictures_at(covers).items() if key.terrain == terrain}
     return {key: ComparedPhoto(path, masks.get(key)) for key, path in found.items()}

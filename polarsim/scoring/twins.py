@@ -34,6 +34,7 @@ def score_twins(
     photos: Path,
     covers: Path | None,
     drawn: Path | None,
+    instances: Path,
     evaluation: Path,
     appearance: Path,
     options: ScoringOptions,
@@ -56,6 +57,8 @@ def score_twins(
         Table `photos.parquet`, may be empty.
     covers, drawn : Path, optional
         Folders of published cover photos, which replace the photos, and of the masks of lines drawn into them.
+    instances : Path
+        Folder of the instance maps of the twins.
     """
     metrics: list[Metric] = []
     if truth is not None:
@@ -67,7 +70,7 @@ def score_twins(
             subject = "rendered " + metric.subject.replace(ALL, "all")  # rendered boxes do not depend on seeds
             metrics.append(replace(metric, subject=subject))
     pairs = compare_twins(
-        photos_to_compare(terrain, photos, covers, drawn),
+        photos_to_compare(terrain, photos, covers, drawn, instances),
         {model: pictures_at(folder) for model, folder in twins.items()},
         {model: pictures_at(folder) for model, folder in others.items()},
         read_fits(terrain, twins, materials, light, meshes),

@@ -14,6 +14,7 @@ from polarsim.geometry import boxes as box_geometry
 from polarsim.geometry.poses import Pose, surveyed_pose
 from polarsim.geometry.stereo import default_rig
 from polarsim.photo import PhotoKey
+from polarsim.run_files.instances import GROUND, SHADOW_IDS
 from polarsim.run_files.rigs import LocalisedRig, read_localised, write_localised
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.cameras import score_cameras
@@ -319,7 +320,10 @@ def test_twins_are_scored_by_boxes_and_pixels_if_available(tmp_path):
     key = PhotoKey.parse("03_A_off_30_L_0256")
     photo = np.full((1216, 1936), 16 + 800, np.uint16)
     png.write_png(tmp_path / "photo.png", photo)
-    png.write_png(tmp_path / f"hapke/{key}.png", photo + 800)
+    shaded = np.arange(1936) >= 968
+    png.write_png(tmp_path / f"hapke/{key}.png", np.where(shaded, photo, photo + 800).astype(np.uint16))
+    ids = np.where(shaded, SHADOW_IDS + 1, GROUND).astype(np.uint16)
+    png.write_png(tmp_path / "instances/03_A_off_30_L.png", np.broadcast_to(ids, photo.shape))
     yolo.write_boxes(tmp_path / f"boxes/{key}.txt", [0], [BOX])
     yolo.write_boxes(tmp_path / f"truth/{key}.txt", [0, 0], [BOX, [500, 500, 540, 530]])
     row = {**dict.fromkeys(PHOTO_COLUMNS, 0), **key_columns(key), "path": str(tmp_path / "photo.png"), "sha256": ""}
@@ -337,6 +341,7 @@ def test_twins_are_scored_by_boxes_and_pixels_if_available(tmp_path):
         "meshes": tmp_path / "meshes",
         "covers": None,
         "drawn": None,
+        "instances": tmp_path / "instances",
         "evaluation": tmp_path / "q.csv",
         "appearance": tmp_path / "pairs.parquet",
         "options": OPTIONS,
@@ -348,7 +353,8 @@ def test_twins_are_scored_by_boxes_and_pixels_if_available(tmp_path):
     assert not [subject for subject, _ in found if subject == "principled"]
     pair = read_parquet(tmp_path / "pairs.parquet").iloc[0]
     assert (pair["key"], pair["model"], pair["relation"]) == (str(key), "hapke", "not fitted")
-    assert pair["lit_px"] == 161 * 388  # a quarter of 53 % of the rows and of 80 % of the columns
+    # A quarter of 53 % of the rows and of 80 % of the columns; the shadow in the right half does not count.
+    assert (pair["lit_px"], pair["stops"]) == (161 * 194, 0)
     for lamp, relation in (("30", "in place"), ("180", "held out")):
         fit = {"azimuths": [lamp], "positions": ["A"], "models": {"hapke": {"lamps": {lamp: 1.0}}}}
         (tmp_path / "materials.json").write_text(json.dumps(fit))

@@ -98,6 +98,7 @@ rule score_twins:
         photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
         covers=COVERS.instead_of_photos("photos"),
         drawn=COVERS.instead_of_photos("drawn"),
+        instances="results/{run}/renders/instances/Terrain{terrain}",
     output:
         evaluation="results/{run}/evaluation/twins_Terrain{terrain}.csv",
         appearance="results/{run}/evaluation/appearance_Terrain{terrain}.parquet",

@@ -20,6 +20,7 @@ with reporting(log=snakemake.log[0]):
         photos=Path(snakemake.input.photos),
         covers=optional_path(snakemake.input.covers),
         drawn=optional_path(snakemake.input.drawn),
+        instances=Path(snakemake.input.instances),
         evaluation=Path(snakemake.output.evaluation),
         appearance=Path(snakemake.output.appearance),
         options=ScoringOptions(**snakemake.params.options),
