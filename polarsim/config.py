@@ -199,9 +199,10 @@ class Config(BaseModel, extra="forbid", frozen=True):
 
     def render_options_of(self, component: str) -> RenderOptions:
         """Return the render options of the run with the changes of a component of the ablation."""
-        changed = self.gap.components[component].render
-        fixed = {"models": (self.ablation_model,), "maps": ()}
-        return RenderOptions.model_validate(self.render.model_dump() | changed | fixed)
+        changed, materials = self.gap.components[component].render, self.gap.components[component].materials
+        fixed: dict[str, Any] = {"models": (self.ablation_model,), "maps": ()}
+        fixed |= {"materials_from_photos": True} if materials == "fitted" else {}
+        return RenderOptions.model_validate(self.render.model_dump(exclude_unset=True) | changed | fixed)
 
     @property
     def annotated_root(self) -> Path:
@@ -312,8 +313,11 @@ class Config(BaseModel, extra="forbid", frozen=True):
 
         The digest does not depend on the name of the run, on folders and downloads of data, or on unused sections.
         """
-        content = json.dumps(_without_places(self.model_dump(exclude=self._without_effect())), sort_keys=True)
-        return hashlib.sha256(content.encode()).hexdigest()[:12]
+        content = self.model_dump(exclude=self._without_effect())
+        if self.domains_to_fit and self.render.set_to_default:
+            content["set_to_default"] = self.render.set_to_default
+        text = json.dumps(_without_places(content), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
 
     def _without_effect(self) -> dict[str, Any]:
         """Return the options that change no result of this run, in the form of pydantic's `exclude`."""

@@ -76,9 +76,14 @@ class RunPaths:
         self.scored_terrains = [terrain for terrain in self.terrains if self._can_score_labels(terrain)]
 
     def options(self, section: str) -> Options:
-        """Return a section of the configuration, such as `detect.split`, for `params`."""
+        """Return a section of the configuration, such as `detect.split`, for `params`.
+
+        Options of `render` that the run does not set are omitted: their values differ between plain and fitted twins.
+        """
+        if section == "labels":
+            return self.config.labels.stage_options()
         chosen = operator.attrgetter(section)(self.config)
-        found: Options = chosen.stage_options() if section == "labels" else chosen.model_dump(mode="json")
+        found: Options = chosen.model_dump(mode="json", exclude_unset=section == "render")
         return found
 
     def gpus(self, section: str) -> int:
@@ -448,14 +453,14 @@ class GapPaths:
         as_run = self.run.materials_of_terrain if self.config.render.materials_from_photos else []
         return {"run": as_run, "fitted": self.run.fitted_materials}.get(chosen, [])
 
-    @property
-    def light(self) -> str | list[str]:
-        """The light fields of a terrain, if the twins of the run are fitted."""
-        return self.run.light_of_terrain if self.config.render.materials_from_photos else []
+    def light(self, wildcards: Wildcards) -> str | list[str]:
+        """Return the light fields of a terrain, if the twins of a component are fitted."""
+        fitted = self.config.render_options_of(wildcards.component).materials_from_photos
+        return self.run.fitted_light if fitted else []
 
     def options(self, wildcards: Wildcards) -> Options:
         """Return the options of the renderer for a component."""
-        return self.config.render_options_of(wildcards.component).model_dump(mode="json")
+        return self.config.render_options_of(wildcards.component).model_dump(mode="json", exclude_unset=True)
 
     def predictions(self) -> list[str]:
         """Return the predictions on photos, on the twin, and on the twin of every component."""

@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from polarsim.config import Config, parse_config
+from polarsim.render.options import OF_FITTED
 
 CONFIGURATIONS = Path(__file__).parents[1] / "config"
 WHOLE = ("accuracy", "config", "covers", "full", "paper", "polar", "release", "rover_release")
@@ -61,7 +62,10 @@ def test_defaults_and_the_sign_of_zero_do_not_change_the_digest(name):
             return [written_out(part) for part in value]
         return -0.0 if isinstance(value, float) and value == 0 else value
 
-    assert Config.model_validate(written_out(plain.model_dump(mode="json"))).digest() == plain.digest()
+    written = plain.model_dump(mode="json")
+    for option in OF_FITTED if plain.domains_to_fit else ():  # plain and fitted twins have different defaults
+        del written["render"][option]
+    assert Config.model_validate(written_out(written)).digest() == plain.digest()
 
 
 @pytest.mark.parametrize(

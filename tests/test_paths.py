@@ -7,6 +7,7 @@ import pytest
 from polarsim.config import parse_config
 from polarsim.detect.options import PACKAGED
 from polarsim.paths import GapPaths, RoverPaths, RunPaths
+from polarsim.render.options import RenderOptions
 
 
 @pytest.fixture(autouse=True)
@@ -107,6 +108,16 @@ def test_a_component_of_the_ablation_takes_truth_or_the_run():
         )
     ]
     assert gap.labels()[-2:] == ["results/{run}/gap/twins/pose/labels.parquet", "results/one/labels/labels.parquet"]
+
+
+def test_a_component_with_fitted_materials_is_rendered_as_fitted_twins():
+    components = {"pose": {"cameras": "truth"}, "material": {"materials": "fitted", "render": {"vignetting": False}}}
+    gap = GapPaths(paths(gap={"components": components}))
+    fields = "results/{run}/renders/light/Terrain{terrain}.json"
+    assert [gap.light(job(component=name)) for name in components] == [[], fields]
+    plain, fitted = (RenderOptions(**gap.options(job(component=name))) for name in components)
+    assert (plain.fitted_domains, fitted.fitted_domains) == ((), ("hapke",))
+    assert (fitted.as_fitted().lamp_radius_m, fitted.as_fitted().vignetting) == (0.045, False)
 
 
 def rover(**options: object) -> RoverPaths:

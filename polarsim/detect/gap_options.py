@@ -24,7 +24,8 @@ class Component(BaseModel, extra="forbid", frozen=True):
         "run", description="Source of the surfaces of rocks and ground; thinned: rocks with 5 % of their vertices."
     )
     materials: Literal["run", "constant", "fitted"] = Field(
-        "run", description="Source of reflectance: constants of the options, or a fit to the photos of the terrain."
+        "run",
+        description="Source of reflectance: options of the run; fitted: light, lens and materials fitted to photos.",
     )
     labels: Literal["run", "propagated"] = Field(
         "run", description="Source of the boxes of twins; propagated: the boxes of the photos, propagated from seeds."

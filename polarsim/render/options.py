@@ -167,11 +167,11 @@ _PARAMETERS: dict[Model, Parameters] = {
 }
 
 
-# Options of fitted twins, unless the run sets them. The radius is that of the analog's lamps; on published cover photos
-# a disc raises the correlation by 0.013 and leaves PSNR as it is. The lamp is probed at every 8th pixel: 1.7 instead of
-# 3.4 s a view, no measurable difference. Not included, because images at quarter size hardly improve: traced indirect
-# light (+0.25 dB for 4 s a view), blur, noise.
-_OF_FITTED: dict[str, Any] = {
+# Options of fitted twins, unless the run sets them (`model_fields_set`). The radius is that of the analog's lamps; on
+# published cover photos a disc raises the correlation by 0.013 and leaves PSNR as it is. The lamp is probed at every
+# 8th pixel: 1.7 instead of 3.4 s a view, no measurable difference. Not included, because images at quarter size hardly
+# improve: traced indirect light (+0.25 dB for 4 s a view), blur, noise.
+OF_FITTED: dict[str, Any] = {
     "falloff": True,  # of lamps without light field
     "lamp_radius_m": 0.045,
     "lamp_probe_px": 8,
@@ -209,7 +209,10 @@ class SensorOptions(BaseModel, extra="forbid", frozen=True):
         le=1,
         description="Share of a visible lamp's light that the lens scatters, by the inverse square of the angle.",
     )
-    vignetting: bool = Field(False, description="Darken by the fourth power of the cosine to the optical axis.")
+    vignetting: bool = Field(
+        False,
+        description="Darken by the fourth power of the cosine to the optical axis. If not set, true in fitted twins.",
+    )
 
     noise: bool = Field(False, description="Add shot and read noise. Files are 1.5 times as large.")
     electrons_per_dn: float = Field(
@@ -249,18 +252,25 @@ class RenderOptions(SensorOptions):
     )
     fitting: FittingOptions = FittingOptions()
 
-    falloff: bool = Field(False, description="Inverse-square falloff of lamps. Real spotlights are more uniform.")
+    falloff: bool = Field(
+        False,
+        description="Inverse-square falloff of lamps; real spots are more even. If not set, true in fitted twins.",
+    )
     lamp_radius_m: float = Field(
-        0, ge=0, description="Radius of the Sun lamps, metres; 0: point lamps with sharp shadows."
+        0,
+        ge=0,
+        description="Radius of the Sun lamps, metres; 0: points with sharp shadows. If not set, 0.045 in fitted twins.",
     )
     lamp_samples: int = Field(
-        16, ge=1, description="Rays to a partly visible lamp. More rays reduce noise in penumbrae."
+        16,
+        ge=1,
+        description="Rays to a partly visible lamp; more rays: less noise in penumbrae. If not set, 8 in fitted twins.",
     )
     lamp_probe_px: int = Field(
         1,
         ge=1,
         le=32,
-        description="Step between pixels that probe the entire lamp: 8 halves the time and changes few pixels.",
+        description="Step between pixels that probe the entire lamp: 8 halves the time. If not set, 8 in fitted twins.",
     )
     bounce: float = Field(
         0.01,
@@ -337,10 +347,15 @@ class RenderOptions(SensorOptions):
         return tuple(domain for domain in self.models if self.is_fitted(domain))
 
     def as_fitted(self) -> Self:
-        """Return the options of fitted twins. Options that differ from their default are kept."""
+        """Return the options of fitted twins. Options that the run sets are kept, even if set to their default."""
+        return self.model_copy(update={name: OF_FITTED[name] for name in OF_FITTED.keys() - self.model_fields_set})
+
+    @property
+    def set_to_default(self) -> list[str]:
+        """Options that the run sets to their default, which differs from the value in fitted twins."""
         fields = type(self).model_fields
-        unset = {name: value for name, value in _OF_FITTED.items() if getattr(self, name) == fields[name].default}
-        return self.model_copy(update=unset)
+        chosen = OF_FITTED.keys() & self.model_fields_set
+        return sorted(name for name in chosen if getattr(self, name) == fields[name].default)
 
     def parameters(self, model: Model, *things: str) -> Parameters:
         """Return the parameters of a model for an object, given its names from specific to general."""

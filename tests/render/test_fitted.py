@@ -6,9 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from polarsim.config import parse_config
 from polarsim.errors import FormatError
 from polarsim.formats import png
 from polarsim.geometry.light_field import relative_irradiance
+from polarsim.paths import RunPaths
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
 from polarsim.render.fitting import light, samples
 from polarsim.render.fitting.exposures import Linear, read_published_photo
@@ -16,7 +18,7 @@ from polarsim.render.fitting.fit import fit_materials
 from polarsim.render.fitting.light import fit_light
 from polarsim.render.gain import with_fit, with_fitted_intensities
 from polarsim.render.lamps import ROVER, Lamp
-from polarsim.render.options import FittingOptions, LambertParameters, RenderOptions
+from polarsim.render.options import OF_FITTED, FittingOptions, LambertParameters, RenderOptions
 from polarsim.run_files.light_fields import FittedField, read_light_fields, write_light_fields
 from polarsim.run_files.materials import FittedMaterial, FittedMaterials, read_materials, write_materials
 from polarsim.run_files.scene import read_terrain
@@ -170,6 +172,23 @@ def test_light_fields_apply_to_fitted_twins_only(folders):
     assert fitted["lamps"]["30"]["light_field"] == list(field.coefficients)
     assert "light_field" not in plain["lamps"]["30"]
     assert ("light" in fitted["sources"], "light" in plain["sources"]) == (True, False)
+
+
+@pytest.mark.parametrize("name", OF_FITTED)
+def test_options_that_a_run_sets_to_their_default_are_kept_in_fitted_twins(name):
+    default = RenderOptions.model_fields[name].default
+    assert default != OF_FITTED[name]
+    source, models = {"kind": "analog", "root": "data"}, ["hapke", "fitted"]
+    plain, kept = (
+        parse_config({"source": source, "render": {"models": models} | of_run}) for of_run in ({}, {name: default})
+    )
+    for config, expected in ((plain, OF_FITTED), (kept, OF_FITTED | {name: default})):
+        in_job = RenderOptions(**RunPaths(config).options("render"))
+        assert in_job == config.render
+        assert {key: getattr(in_job.as_fitted(), key) for key in OF_FITTED} == expected
+    assert plain.digest() != kept.digest()
+    without = [parse_config({"source": source, "render": of_run}) for of_run in ({}, {name: default})]
+    assert without[0].digest() == without[1].digest()
 
 
 def test_options_of_a_run_take_precedence_over_those_of_fitted_twins():
