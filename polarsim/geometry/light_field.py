@@ -24,6 +24,11 @@ def terms(points: np.ndarray) -> np.ndarray:
 
 def relative_irradiance(coefficients: Sequence[float], points: np.ndarray) -> np.ndarray:
     """Return the irradiance (n,) at points (n, 2 or 3), sandbox frame, metres, in the precision of the points."""
+    return np.asarray(np.exp(log_irradiance(coefficients, points)))
+
+
+def log_irradiance(coefficients: Sequence[float], points: np.ndarray) -> np.ndarray:
+    """Return the natural logarithm (n,) of `relative_irradiance`."""
     if len(coefficients) != len(POWERS):
         raise ValueError(f"{len(coefficients)} coefficients of a light field, expected {len(POWERS)}")
     x, y = _scaled(points)
@@ -34,7 +39,7 @@ def relative_irradiance(coefficients: Sequence[float], points: np.ndarray) -> np
         for j in reversed(range(_DEGREE + 1 - i)):
             part = part * y + y.dtype.type(of_power.get((i, j), 0.0))
         total = total * x + part
-    return np.asarray(np.exp(total))
+    return np.asarray(total)
 
 
 def _scaled(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

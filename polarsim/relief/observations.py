@@ -12,6 +12,7 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.geometry.lens import HALF_PIXEL
+from polarsim.geometry.light_field import log_irradiance, terms
 from polarsim.geometry.rays import Caster
 from polarsim.relief.heights import PhotoView
 from polarsim.relief.multigrid import quad_differences
@@ -25,7 +26,6 @@ DARK = -1.0  # logarithm relative to the given surface below which ground is in 
 _CAUCHY = 2.4  # residuals of as many standard deviations have half the weight
 _FIELD_ROUNDS, _FIELD_SD, _RIDGE = 8, 0.5, 1e-3  # of the fit of the light field
 _FIELD_SAMPLES = 5_000
-_CUBIC = tuple((i, j) for i in range(4) for j in range(4 - i))  # powers of x and y
 _RIM_CELLS = 4  # cells next to a wall: a shadow that starts here is the wall's
 _PER_SIDE = 3  # samples of the photo along each side of a quad
 _STEP = 0.01  # of the slope, for derivatives
@@ -173,28 +173,24 @@ def observe(
 
 
 def light_field(points: np.ndarray, values: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Return a cubic polynomial of x and y (rows, columns) that fits the chosen values, robust against shadows."""
+    """Return the logarithm (rows, columns) of a light field that fits the chosen values, robust against shadows."""
     if not chosen.any():
         return np.zeros(values.shape)
-    x, y = points[0, :, 0] / 2, points[:, 0, 1] / 2  # metres over half the sandbox
-    row, column = np.nonzero(chosen)
-    step = max(1, len(row) // _FIELD_SAMPLES)
-    row, column = row[::step], column[::step]
-    terms = np.stack([x[column] ** i * y[row] ** j for i, j in _CUBIC])
-    value = values[row, column]
+    at, value = points[chosen], values[chosen]
+    step = max(1, len(value) // _FIELD_SAMPLES)
+    at, value = at[::step], value[::step]
+    design = np.column_stack([np.ones(len(at)), terms(at)])
     fitted = np.full(len(value), np.median(value))
-    solution = np.zeros(len(terms))
+    solution = np.zeros(design.shape[1])
     for _ in range(_FIELD_ROUNDS):
         offset = value - fitted
-        weighted = terms * np.where(offset < DARK, 0.0, 1 / (1 + (offset / _FIELD_SD) ** 2))
-        # Sums without BLAS, so that the number of threads changes no bit.
-        square = np.array([[(one * two).sum() for two in terms] for one in weighted])
-        solution = np.linalg.solve(square + _RIDGE * np.eye(len(terms)), (weighted * value).sum(axis=1))
-        fitted = (terms * solution[:, None]).sum(axis=0)
-    along_x = np.zeros((4, len(x)))  # coefficients of y^j at each x
-    for (i, j), coefficient in zip(_CUBIC, solution.tolist(), strict=True):
-        along_x[j] += coefficient * x**i
-    return np.asarray(sum(along_x[j] * y[:, None] ** j for j in range(4)))
+        weighted = design * np.where(offset < DARK, 0.0, 1 / (1 + (offset / _FIELD_SD) ** 2))[:, None]
+        # einsum instead of BLAS, whose results depend on the number of threads
+        normal = np.einsum("ni,nj->ij", weighted, design) + _RIDGE * np.eye(len(solution))
+        solution = np.linalg.solve(normal, np.einsum("ni,n->i", weighted, value))
+        fitted = np.einsum("ni,i->n", design, solution)
+    brightness, *coefficients = solution.tolist()
+    return brightness + log_irradiance(coefficients, points.reshape(-1, 3)).reshape(values.shape)
 
 
 def cauchy_weight(residual: np.ndarray) -> np.ndarray:
