@@ -1,4 +1,4 @@
-"""Resizing of images."""
+"""Resizing of images, and interpolation between the nodes of a grid."""
 
 from __future__ import annotations
 
@@ -20,3 +20,17 @@ def resize_longer_side(image: np.ndarray, pixels: int) -> np.ndarray:
     height, width = image.shape
     scale = pixels / max(height, width)
     return resize(image, (max(1, round(width * scale)), max(1, round(height * scale))))
+
+
+def bilinear(values: np.ndarray, column: np.ndarray, row: np.ndarray) -> np.ndarray:
+    """Interpolate values (rows, columns[, k]) between nodes, float64; outside the grid, those of the edge.
+
+    `column`, `row`: positions of the same shape in units of nodes; the first node is at 0.
+    """
+    column, row = (np.clip(at, 0, size - 1) for at, size in zip((column, row), values.shape[1::-1], strict=True))
+    left = np.minimum(column.astype(int), values.shape[1] - 2)
+    low = np.minimum(row.astype(int), values.shape[0] - 2)
+    u, v = (part.reshape(part.shape + (1,) * (values.ndim - 2)) for part in (column - left, row - low))
+    lower = values[low, left] * (1 - u) + values[low, left + 1] * u
+    upper = values[low + 1, left] * (1 - u) + values[low + 1, left + 1] * u
+    return np.asarray(lower * (1 - v) + upper * v)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from polarsim.geometry.images import bilinear
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.rays import Caster
@@ -179,9 +180,5 @@ def match_stereo_windows(
 
 
 def between_pixels(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-    """Return values (n, k) of an image (h, w, k) at pixels (n, 2), bilinear between four pixels inside."""
-    at = np.clip(pixels - HALF_PIXEL, 0, np.array(image.shape[1::-1]) - 1.001)
-    (x, y), (a, b) = at.astype(int).T, (at % 1).T[:, :, None]
-    upper = image[y, x] * (1 - a) + image[y, x + 1] * a
-    lower = image[y + 1, x] * (1 - a) + image[y + 1, x + 1] * a
-    return np.asarray(upper * (1 - b) + lower * b)
+    """Return values (n[, k]) of an image (h, w[, k]) at pixels (n, 2), bilinear between four pixels inside."""
+    return bilinear(image, *(pixels - HALF_PIXEL).T)

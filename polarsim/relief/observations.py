@@ -11,12 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
-from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.light_field import log_irradiance, terms
 from polarsim.geometry.rays import Caster
 from polarsim.relief.heights import PhotoView
 from polarsim.relief.multigrid import quad_differences
-from polarsim.relief.views import unobstructed
+from polarsim.relief.views import orthophoto, unobstructed
 from polarsim.render import brdf_numba
 from polarsim.render.options import Parameters
 from polarsim.rocks.heights import FloorGrid
@@ -59,11 +58,11 @@ def log_picture(view: PhotoView, points: np.ndarray) -> np.ndarray:
     rows, columns = pixels.shape[:2]
     size = (columns * _PER_SIDE, rows * _PER_SIDE)
     u, v = (cv2.resize(pixels[..., axis], size, interpolation=cv2.INTER_LINEAR) for axis in range(2))
-    half = np.float32(HALF_PIXEL)
-    sampled = cv2.remap(
-        view.picture, u - half, v - half, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=float("nan")
+    mean = (
+        orthophoto(view.picture, np.stack([u, v], axis=-1))
+        .reshape(rows, _PER_SIDE, columns, _PER_SIDE)
+        .mean(axis=(1, 3))
     )
-    mean = sampled.reshape(rows, _PER_SIDE, columns, _PER_SIDE).mean(axis=(1, 3))
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(mean > 0, np.log(mean), np.nan)
 

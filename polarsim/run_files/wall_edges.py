@@ -118,7 +118,7 @@ class EdgeProfiles:
         towards = points[shown] - camera.centre
         hidden = self.ground.everything.occluded(np.broadcast_to(camera.centre, towards.shape), towards, NEARER)
         values = np.full(len(points), np.nan)
-        values[shown[~hidden]] = between_pixels(rate[..., None], pixels[~hidden])[:, 0]
+        values[shown[~hidden]] = between_pixels(rate, pixels[~hidden])
         by_profile = values.reshape(self.points.shape[:-1])
         enough = np.isfinite(by_profile).mean(axis=1) >= MIN_SHOWN
         by_profile = np.where(enough[:, None], by_profile, 0.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from polarsim.geometry.images import resize, resize_longer_side
+from polarsim.geometry.images import bilinear, resize, resize_longer_side
 
 
 def test_a_smaller_image_keeps_the_mean(rng):
@@ -20,3 +20,14 @@ def test_the_longer_side_is_resized_with_the_same_aspect_ratio(rng, pixels, shap
     found = resize_longer_side(image, pixels)
     assert found.shape == shape
     assert (found is image) == (pixels == 128)
+
+
+@pytest.mark.parametrize("values", [(), (3,)])
+def test_values_between_nodes_are_bilinear_and_those_outside_are_of_the_edge(rng, values):
+    """By hand: a + b x + c y + d x y, which bilinear interpolation reproduces."""
+    a, b, c, d = rng.normal(size=(4, *values))
+    at = rng.uniform(-1, 6, (50, 2))
+    rows, columns = (np.arange(size).reshape(shape + (1,) * len(values)) for size, shape in ((4, (4, 1)), (6, (1, 6))))
+    found = bilinear(a + b * columns + c * rows + d * columns * rows, *at.T)
+    x, y = (np.clip(part, 0, size).reshape(-1, *(1 for _ in values)) for part, size in zip(at.T, (5, 3), strict=True))
+    np.testing.assert_allclose(found, a + b * x + c * y + d * x * y, atol=1e-12)

@@ -13,6 +13,7 @@ from polarsim.errors import FormatError
 from polarsim.formats import tables
 from polarsim.formats.npz import read_arrays, write_arrays
 from polarsim.formats.readers import reader
+from polarsim.geometry.images import bilinear
 from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.geometry.topology import remove_unused_vertices
 from polarsim.geometry.vectors import cross
@@ -43,7 +44,7 @@ class WorldBackdrop:
     def height_at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return heights by bilinear interpolation; outside the nodes, those of the edge."""
         column, row = (np.interp(at, nodes, np.arange(len(nodes))) for at, nodes in ((x, self.x), (y, self.y)))
-        return bilinear(self.level, 0.0, 0.0, 1.0, column, row)
+        return bilinear(self.level, column, row)
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,8 @@ class World:
 
     def height_at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return heights of the ground by bilinear interpolation; outside the ground, those of the edge."""
-        level = bilinear(self.level, self.x0, self.y0, self.cell, x, y)
+        column, row = ((np.asarray(at, float) - start) / self.cell for at, start in ((x, self.x0), (y, self.y0)))
+        level = bilinear(self.level, column, row)
         if self.around is None:
             return level
         x, y = np.broadcast_arrays(x, y)
@@ -99,17 +101,6 @@ class World:
         faces = self.triangles[int(row["first_face"]) : int(row["first_face"]) + int(row["faces"])]
         mesh = remove_unused_vertices(self.vertices, faces)
         return mesh.vertices.astype(float), mesh.faces
-
-
-def bilinear(level: np.ndarray, x0: float, y0: float, cell: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return values of a grid by bilinear interpolation; outside the grid, those of the edge."""
-    column = np.clip((np.asarray(x, float) - x0) / cell, 0, level.shape[1] - 1)
-    row = np.clip((np.asarray(y, float) - y0) / cell, 0, level.shape[0] - 1)
-    left, below = np.minimum(column.astype(int), level.shape[1] - 2), np.minimum(row.astype(int), level.shape[0] - 2)
-    u, v = column - left, row - below
-    lower = level[below, left] * (1 - u) + level[below, left + 1] * u
-    upper = level[below + 1, left] * (1 - u) + level[below + 1, left + 1] * u
-    return np.asarray(lower * (1 - v) + upper * v)
 
 
 def bare_world(level: np.ndarray, cell: float, x0: float, y0: float) -> World:

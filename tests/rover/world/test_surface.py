@@ -12,7 +12,6 @@ from polarsim.rover.world.surface import (
     World,
     WorldBackdrop,
     bare_world,
-    bilinear,
     read_world,
     stored_arrays,
     write_world,
@@ -23,7 +22,8 @@ def test_heights_between_nodes_of_a_plane_are_on_the_plane(rng):
     columns, rows = np.meshgrid(-1 + 0.1 * np.arange(4), 2 + 0.1 * np.arange(3))
     x, y = rng.uniform(-1, -0.7, 50), rng.uniform(2, 2.2, 50)
     for a, b in ((1.5, -0.7), (-2.0, 0.0), (0.0, 1.0)):
-        np.testing.assert_allclose(bilinear(a * columns + b * rows, -1.0, 2.0, 0.1, x, y), a * x + b * y, atol=1e-9)
+        world = bare_world(a * columns + b * rows, 0.1, -1.0, 2.0)
+        np.testing.assert_allclose(world.height_at(x, y), a * x + b * y, atol=1e-9)
 
 
 def test_the_mesh_of_a_rock_reads_back(tmp_path):
