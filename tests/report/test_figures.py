@@ -293,18 +293,35 @@ def reliability_drawn(folder, rows, name):
     return png.read_png(folder / name)[..., :3].astype(int)
 
 
-def test_points_of_higher_confidence_and_accuracy_are_above_and_to_the_right(tmp_path):
-    points = []
-    for confidence in (0.3, 0.98):
-        point = {"kind": "rock", "label_source": "seed", "labels": 50, "low": confidence, "high": confidence}
-        shares = dict.fromkeys(("confidence", "right", "right_low", "right_high"), confidence) | {"brier": 0.1}
-        pixels = reliability_drawn(tmp_path, [point | shares], f"{confidence}.png")[:-80, :650]  # without the legend
-        blue = (pixels[..., 2] > 130) & (pixels[..., 0] < 60)
-        points.append(np.argwhere(blue).mean(axis=0))
-    (low_row, low_column), (high_row, high_column) = points
-    side = high_column - low_column
-    assert side > 200
-    assert low_row - high_row == pytest.approx(side, rel=0.02)  # on the diagonal
+def test_markers_of_confidence_and_share_coincide_if_the_confidence_is_calibrated(tmp_path):
+    extents = {}
+    for share in (0.5, 0.7, 0.98):
+        point = {"kind": "rock", "label_source": "seed", "labels": 50, "low": 0.98, "high": 0.98, "confidence": 0.98}
+        shares = dict.fromkeys(("right", "right_low", "right_high"), share) | {"brier": 0.1}
+        pixels = reliability_drawn(tmp_path, [point | shares], f"{share}.png")[:-80, :650]  # without the legend
+        row = np.argwhere(is_blue(pixels))[-1, 0] - 4  # the lowest marker, below the title of the source
+        columns = np.flatnonzero(is_blue(pixels[row - 4 : row + 4]).any(axis=0))
+        extents[share] = columns[-1] - columns[0]
+    assert extents[0.98] < 20 < extents[0.7] < extents[0.5]
+
+
+def is_blue(pixels):
+    return (pixels[..., 2] > 130) & (pixels[..., 0] < 60)
+
+
+def test_the_bars_of_label_errors_range_from_the_first_to_the_third_quartile(tmp_path):
+    """The width of the bars is proportional to the spread of the errors."""
+    widths = []
+    for spread in (2, 8):
+        rows = [
+            ("rock", "other exposures", [100 + e, 100 + e, 160 + e, 140 + e], [100, 100, 160, 140])
+            for e in np.linspace(-spread, spread, 41)
+        ]
+        write_parquet(tmp_path / "pairs.parquet", label_pairs(*rows))
+        draw_label_errors(terrain=3, pairs=tmp_path / "pairs.parquet", figure=tmp_path / "errors.png", width=WIDE)
+        blue = is_blue(png.read_png(tmp_path / "errors.png")[..., :3].astype(int)[:-50, : WIDE // 2])
+        widths.append((blue.sum(axis=0) > 30).sum())  # columns of bars, not of lines
+    assert widths[1] == pytest.approx(4 * widths[0], rel=0.1)
 
 
 def test_a_run_without_compared_labels_has_a_note(tmp_path):

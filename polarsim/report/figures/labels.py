@@ -1,4 +1,4 @@
-"""Accuracy of labels: histograms of the edge errors of propagated boxes, and reliability of the confidence."""
+"""Accuracy of labels: edge errors of propagated boxes, and reliability of the confidence."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
-from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, SERIES, figure_title, legend_line, note, page
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, LINE, SERIES, figure_title, legend_line, note, page
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.label_pairs import EDGES, TRUE_EDGES
-from polarsim.scoring.labels import EXPOSURES, LIGHT, PROPAGATION_TASKS
+from polarsim.scoring.labels import PROPAGATION_TASKS
 from polarsim.scoring.metrics import TRUTH_NAMES
 from polarsim.scoring.reliability import ANY_SOURCE, COLUMNS, binned_calibration_error, brier_score
 
 SIDES = ("left", "top", "right", "bottom")
-REACH = 20  # maximum error shown in the histograms, px
-COPIED = (EXPOSURES, LIGHT)  # tasks excluded from the printed medians if there are other tasks; errors are mostly 0
-_TICKS = (0, 0.01, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1)  # of the axis of shares
-_SD_OF_MAD = 1.4826  # standard deviation over median absolute deviation of a normal distribution
-_END = 0.01  # offset of the logarithmic axis at a share of 1
-TICKS = (0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.98, 1)
+REACH = 20  # maximum error shown, px
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+_COLUMNS = {"median": 5, "boxes": 5}  # width of the columns of numbers on the axis, px of error
+_EMPTY_PX = 300  # height of a figure without data
+_GROUP_GAP = 0.8  # space between groups of rows, rows
+_ROW_PX = 22  # height of a row of the reliability figure
 
 
 def draw_label_scores(
@@ -36,37 +36,31 @@ def draw_label_scores(
     reliability_figure: Path,
     origin: dict[str, str],
 ) -> None:
-    """Draw the edge errors of each terrain and the reliability diagram."""
+    """Draw the edge errors of each terrain and the reliability of the confidence."""
     for terrain, path, figure in zip(terrains, pairs, label_errors, strict=True):
         draw_label_errors(terrain=terrain, pairs=path, figure=figure)
     draw_reliability(reliability=reliability, figure=reliability_figure, origin=origin)
 
 
 def draw_label_errors(*, terrain: int, pairs: Path, figure: Path, width: int = FIGURE_WIDTH) -> None:
-    """Write histograms of edge errors from `label_pairs`: a row per kind, a column per edge, a line per task."""
+    """Write quantiles of the edge errors from `label_pairs`: a panel per kind, a group per edge, a row per task."""
     table = read_parquet(pairs, LABEL_PAIRS.columns)
     errors = edge_errors(table)
-    name = TRUTH_NAMES[table["against"].iloc[0]] if len(table) else ""
-    with page(figure, width, round(width * 0.5)) as sheet:
+    with page(figure, width, round(width * 0.5) if errors else _EMPTY_PX) as sheet:
         if not errors:
             note(sheet, f"Terrain {terrain:02d}: no label was matched with a true box")
             return
+        name = TRUTH_NAMES[table["against"].iloc[0]]
         figure_title(sheet, f"Terrain {terrain:02d}: edges of propagated boxes minus edges of {name}")
-        grid = sheet.subplots(len(BOX_CLASSES), len(SIDES), sharex=True, squeeze=False)
-        for row, kind in enumerate(BOX_CLASSES):
-            parts = {task: errors[kind, task] for task in PROPAGATION_TASKS if (kind, task) in errors}
-            for column, edge in enumerate(SIDES):
-                _draw_edge(grid[row, column], {task: values[:, column] for task, values in parts.items()})
-                grid[row, column].set_title(f"{kind}, {edge}")
-        for axes in grid[-1]:
-            axes.set_xlabel("error, px")
-        for axes in grid[:, 0]:
-            axes.set_ylabel("share of boxes (root scale)")
+        panels = sheet.subplots(1, len(BOX_CLASSES), sharey=True, squeeze=False)[0]
         shown = [task for task in PROPAGATION_TASKS if any(task == part for _, part in errors)]
-        lines = [
-            legend_line(color=SERIES[PROPAGATION_TASKS.index(task) % len(SERIES)], linewidth=2.5) for task in shown
-        ]
-        sheet.legend(lines, shown, loc="outside lower center", ncols=len(shown))
+        for axes, kind in zip(panels, BOX_CLASSES, strict=True):
+            _draw_kind_errors(axes, {task: errors[kind, task] for task in shown if (kind, task) in errors}, shown)
+            axes.set_title(kind)
+        lines = [legend_line(color=_colour(task), linewidth=6) for task in shown]
+        lines += [legend_line(color=FAINT, linewidth=width) for width in (6, 1.5)]
+        names = [*shown, "25 % to 75 %", "5 % to 95 %"]
+        sheet.legend(lines, names, loc="outside lower center", ncols=len(names), fontsize="small")
 
 
 def edge_errors(pairs: pd.DataFrame) -> dict[tuple[str, str], np.ndarray]:
@@ -77,91 +71,91 @@ def edge_errors(pairs: pd.DataFrame) -> dict[tuple[str, str], np.ndarray]:
     }
 
 
-def _root(share: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.maximum(share, 0))
+def _colour(task: str) -> str:
+    return SERIES[PROPAGATION_TASKS.index(task) % len(SERIES)]
 
 
-def _draw_edge(axes: Any, parts: Mapping[str, np.ndarray]) -> None:
-    bins = np.arange(-REACH - 0.5, REACH + 1)
-    tallest = 0.0
-    for task, values in parts.items():
-        share = np.histogram(values.clip(-REACH, REACH), bins)[0] / len(values)
-        axes.stairs(share, bins, color=SERIES[PROPAGATION_TASKS.index(task) % len(SERIES)], linewidth=1.8)
-        tallest = max(tallest, float(share.max()))
-    axes.axvline(0, color=FAINT, linewidth=0.8)
-    axes.set_xlim(-REACH - 0.5, REACH + 0.5)
-    if not parts:
-        axes.text(0.5, 0.5, "none", transform=axes.transAxes, ha="center", color=FAINT)
-        return
-    axes.set_yscale(
-        "function", functions=(_root, np.square)
-    )  # shows small shares next to the peak at 0 of copied boxes
-    axes.set_ylim(0, min(1.0, 1.3 * tallest))
-    axes.set_yticks([share for share in _TICKS if share <= 1.3 * tallest])
-    not_copied = [values for task, values in parts.items() if task not in COPIED]
-    errors = np.concatenate(not_copied or list(parts.values()))
-    median = float(np.median(errors))
-    spread = _SD_OF_MAD * float(np.median(np.abs(errors - median)))
-    text = f"n {len(errors)}\nmedian {median:+.1f}\nrobust sd {spread:.1f}"
-    axes.text(0.98, 0.97, text, transform=axes.transAxes, ha="right", va="top", color=FAINT, fontsize="small")
+def _draw_kind_errors(axes: Any, parts: Mapping[str, np.ndarray], tasks: Sequence[str]) -> None:
+    """Draw the quantiles of the errors (n, 4) of each task: a group of rows per edge."""
+    step = len(tasks) + _GROUP_GAP
+    for edge in range(len(SIDES)):
+        for number, task in enumerate(tasks):
+            if task in parts:
+                _draw_quantiles(axes, edge * step + number, parts[task][:, edge], _colour(task))
+    axes.axvline(0, color=INK, linewidth=0.8, zorder=1)
+    axes.set(xlabel=f"error, px (larger ones at ±{REACH})", xlim=(-REACH, REACH + sum(_COLUMNS.values())))
+    axes.set_xticks(range(-REACH, REACH + 1, 5))
+    _write_columns(axes, -1, list(_COLUMNS))
+    axes.set_yticks([edge * step + (len(tasks) - 1) / 2 for edge in range(len(SIDES))], SIDES)
+    axes.set_ylim(len(SIDES) * step - _GROUP_GAP, -1.6)
+    axes.tick_params(axis="y", length=0)
+    axes.grid(visible=True, axis="x")
+
+
+def _draw_quantiles(axes: Any, row: float, values: np.ndarray, colour: str) -> None:
+    low, lower, median, upper, high = np.quantile(values, QUANTILES).clip(-REACH, REACH)
+    axes.plot([low, high], [row, row], color=colour, linewidth=1.5, solid_capstyle="butt")
+    axes.barh(row, upper - lower, 0.6, lower, color=colour)
+    axes.plot(median, row, marker="|", markersize=13, markeredgewidth=2.5, color=INK)
+    _write_columns(axes, row, [f"{round(float(np.median(values)), 1) + 0.0:+.1f}", f"{len(values):,}"])
+
+
+def _write_columns(axes: Any, row: float, texts: Sequence[str]) -> None:
+    """Write right-aligned texts in the columns to the right of the errors."""
+    for x, text in zip(REACH + np.cumsum(list(_COLUMNS.values())), texts, strict=True):
+        axes.text(x, row, text, ha="right", va="center", color=FAINT, fontsize="small")
 
 
 def draw_reliability(*, reliability: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
-    """Write the reliability diagram from tables/reliability.parquet, a panel per kind."""
+    """Write the reliability from tables/reliability.parquet, a panel per kind.
+
+    A row is a bin of labels of similar confidence. It shows the mean confidence and the share of correct labels; both
+    are equal for a calibrated confidence.
+    """
     bins = read_parquet(reliability, list(COLUMNS))
-    with page(figure, width, round(width * 0.7)) as sheet:
+    rows = max((len(part) for _, part in bins.groupby("kind")), default=0)
+    sources = [*sorted(set(bins["label_source"]) - {ANY_SOURCE}), ANY_SOURCE]
+    height = round(_ROW_PX * (rows + 2 * len(sources))) + 160
+    with page(figure, width, height if len(bins) else _EMPTY_PX) as sheet:
         if not len(bins):
             note(sheet, "no label was compared with a true box")
             return
-        sources = sorted(set(bins["label_source"]) - {ANY_SOURCE})
-        colours = dict(zip(sources, SERIES * len(sources), strict=False)) | {ANY_SOURCE: INK}
-        figure_title(sheet, f"Reliability of the labels' confidence with 95 % intervals, source {origin['source']}")
+        figure_title(sheet, f"Reliability: confidence of labels and share of correct labels, source {origin['source']}")
         for axes, kind in zip(sheet.subplots(1, len(BOX_CLASSES)), BOX_CLASSES, strict=True):
-            _draw_kind(axes, bins[bins["kind"] == kind], colours)
+            _draw_kind(axes, bins[bins["kind"] == kind], sources)
             axes.set_title(kind)
-        sheet.axes[0].set_ylabel("share of correct labels")
-        lines = [legend_line(color=colours[name], **_style(name)) for name in (*sources, ANY_SOURCE)]
-        sheet.legend(lines, [*sources, "all sources"], loc="outside lower center", ncols=len(lines))
+        lines = [legend_line(**style) for style in (_CLAIM, {**_SHARE, "color": INK, "linewidth": 1.2})]
+        names = ["mean confidence of the labels in a bin", "share of correct labels with 95 % interval"]
+        sheet.legend(lines, names, loc="outside lower center", ncols=2)
 
 
-def stretched(share: np.ndarray) -> np.ndarray:
-    """Return the axis coordinate of a share: logarithmic towards 1, where most labels are."""
-    return -np.log10(np.maximum(1 + _END - share, 1e-6))
+_CLAIM = {
+    "marker": "D", "markersize": 8, "markerfacecolor": "white", "markeredgewidth": 1.8, "color": INK,
+    "linestyle": "none",
+}  # fmt: skip
+_SHARE = {"marker": "o", "markersize": 7}
 
 
-def _unstretched(value: np.ndarray) -> np.ndarray:
-    return 1 + _END - 10.0**-value
-
-
-def _draw_kind(axes: Any, bins: pd.DataFrame, colours: dict[str, str]) -> None:
-    axes.plot([0, 1], [0, 1], color=FAINT, linewidth=0.8, linestyle="--")
-    for axis, scale, limit in (
-        (axes.xaxis, axes.set_xscale, axes.set_xlim),
-        (axes.yaxis, axes.set_yscale, axes.set_ylim),
-    ):
-        scale("function", functions=(stretched, _unstretched))
-        limit(0, 1.002)
-        axis.set_ticks(TICKS)
-    axes.set_box_aspect(1)
-    axes.grid(visible=True)
-    texts = []
-    for name, colour in colours.items():
-        chosen = bins[bins["label_source"] == name].sort_values("confidence")
+def _draw_kind(axes: Any, bins: pd.DataFrame, sources: Sequence[str]) -> None:
+    row, titles = 0.0, {}
+    for number, source in enumerate(sources):
+        chosen = bins[bins["label_source"] == source].sort_values("confidence")
         if not len(chosen):
             continue
+        at = row + np.arange(len(chosen))
         correct = chosen["right"].to_numpy(float)
         errors = np.stack([correct - chosen["right_low"], chosen["right_high"] - correct]).clip(0)
-        style = {**_style(name), "capsize": 3, "elinewidth": 1.2}
-        axes.errorbar(chosen["confidence"], correct, yerr=errors, color=colour, **style)
-        texts.append(
-            f"{name}: n {round(chosen['labels'].sum())}, ECE {binned_calibration_error(chosen):.3f}, "
-            f"Brier {brier_score(chosen):.3f}"
-        )
-    axes.set_xlabel("confidence\n" + "\n".join(texts), fontsize="small")
-
-
-def _style(name: str) -> dict[str, Any]:
-    """Return the style of a source: points; all sources together have a line and larger, open points."""
-    if name == ANY_SOURCE:
-        return {"marker": "o", "markersize": 10, "markerfacecolor": "none", "linewidth": 1.2}
-    return {"marker": "o", "markersize": 6, "linewidth": 0, "linestyle": "none"}
+        colour = INK if source == ANY_SOURCE else SERIES[number % len(SERIES)]
+        axes.hlines(at, chosen["confidence"], correct, color=LINE, linewidth=5)
+        axes.errorbar(correct, at, xerr=errors, color=colour, linestyle="none", capsize=3, elinewidth=1.2, **_SHARE)
+        axes.plot(chosen["confidence"], at, **{**_CLAIM, "color": colour})
+        text = f"ECE {binned_calibration_error(chosen):.3f}, Brier {brier_score(chosen):.3f}"
+        name = "all sources" if source == ANY_SOURCE else source
+        titles[row - 1] = f" {name}: {round(chosen['labels'].sum()):,} labels, {text}", colour
+        row += len(chosen) + 1.6
+    lowest = float(bins[["confidence", "right_low"]].to_numpy(float).min()) if len(bins) else 0.0
+    left = np.floor(10 * max(0.0, lowest - 0.02)) / 10
+    for at, (text, colour) in titles.items():
+        axes.text(left, at, text, va="center", color=colour)
+    axes.set(xlabel="confidence, share of correct labels", xlim=(left, 1.01), ylim=(row - 0.8, -1.8), yticks=[])
+    axes.grid(visible=True, axis="x")

@@ -18,9 +18,11 @@ from polarsim.geometry.poses import camera_pose
 from polarsim.geometry.rays import Caster
 from polarsim.photo import NO_ROCK
 from polarsim.report.figures.canvas import (
+    FAINT,
     FIGURE_WIDTH,
     INK,
     LETTER_M,
+    SERIES,
     name_positions,
     note,
     page,
@@ -31,6 +33,8 @@ from polarsim.run_files.scene import FITTED, PHOTOS, PUBLISHED, SCANNED, Terrain
 from polarsim.survey import SANDBOX_HALF_WIDTH, lamp_position
 
 CUBOID_COLUMNS = ("rock", "x0", "y0", "z0", "x1", "y1", "z1", "size_m", "height_m")
+GROUND_COLOURS = "viridis"
+RELIEF = 0.65  # strength of the hill shading, 0 to 1
 STEP = 0.0075  # ray spacing of the view from above, metres
 SKY = 3.0  # start height of these rays, metres
 OUTLINE = "#d55e00"
@@ -42,7 +46,6 @@ HEIGHTS = {  # label of the colour bar by source of the ground mesh
     FITTED: "height above a smooth ground fitted to the rocks' feet, m",
     PHOTOS: "height of the ground measured in photos, m",
 }
-_LINES = 30  # lines of text in the height of the side view
 Box = tuple[float, float, float, float]  # x0, y0, x1, y1, y upwards
 SAND, STONE = np.array([0.78, 0.74, 0.68]), np.array([0.93, 0.62, 0.25])
 
@@ -66,7 +69,7 @@ def draw_terrain(
     top = top_view(scene, rays)
     heights = HEIGHTS.get(mesh_origins(meshes).get(obj.ground_name(terrain), ""), HEIGHTS[SCANNED])
     name = f"Terrain {terrain:02d}"
-    with page(meshes_figure, width, round(width * 0.46)) as sheet:
+    with page(meshes_figure, width, round(width * 0.51)) as sheet:
         _draw_meshes(sheet, name, scene, rays, top, width, heights)
     with page(crops_figure, width, round(width * 0.5)) as sheet:
         _draw_crops(sheet, name, table, top, heights)
@@ -76,29 +79,44 @@ def _draw_meshes(
     sheet: Any, name: str, scene: TerrainMesh, rays: Caster, top: TopView, width: int, heights: str
 ) -> None:
     """Draw the meshes from above with rock outlines and ids, and in an oblique view from the side of tripod A."""
-    above, oblique = sheet.subplots(1, 2, width_ratios=[1, 1.15])
+    above, oblique = sheet.subplots(1, 2, width_ratios=[1, 1.5])
     _draw_top(sheet, above, top, f"{name} from above, {len(scene.rocks)} rocks", heights)
     for rock in scene.rocks:
         _draw_outline(above, top, rock)
     _write_ids(above, {str(rock): _box(top, rock, scene) for rock in scene.rocks}, LETTER_M)
-    show_image(oblique, oblique_view(scene, rays, round(width * 0.52)), "View from tripod A, lamp at Sun azimuth 30")
+    pixels = _without_margin(oblique_view(scene, rays, round(width * 0.6)))
+    show_image(oblique, pixels, "View from tripod A, lamp at Sun azimuth 30; rocks are tinted")
+
+
+def _without_margin(pixels: np.ndarray) -> np.ndarray:
+    """Return the rows of an image (h, w, 3) that are not white."""
+    rows = np.flatnonzero((pixels < 255).any(axis=(1, 2)))
+    return pixels[rows[0] : rows[-1] + 1] if len(rows) else pixels
 
 
 def _draw_crops(sheet: Any, name: str, table: pd.DataFrame, top: TopView, heights: str) -> None:
-    """Draw the cuboids on the view from above, and in a view from the side."""
-    above, side = sheet.subplots(1, 2, width_ratios=[1.15, 1])
-    _draw_top(sheet, above, top, f"{name}: cuboids of {len(table)} rocks from above", heights)
-    _draw_rectangles(above, table, "x", "y", LETTER_M)
-    side.set_title("Cuboids from the side")
-    side.set(xlabel="x, m", ylabel="z, m")
-    side.grid(visible=True)
-    if not len(table):
-        side.text(0.5, 0.5, "no rocks", transform=side.transAxes, ha="center")
-        return
-    low, high = table["z0"].min() - 0.05, table["z1"].max() + 0.1
-    _draw_rectangles(side, table, "x", "z", (LETTER_M[0], (high - low) / _LINES))
-    side.set_xlim(-SANDBOX_HALF_WIDTH, SANDBOX_HALF_WIDTH)
-    side.set_ylim(low, high)
+    """Draw the cuboids on the view from above, and the size and the range of heights of each rock."""
+    panels = sheet.subplot_mosaic([["above", "size"], ["above", "heights"]], width_ratios=[1.05, 1])
+    _draw_top(sheet, panels["above"], top, f"{name}: cuboids of {len(table)} rocks from above", heights)
+    _draw_rectangles(panels["above"], table)
+    rows = table.sort_values(["size_m", "rock"], ascending=[False, True])
+    bars = {
+        "size": ("Largest extent of each rock", "extent, m", np.zeros(len(rows)), rows["size_m"].to_numpy(float)),
+        "heights": ("Lowest to highest point of each cuboid", "z, m", *rows[["z0", "z1"]].to_numpy(float).T),
+    }
+    small = max(5.0, min(11.0, 300 / max(1, len(rows))))  # points, so that all ids fit
+    for panel, (title, unit, low, high) in bars.items():
+        axes = panels[panel]
+        axes.set_title(title)
+        axes.bar(np.arange(len(rows)), high - low, 0.7, low, color=SERIES[0])
+        axes.axhline(0, color=FAINT, linewidth=0.8)
+        axes.set_xticks(np.arange(len(rows)), rows["rock"].astype(str), rotation=90, fontsize=small)
+        axes.set_ylabel(unit)
+        axes.margins(x=0.01)
+        axes.grid(visible=True, axis="y")
+        if not len(rows):
+            axes.text(0.5, 0.5, "no rocks", transform=axes.transAxes, ha="center")
+    panels["heights"].set_xlabel("rock id, largest rock first")
 
 
 def top_view(scene: TerrainMesh, rays: Caster) -> TopView:
@@ -150,8 +168,13 @@ def _normals(scene: TerrainMesh, face: np.ndarray, points: np.ndarray) -> tuple[
 
 
 def _draw_top(sheet: Any, axes: Any, top: TopView, title: str, heights: str) -> None:
-    """Draw the height map with hill shading from azimuth 135; `heights` is the label of the colour bar."""
-    from matplotlib.colors import LightSource
+    """Draw the ground's height with hill shading from azimuth 135, and tinted rocks.
+
+    `heights` is the label of the colour bar.
+    """
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import LightSource, Normalize
+    from matplotlib.ticker import MaxNLocator
 
     axes.set_title(title)
     axes.set(xlabel="x (Sun azimuth 0), m", ylabel="y (Sun azimuth 90), m")
@@ -162,14 +185,15 @@ def _draw_top(sheet: Any, axes: Any, top: TopView, title: str, heights: str) -> 
     ground = top.height[np.isfinite(top.height) & (top.rock == NO_ROCK)]
     low, high = np.percentile(ground if len(ground) else top.height[np.isfinite(top.height)], [0.5, 99.5])
     low, high = min(low, (low + high - SPAN) / 2), max(high, (low + high + SPAN) / 2)
-    image = axes.imshow(top.height, extent=top.extent, cmap="cividis", vmin=low, vmax=high)
     filled = np.where(np.isfinite(top.height), top.height, low)
     light = LightSource(azdeg=315, altdeg=35).hillshade(filled, vert_exag=2, dx=STEP, dy=STEP)
-    grey = np.zeros((*light.shape, 4))
-    grey[..., :3] = np.where(light > 0.5, 1.0, 0.0)[..., None]
-    grey[..., 3] = np.abs(light - 0.5) * 0.9
-    axes.imshow(grey, extent=top.extent)
-    sheet.colorbar(image, ax=axes, label=heights, shrink=0.8)
+    scale = ScalarMappable(Normalize(low, high), GROUND_COLOURS)
+    colours = scale.to_rgba(top.height)[..., :3]
+    colours[top.rock != NO_ROCK] = STONE
+    shade = 1 + RELIEF * (2 * light - 1)
+    shown = np.where(np.isfinite(top.height)[..., None], (colours * shade[..., None]).clip(0, 1), 1)
+    axes.imshow(shown, extent=top.extent)
+    sheet.colorbar(scale, ax=axes, label=heights, location="bottom", shrink=0.9, aspect=35, ticks=MaxNLocator(5))
 
 
 def _draw_outline(axes: Any, top: TopView, rock: int) -> None:
@@ -183,13 +207,13 @@ def _draw_outline(axes: Any, top: TopView, rock: int) -> None:
             axes.contour(_columns(top)[part[1]], _rows(top)[part[0]], inside, levels=[0.5], colors=[OUTLINE])
 
 
-def _draw_rectangles(axes: Any, table: pd.DataFrame, across: str, up: str, letter: tuple[float, float]) -> None:
-    """Draw boxes with rock ids; `letter` is the width and height of a digit, metres."""
-    rows = table[["rock", f"{across}0", f"{up}0", f"{across}1", f"{up}1"]].itertuples(index=False)
+def _draw_rectangles(axes: Any, table: pd.DataFrame) -> None:
+    """Draw the cuboids from above with rock ids."""
+    rows = table[["rock", "x0", "y0", "x1", "y1"]].itertuples(index=False)
     boxes = {str(int(rock)): (float(x0), float(y0), float(x1), float(y1)) for rock, x0, y0, x1, y1 in rows}
     for box in boxes.values():
         rectangle(axes, box, OUTLINE, linewidth=1.3)
-    _write_ids(axes, boxes, letter)
+    _write_ids(axes, boxes, LETTER_M)
 
 
 def _write_ids(axes: Any, boxes: Mapping[str, Box], letter: tuple[float, float]) -> None:
