@@ -5,14 +5,11 @@ import pytest
 from polarsim.formats import png
 from polarsim.formats.tables import label_table, write_parquet
 from polarsim.photo import HEIGHT, WIDTH
-from polarsim.report.figures.detections import (
-    draw_gap_rocks,
-    draw_predictions,
-    most_different,
-    read_detector_results,
-    shown_keys,
-)
+from polarsim.report.figures.canvas import PREDICTED, rgb
+from polarsim.report.figures.detections import draw_predictions, shown_keys
+from polarsim.report.figures.detector_results import read_detector_results
 from polarsim.report.figures.detectors import draw_curves, draw_ipd_histogram
+from polarsim.report.figures.gap_rocks import draw_gap_rocks, is_well_exposed, most_different
 from polarsim.report.training_seeds import seed_means, split_panels, title_suffix
 from polarsim.schemas.detect import CURVES, INSTANCES, IPD_ROCKS
 from tests.report.pixels import coloured, is_drawn
@@ -52,12 +49,24 @@ def instances_of(*rows):
     return pd.DataFrame(rows, columns=["key", "rock", "iou"])
 
 
-def test_rocks_are_selected_by_mean_and_shown_in_the_photo_with_the_largest_difference():
+def test_rocks_are_selected_by_mean_and_shown_in_photos_with_nearly_the_largest_difference():
     first = instances_of((KEYS[0], 1, 0.9), (KEYS[1], 1, 0.8), (KEYS[0], 2, 0.5), (KEYS[1], 2, 0.1), (KEYS[0], 3, 0.2))
     second = instances_of((KEYS[0], 1, 0.7), (KEYS[1], 1, 0.1), (KEYS[0], 2, 0.4), (KEYS[1], 2, 0.1), (KEYS[0], 3, 0.9))
-    assert most_different(first, second, 1) == [(KEYS[1], 1), (KEYS[0], 3)]
-    assert most_different(first, second, 5) == [(KEYS[1], 1), (KEYS[0], 2), (KEYS[0], 3)]
+    assert most_different(first, second, 1) == [([KEYS[1]], 1), ([KEYS[0]], 3)]
+    assert most_different(first, second, 5) == [([KEYS[1]], 1), ([KEYS[0]], 2), ([KEYS[0]], 3)]
     assert most_different(first, first, 5) == []
+
+
+def test_a_usual_exposure_is_preferred_to_a_slightly_larger_difference():
+    first = instances_of((KEYS[1], 1, 0.9), (KEYS[0], 1, 0.8))
+    assert most_different(first, first.assign(iou=0.0), 1) == [([KEYS[0], KEYS[1]], 1)]
+
+
+@pytest.mark.parametrize(("low", "high", "well"), [(20, 200, True), (120, 130, False), (255, 255, False)])
+def test_a_crop_without_contrast_or_clipped_is_not_well_exposed(low, high, well):
+    crop = np.full((20, 20, 3), low, np.uint8)
+    crop[:, 10:] = high
+    assert is_well_exposed(crop) == well
 
 
 @pytest.fixture
@@ -71,24 +80,25 @@ def results_of(tmp_path):
     write_parquet(tmp_path / "miss.parquet", found.assign(confidence=0.1))
     instances = [("real", "real", key, "rock", 1, 0.6, 900.0), ("real", "hapke", key, "rock", 1, 0.0, 900.0)]
     write_parquet(tmp_path / "instances.parquet", pd.DataFrame(instances, columns=list(INSTANCES.columns)))
-    png.write_png(tmp_path / "photo.png", np.full((HEIGHT, WIDTH), 1000, np.uint16))
+    photo = np.full((HEIGHT, WIDTH), 1000, np.uint16)
 
     def read(trained="real", real="hit"):
         return read_detector_results(
             trained, "analog", instances=tmp_path / "instances.parquet",
             predictions={"real": tmp_path / f"{real}.parquet", "hapke": tmp_path / "miss.parquet"},
             labels=dict.fromkeys(("real", "hapke"), tmp_path / "labels.parquet"),
-            picture_of=lambda domain, key: tmp_path / "photo.png" if domain == "real" else None, confidence=0.25,
+            pixels_of=lambda domain, key: photo if domain == "real" else None, confidence=0.25,
         )  # fmt: skip
 
     return read
 
 
 def shows(path, colour):
-    return bool((np.abs(png.read_png(path)[..., :3].astype(int) - colour).max(axis=2) < 60).any())
+    pixels = png.read_png(path)[:-50, :, :3].astype(int)  # without the legend
+    return bool((np.abs(pixels - colour).max(axis=2) < 60).any())
 
 
-LABEL, PREDICTION = (255, 176, 0), (0, 229, 255)  # colours
+LABEL, PREDICTION = (255, 176, 0), rgb(PREDICTED)  # colours
 
 
 @pytest.mark.parametrize("draw", [draw_gap_rocks, draw_predictions])

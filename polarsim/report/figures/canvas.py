@@ -13,10 +13,12 @@ from polarsim.formats.files import writing
 
 DPI = 100
 FIGURE_WIDTH = 1600  # px, fits a screen
+COMPRESSION = 3  # of PNG files: half the time of the default for photos, and files of the same size
 NOTE_LETTERS = 70  # maximum line length of a note; the font grows with the figure
 COLUMN_IN, PRINTED_PT = 3.5, 7.5  # width of a column of a paper, inches, and font size in it, points
 INK, FAINT, LINE = "#202124", "#5f6368", "#dadce0"
 SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c6d1f", "#56b4e9")  # Okabe and Ito, for colour-blind readers
+PREDICTED = "#ff4fa3"  # predicted boxes, distinct from the amber labels and from blue shadows for colour-blind readers
 LETTER_M = (0.09, 0.13)  # width and height of a digit on a map of the sandbox of half the figure's width, metres
 PLAIN = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 1.0}  # background of text on a map
 _STYLE = {
@@ -59,7 +61,7 @@ def page(path: Path, width_px: int, height_px: int, printed_in: float | None = N
         FigureCanvasAgg(figure)
         yield figure
         with writing(path) as temporary:
-            figure.savefig(temporary, metadata={"Software": None})
+            figure.savefig(temporary, metadata={"Software": None}, pil_kwargs={"compress_level": COMPRESSION})
 
 
 def figure_title(figure: Any, text: str) -> None:
@@ -72,6 +74,18 @@ def legend_line(**style: Any) -> Any:
     from matplotlib.lines import Line2D
 
     return Line2D([], [], **style)
+
+
+def box_legend(figure: Any, colours: Mapping[str, str]) -> None:
+    """Write the meaning of colours of boxes below all panels."""
+    lines = [legend_line(color=colour, linewidth=3) for colour in colours.values()]
+    figure.legend(lines, list(colours), loc="outside lower center", ncols=len(lines))
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """Return the RGB values of a colour such as #ff4fa3."""
+    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
+    return red, green, blue
 
 
 def rectangle(axes: Any, box: Any, colour: str, **style: Any) -> None:

@@ -11,13 +11,12 @@ from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.geometry import boxes
 from polarsim.geometry.matching_numba import match_predictions_of_photo
-from polarsim.photo import COLOURS, HEIGHT, ROCK, WIDTH
-from polarsim.report.figures.canvas import FIGURE_WIDTH, boxed, page, show_image
+from polarsim.photo import COLOURS, HEIGHT, HEX_COLOURS, ROCK, WIDTH
+from polarsim.report.figures.canvas import FIGURE_WIDTH, PREDICTED, box_legend, boxed, page, rgb, show_image
 from polarsim.schemas.detect import PREDICTIONS
 
 _COLUMNS = 2
-_TITLE_PX = 40
-_PREDICTED = (0, 229, 255)  # colour of predicted boxes
+_TITLE_PX, _LEGEND_PX = 40, 50
 _CORNERS = ["x0", "y0", "x1", "y1"]
 _MIN_IOU = 0.5  # of a correct prediction
 
@@ -35,7 +34,7 @@ def draw_covers(*, photos: Path, labels: Path, predictions: Path, figure: Path, 
     paths = sorted(photos.glob("*.png"))
     rows = -(-len(paths) // _COLUMNS)
     column = width // _COLUMNS
-    with page(figure, width, rows * (round(column * HEIGHT / WIDTH) + _TITLE_PX)) as sheet:
+    with page(figure, width, rows * (round(column * HEIGHT / WIDTH) + _TITLE_PX) + _LEGEND_PX) as sheet:
         grid = sheet.subplots(rows, _COLUMNS, squeeze=False).ravel()
         for axes in grid[len(paths) :]:
             axes.set_axis_off()
@@ -43,12 +42,13 @@ def draw_covers(*, photos: Path, labels: Path, predictions: Path, figure: Path, 
             key = path.stem
             coloured = [
                 (box, colour)
-                for table, colour in ((annotated, COLOURS[ROCK]), (predicted, _PREDICTED))
+                for table, colour in ((annotated, COLOURS[ROCK]), (predicted, rgb(PREDICTED)))
                 for box in table.loc[table["key"] == key, _CORNERS].to_numpy(float)
             ]
             show_image(
                 axes, boxed(png.read_png(path), coloured, column), f"{key}, confidence of at least {threshold:.2f}"
             )
+        box_legend(sheet, {"labelled rock": HEX_COLOURS[ROCK], "prediction": PREDICTED})
 
 
 def best_confidence(labels: pd.DataFrame, predictions: pd.DataFrame) -> float:

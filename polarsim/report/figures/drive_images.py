@@ -11,13 +11,21 @@ from polarsim.formats import png
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.photo import HEX_COLOURS, ROCK
-from polarsim.report.figures.canvas import FIGURE_WIDTH, figure_title, note, page, rectangle, show_image
+from polarsim.report.figures.canvas import (
+    FIGURE_WIDTH,
+    PREDICTED,
+    box_legend,
+    figure_title,
+    note,
+    page,
+    rectangle,
+    show_image,
+)
 from polarsim.run_files.picture_sets import PictureSet, sun_title
 from polarsim.tone import to_8bit
 
 POSES, SHOTS = ["frame", "time_s"], 6
 BOX = ["frame", "kind", "x0", "y0", "x1", "y1"]
-TRUE, PREDICTED = HEX_COLOURS[ROCK], "#56b4e9"  # colours of true and predicted rocks
 
 
 def draw_sequence(*, view: Path, pictures: str, figure: Path, width: int = FIGURE_WIDTH) -> None:
@@ -63,11 +71,12 @@ def _draw_shots(
         for axes, (frame, time_s) in zip(panels, chosen[POSES].itertuples(index=False), strict=False):
             pixels = png.read_png(view / pictures / f"{int(frame):05d}.png")
             show_image(axes, to_8bit(pixels), f"{time_s:.1f} s")
-            for boxes, colour in ((truth, TRUE), (detections, PREDICTED)):
+            for boxes, colour in ((truth, HEX_COLOURS[ROCK]), (detections, PREDICTED)):
                 if boxes is not None:
                     of_frame = boxes[(boxes["frame"] == frame) & (boxes["kind"] == ROCK)]
                     for box in of_frame[BOX[2:]].to_numpy(float) - HALF_PIXEL:  # imshow: first pixel centre at 0
                         rectangle(axes, box, colour, linewidth=1)
         if truth is not None:
-            title += "; yellow: true rocks" + ("" if detections is None else ", blue: predicted rocks")
+            predicted = {} if detections is None else {"predicted rock": PREDICTED}
+            box_legend(sheet, {"true rock": HEX_COLOURS[ROCK], **predicted})
         figure_title(sheet, title)
