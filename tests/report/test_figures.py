@@ -14,6 +14,7 @@ from polarsim.report.figures.canvas import FIGURE_WIDTH
 from polarsim.report.figures.comparison import draw_comparison
 from polarsim.report.figures.cover_photos import cover_key
 from polarsim.report.figures.detectors import draw_detection, draw_ipd
+from polarsim.report.figures.difference import STOPS, _palette
 from polarsim.report.figures.labels import draw_label_errors, draw_reliability, edge_errors
 from polarsim.report.figures.offsets import draw_offsets
 from polarsim.report.figures.residuals import draw_residuals
@@ -248,16 +249,17 @@ def test_a_comparison_shows_the_available_images(tmp_path):
     draw_comparison(**arguments, **with_photo, twins=twins, figure=tmp_path / "two.png")
     draw_comparison(**arguments, **described(tmp_path, {}), twins={}, figure=tmp_path / "none.png")
     shown = png.read_png(tmp_path / "two.png")
-    # Photo above twin, with the white level of the photo: the twin has 284 DN above black, the photo 684 DN.
+    # Photo left of the twin, with the white level of the photo: the twin has 284 DN above black, the photo 684 DN.
     rows = shown.shape[0]
-    photo, twin = (np.median(shown[round(at * rows) :][:20, 280:320]) for at in (0.2, 0.68))
+    photo, twin = (np.median(shown[round(0.25 * rows) :][:20, at : at + 40]) for at in (280, 880))
     assert photo == 255
     assert twin == pytest.approx(255 * (284 / 684) ** (1 / 2.2), abs=2)
     # The twin is 1.27 stops too dark: the difference is blue, and the colour bar below it is red at the right end.
-    difference = np.median(shown[round(0.68 * rows) :][:20, 880:920], axis=(0, 1))
-    assert difference.tolist() == pytest.approx([255 * (1 - np.log2(684 / 284) / 2)] * 2 + [255], abs=2)
-    reds = (shown[round(0.8 * rows) :].astype(int) @ [1, -1, -1]) > 200
-    assert reds[:, 600:].sum() > 20 > reds[:, :600].sum()
+    difference = np.median(shown[round(0.65 * rows) :][:20, 880:920], axis=(0, 1))
+    expected = _palette()[127 - round(127 * np.log2(684 / 284) / STOPS)]
+    assert difference.tolist() == pytest.approx(expected.tolist(), abs=2)
+    reds = (shown[round(0.8 * rows) :].astype(int) @ [1, -1, -1]) > 50
+    assert reds[:, 900:].sum() > 20 > reds[:, :900].sum()
     assert is_drawn(tmp_path / "none.png", 2 * NARROW)
 
 

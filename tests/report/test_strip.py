@@ -47,7 +47,7 @@ def test_a_photo_with_a_twin_and_a_detector_has_five_panels(strip):
     assert list(panels) == ["photo", "twin", "difference", "labels", "detections"]
     assert all(png.read_png(folder / f"{name}.png").shape[1] == PANEL_WIDTH for name in panels)
     difference = png.read_png(folder / "difference.png")
-    np.testing.assert_allclose(difference[300, 300], [255, 128, 128], atol=3)  # twice as bright: 1 stop of 2
+    np.testing.assert_allclose(difference[300, 300], [225, 147, 135], atol=3)  # twice as bright: 1 stop of 3
     detections = png.read_png(folder / "detections.png").astype(int)
     scale = PANEL_WIDTH / 1936
     assert tuple(detections[round(550 * scale), round(500 * scale)]) == (255, 176, 0)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +15,11 @@ from polarsim.annotate.show import rows_of
 from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
-from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, SERIES, note, page, show_image
+from polarsim.report.figures.canvas import FAINT, SERIES, note, page, show_image
 from polarsim.report.figures.cover_photos import cover_key, near_red
 from polarsim.report.figures.difference import (
     STOPS,
+    STOPS_MEANING,
     TONES,
     TONES_MEANING,
     difference_bar,
@@ -29,7 +30,9 @@ from polarsim.report.figures.difference import (
 from polarsim.run_files.pictures import cover_photo, pictures_at
 from polarsim.tone import display_white_level, to_8bit
 
-GAP = 130  # height of a title and a colour bar, px
+COMPARISON_WIDTH = 2000  # px; up to four panels per row
+_LETTERS = 42  # of the rock ids in the width of a panel
+TITLE, BAR = 0.1, 0.24  # height of the lines of a title, and of a colour bar, relative to the width of a panel
 
 
 def draw_comparison(
@@ -41,47 +44,47 @@ def draw_comparison(
     labels: Path,
     rendered: Path | None,
     figure: Path,
-    width: int = FIGURE_WIDTH,
+    width: int = COMPARISON_WIDTH,
 ) -> None:
     """Write the figure: photo, cover photo and twins with boxes and rock ids, and the differences of the twins.
 
-    Each twin is followed by the image of the difference with a colour bar; the photo is followed by a histogram of the
-    differences in stops. Twins and photo have the same white level, so that their brightness can be compared; without a
-    photo, the twins share a white level. If the inventory names a cover photo, labels are added from the photo of the
-    same position whose boxes match the red boxes in the cover photo. Missing images are skipped. Without `rendered`,
-    the label table of the twins, twins have the labels of the photo.
+    A column per image: below each twin is the image of the difference, below the photo a histogram of the differences
+    in stops. Twins and photo have the same white level, so that their brightness can be compared; without a photo, the
+    twins share a white level. If the inventory names a cover photo, labels are added from the photo of the same
+    position whose boxes match the red boxes in the cover photo. Missing images are skipped. Without `rendered`, the
+    label table of the twins, twins have the labels of the photo.
     """
     table = read_parquet(labels, LABEL_COLUMNS)
     of_photo = rows_of(table, key)
     of_twins = of_photo if rendered is None else rows_of(read_parquet(rendered, LABEL_COLUMNS), key)
-    width //= 2  # two columns of panels
-    panels: list[Panel] = []
-    differences: dict[str, Panel] = {}
-    stops: dict[str, np.ndarray] = {}
     pictured = _read(twins, key)
     photo, printed = pictures_at(photos).get(key), cover_photo(inventory, key.position)
+    has_photo, has_cover = (path is not None and path.exists() for path in (photo, printed))
+    columns: list[list[Panel]] = []
+    differences: dict[str, Panel] = {}
+    column = width // max(2, has_photo + has_cover + len(pictured))
+    marks = OverlayStyle(confidences=False, letter_px=max(10, round(column / _LETTERS)))
     white = None
-    if photo is not None and photo.exists():
+    if photo is not None and has_photo:
         pixels = png.read_png(photo)
         white = display_white_level(pixels)
-        panels.append(Panel(f"Photo {key}", draw_labels(to_8bit(pixels, white), of_photo, width)))
         stops = {model: log2_over_photo(pixels, twin) for model, twin in pictured.items()}
+        shown = Panel(f"Photo {key}", draw_labels(to_8bit(pixels, white), of_photo, column, marks))
+        columns.append([shown, *([Panel("Brightness of the twins", stops=stops)] if stops else [])])
         differences = {
-            model: Panel(f"Twin / photo, {model}", _small(difference_of_photo(pixels, twin), width), STOPS)
+            model: Panel(f"Twin / photo, {model}", _small(difference_of_photo(pixels, twin), column), STOPS)
             for model, twin in pictured.items()
         }
-    if printed is not None and printed.exists():
+    if printed is not None and has_cover:
         cover = to_8bit(png.read_png(printed))
-        shown = _shown_on(cover, table, key)
-        panels.append(_cover_panel(cover, table, shown, width))
-        differences |= _cover_differences(cover, shown, _read(twins, shown), width) if shown else {}
-    if panels and stops:
-        panels.append(Panel("Brightness difference of the twins", stops=stops))
+        of_cover = _shown_on(cover, table, key)
+        columns.append([_cover_panel(cover, table, of_cover, column, marks)])
+        differences |= _cover_differences(cover, of_cover, _read(twins, of_cover), column) if of_cover else {}
     for model, pixels in pictured.items():
         white = display_white_level(pixels) if white is None else white
-        panels.append(Panel(f"Twin, {model}", draw_labels(to_8bit(pixels, white), of_twins, width)))
-        panels += [differences[model]] if model in differences else []
-    _draw(figure, panels, width, f"{key}: no photo and no twin")
+        twin = Panel(f"Twin, {model}", draw_labels(to_8bit(pixels, white), of_twins, column, marks))
+        columns.append([twin, *([differences[model]] if model in differences else [])])
+    _draw(figure, columns, column, width, f"{key}: no photo and no twin")
 
 
 @dataclass(frozen=True)
@@ -127,49 +130,58 @@ def _read(twins: Mapping[str, Path], key: PhotoKey) -> dict[str, np.ndarray]:
     return {model: png.read_png(path) for model, path in paths.items() if path.exists()}
 
 
-def _cover_panel(cover: np.ndarray, table: pd.DataFrame, shown: PhotoKey | None, width: int) -> Panel:
+def _cover_panel(
+    cover: np.ndarray, table: pd.DataFrame, shown: PhotoKey | None, width: int, marks: OverlayStyle
+) -> Panel:
     if shown is None:
         return Panel("Published photo\nwith ids of the authors", draw_labels(cover, table[:0], width))
-    rocks = draw_labels(
-        cover, rows_of(table, shown), width, OverlayStyle((ROCK,))
-    )  # no shadows: the azimuth is not known
+    only_rocks = replace(marks, kinds=(ROCK,))  # no shadows: the azimuth is not known
+    rocks = draw_labels(cover, rows_of(table, shown), width, only_rocks)
     return Panel(f"Published photo, red: ids of the authors\nyellow: rocks of {shown}", rocks)
 
 
-def _draw(path: Path, panels: list[Panel], width: int, empty: str) -> None:
-    rows = max(1, (len(panels) + 1) // 2)
-    height = round(width * HEIGHT / WIDTH) + GAP * (1 + any("\n" in panel.title for panel in panels))
-    with page(path, 2 * width, rows * height) as figure:
-        if not panels:
+def _draw(path: Path, columns: Sequence[Sequence[Panel]], column: int, width: int, empty: str) -> None:
+    """Write the figure: columns of at most two panels, with the colour bars below the differences."""
+    shown = [panel for panels in columns for panel in panels]
+    lines = 1 + any("\n" in panel.title for panel in shown)
+    rows = max(map(len, columns), default=1)
+    has_bar = any(panel.full for panel in shown)
+    height = column * (rows * (HEIGHT / WIDTH + lines * TITLE) + has_bar * BAR)
+    with page(path, width, round(height)) as figure:
+        if not shown:
             note(figure, empty)
             return
-        grid = figure.subplots(rows, 2 if len(panels) > 1 else 1, squeeze=False)
-        for axes in grid.ravel()[len(panels) :]:
+        grid = figure.subplots(rows, max(2, len(columns)), squeeze=False)
+        for axes in grid.ravel():
             axes.set_axis_off()
-        for axes, panel in zip(grid.ravel(), panels, strict=False):
-            if panel.pixels is not None:
-                show_image(axes, panel.pixels, panel.title)
-                if panel.full == STOPS:
-                    difference_bar(figure, [axes])
-                elif panel.full:
-                    difference_bar(figure, [axes], panel.full, TONES_MEANING)
-            elif panel.stops is not None:
-                axes.set_title(panel.title)
-                _draw_stops(axes, panel.stops)
+        for cells, panels in zip(grid.T, columns, strict=False):
+            for axes, panel in zip(cells, panels, strict=False):
+                _draw_panel(figure, axes, panel)
+
+
+def _draw_panel(figure: Any, axes: Any, panel: Panel) -> None:
+    if panel.pixels is not None:
+        show_image(axes, panel.pixels, panel.title)
+    if panel.full:
+        difference_bar(figure, [axes], panel.full, STOPS_MEANING if panel.full == STOPS else TONES_MEANING)
+    if panel.stops is not None:
+        axes.set_axis_on()
+        axes.set_title(panel.title)
+        _draw_stops(axes, panel.stops)
 
 
 def _draw_stops(axes: Any, stops: Mapping[str, np.ndarray]) -> None:
     """Draw a histogram of the compared pixels over stops for each model."""
-    bins = np.linspace(-2 * STOPS, 2 * STOPS, 81)
+    bins = np.linspace(-STOPS - 1, STOPS + 1, 81)
     for number, (model, values) in enumerate(stops.items()):
         label = f"{model}: no pixel compared"
         if len(values):
-            share = np.histogram(values.clip(bins[0], bins[-1]), bins)[0] / len(values)
+            share = np.histogram(values, bins)[0] / len(values)
             label = f"{model}: median {np.median(values):+.2f}, median of |x| {np.median(np.abs(values)):.2f}"
             axes.stairs(100 * share, bins, color=SERIES[number % len(SERIES)], linewidth=2, label=label)
         else:
             axes.plot([], [], label=label)
     axes.axvline(0, color=FAINT, linewidth=0.8)
     axes.set(xlabel="x = log2(twin / photo), stops", ylabel="share of compared pixels, %", ylim=(0, None))
-    axes.legend(loc="upper left", fontsize="small")
-    axes.set_ylim(0, 1.25 * axes.get_ylim()[1])
+    axes.legend(loc="upper left", fontsize="small", frameon=True, framealpha=1, edgecolor="none")
+    axes.set_ylim(0, 1.35 * axes.get_ylim()[1])

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from polarsim.photo import BLACK_LEVEL
+from polarsim.report.figures.canvas import rgb
 from polarsim.scoring.appearance import FULL_DN, LIT_DN
 
-STOPS = 2.0  # difference at the saturated colour, stops
+STOPS = 3.0  # difference at the saturated colour, stops
 TONES = 0.5  # difference at the saturated colour after tone matching, share of white
+COLOURS = ("#053061", "#4393c3", "#f7f7f7", "#d6604d", "#67001f")  # ColorBrewer's RdBu, for colour-blind readers
+_SHADES = 127  # number of shades from the middle to either end
 _LEVELS = np.linspace(0, 1, 257)
 STOPS_MEANING = "log2(twin / photo), stops; red: twin too bright\ngrey: excluded (dark or clipped in photo or twin)"
 TONES_MEANING = "tone of twin minus photo, share of white; red: twin too bright\ngrey: excluded (lines in the photo)"
@@ -56,10 +60,17 @@ def difference_of_tones(photo: np.ndarray, twin: np.ndarray, compared: np.ndarra
 
 def _coloured(share: np.ndarray, good: np.ndarray) -> np.ndarray:
     """Map -1 to blue, 0 to white, 1 to red; grey where not `good`."""
-    share = np.clip(share, -1, 1)
-    fade = 1 - np.abs(share)
-    channels = [np.where(share > 0, 1, fade), fade, np.where(share < 0, 1, fade)]
-    return np.where(good[..., None], np.round(255 * np.stack(channels, axis=-1)), 128).astype(np.uint8)
+    shade = np.rint(_SHADES * np.nan_to_num(share).clip(-1, 1)).astype(np.int16) + _SHADES
+    return _palette().take(np.where(good, shade, 2 * _SHADES + 1), axis=0)
+
+
+@cache
+def _palette() -> np.ndarray:
+    """Return the colours (n, 3) uint8 from -1 to 1, and grey."""
+    anchors = [rgb(colour) for colour in COLOURS]
+    at = np.linspace(0, len(anchors) - 1, 2 * _SHADES + 1)
+    shades = np.stack([np.interp(at, np.arange(len(anchors)), channel) for channel in zip(*anchors, strict=True)], -1)
+    return np.concatenate([np.rint(shades), [[128] * 3]]).astype(np.uint8)
 
 
 def difference_bar(figure: Any, axes: Sequence[Any], full: float = STOPS, meaning: str = STOPS_MEANING) -> None:
@@ -67,8 +78,8 @@ def difference_bar(figure: Any, axes: Sequence[Any], full: float = STOPS, meanin
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LinearSegmentedColormap, Normalize
 
-    colours = LinearSegmentedColormap.from_list("difference", ["#0000ff", "#ffffff", "#ff0000"])
+    colours = LinearSegmentedColormap.from_list("difference", COLOURS)
     shown = ScalarMappable(Normalize(-full, full), colours)
-    bar = figure.colorbar(shown, ax=list(axes), location="bottom", fraction=0.05, pad=0.02, aspect=50, extend="both")
+    bar = figure.colorbar(shown, ax=list(axes), location="bottom", fraction=0.05, pad=0.02, aspect=40, extend="both")
     bar.set_label(meaning, fontsize="small")
     bar.ax.tick_params(labelsize="small")
