@@ -138,7 +138,14 @@ def explore(
         ),
     ] = None,
     width: Annotated[int, typer.Option(min=240, max=WIDTH, help="Image width, px.")] = WIDTH // 2,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port on 127.0.0.1; 0: any free port.")] = 0,
+    port: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            max=65535,
+            help="Port on 127.0.0.1; 0: any free port; default: the same port for each start of a run.",
+        ),
+    ] = None,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
     results: Results = Path("results"),
 ) -> None:
@@ -159,10 +166,10 @@ def explore(
     import webbrowser
 
     from polarsim.explore.corrections import Corrections
-    from polarsim.explore.server import server
+    from polarsim.explore.server import server_of_run
 
     corrections = Corrections(chosen)
-    with server(page_of_run(chosen, width), port, corrections) as served:
+    with server_of_run(chosen.folder, page_of_run(chosen, width), port, corrections) as served:
         address = f"http://{served.server_address[0]!s}:{served.server_address[1]}/"
         typer.echo(f"{address}   stop with Ctrl-C")
         if browser:

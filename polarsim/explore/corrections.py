@@ -1,7 +1,8 @@
-"""Corrections of a run: boxes that were corrected in the page, a label file per photo."""
+"""Corrections of a run: boxes that were corrected in the page, a label file per photo, and the next run with them."""
 
 from __future__ import annotations
 
+import hashlib
 import threading
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from polarsim.errors import LabelError
+from polarsim.explore.next_run import write_overlay
 from polarsim.explore.tables import EDGES
 from polarsim.formats import yolo
 from polarsim.formats.coco import read_coco
@@ -72,6 +74,23 @@ class Corrections:
         """
         with self._lock:
             self._file_of(self._keys[name]).unlink(missing_ok=True)
+
+    def version(self) -> str:
+        """Return a digest of all files in the folder, by which the page recognises changes by other programs."""
+        digest = hashlib.sha256()
+        for path in sorted(self.folder.rglob("*")):
+            if path.is_file():
+                digest.update(f"{path.relative_to(self.folder)}\0{path.stat().st_size}\0".encode() + path.read_bytes())
+        return digest.hexdigest()[:16]
+
+    def prepare_run(self) -> dict[str, str]:
+        """Write the overlay of the next run, see `write_overlay`."""
+        with self._lock:
+            return write_overlay(self._run, self.folder)
+
+    def labels_version(self) -> tuple[int, ...]:
+        """Return a value that changes when a run writes new label tables."""
+        return tuple(path.stat().st_mtime_ns for path in sorted(self._run.folder.glob("labels/*/*.parquet")))
 
     def finish(self) -> None:
         """Wait for a change in progress and block further changes, before the process ends with all threads."""

@@ -8,19 +8,22 @@ import os
 import secrets
 import sys
 import threading
-from collections.abc import Mapping
+import zlib
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from typing import Any
 
 from polarsim.errors import ConfigError, LabelError, PolarsimError
 from polarsim.explore.corrections import Corrections
-from polarsim.explore.site import CORRECTIONS, Files, corrections_content
+from polarsim.explore.site import CORRECTIONS, NEXT_RUN, Files, corrections_content
 
 log = logging.getLogger("polarsim")
 
 HOST = "127.0.0.1"  # local interface only, for security
+FIRST_PORT, PORTS = 20000, 10000  # usual ports of runs, below the ports that systems assign to connections
 MAX_CACHED_FILES = 1000  # images have about 0.2 MB
 MAX_REQUEST_BYTES = 1 << 20  # maximum size of the boxes of a photo
 MAX_DISCARDED_BYTES = 8 << 20  # maximum content of a refused request that is read before the connection is closed
@@ -49,17 +52,21 @@ _CORRECTION_PREFIX = f"/{CORRECTIONS.removesuffix('.json')}/"  # of the addresse
 
 
 class FileCache:
-    """Contents of the most recently used files."""
+    """Contents of the most recently used files. Files other than images are computed again for a new `version`."""
 
-    def __init__(self, files: Files, max_files: int = MAX_CACHED_FILES) -> None:
-        self._files, self._workers = files, threading.BoundedSemaphore(MAX_WORKERS)
+    def __init__(
+        self, files: Files, max_files: int = MAX_CACHED_FILES, version: Callable[[], object] = lambda: None
+    ) -> None:
+        self._files, self._workers, self._version = files, threading.BoundedSemaphore(MAX_WORKERS), version
         self._cached = lru_cache(max_files)(self._computed)
 
     def read(self, name: str) -> bytes | None:
         """Return the content of an address, or None for an unknown address."""
-        return self._cached(name) if name in self._files else None
+        if name not in self._files:
+            return None
+        return self._cached(name, None if name.endswith(".jpg") else self._version())
 
-    def _computed(self, name: str) -> bytes:
+    def _computed(self, name: str, _version: object) -> bytes:
         with self._workers:
             return self._files[name]()
 
@@ -69,7 +76,7 @@ def server(files: Files, port: int = 0, corrections: Corrections | None = None) 
 
     Without `corrections`, the server accepts no changes.
     """
-    cache = FileCache(files)
+    cache = FileCache(files, version=corrections.labels_version) if corrections else FileCache(files)
 
     class Handler(_Handler):
         content = cache
@@ -80,6 +87,21 @@ def server(files: Files, port: int = 0, corrections: Corrections | None = None) 
         return Server((HOST, port), Handler)
     except OSError as error:
         raise ConfigError(f"port {port} of {HOST} is not available ({error.strerror}): choose a --port") from error
+
+
+def server_of_run(folder: Path, files: Files, port: int | None, corrections: Corrections) -> Server:
+    """Return the server of a run; without a port, at the port of the run's folder, or at a free port if it is in use.
+
+    Browsers store the state of a page by host and port.
+    """
+    if port is not None:
+        return server(files, port, corrections)
+    usual = FIRST_PORT + zlib.crc32(str(folder.resolve()).encode()) % PORTS
+    try:
+        return server(files, usual, corrections)
+    except ConfigError:
+        log.warning("port %d of this run is in use, probably by another explorer of the run: using a free port", usual)
+        return server(files, 0, corrections)
 
 
 class Server(ThreadingHTTPServer):
@@ -94,8 +116,9 @@ class Server(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     """Request handler: GET of listed addresses, compared literally without decoding.
 
-    PUT and DELETE of `data/corrections/KEY` save and remove the boxes of a photo. They require the token in
-    `data/corrections.json`, which pages of other origins cannot read.
+    PUT and DELETE of `data/corrections/KEY` save and remove the boxes of a photo. PUT of `data/next_run.json` writes
+    the overlay of the next run. They require the token in `data/corrections.json`, which pages of other origins cannot
+    read.
     """
 
     content: FileCache
@@ -130,7 +153,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._change()
 
     def _change(self) -> None:
-        """Save or remove the correction of a photo."""
+        """Save or remove the correction of a photo, or write the overlay of the next run."""
         self.close_connection = True  # some content of a refused request may not be read
         name = self.path.removeprefix(_CORRECTION_PREFIX)
         status = self._refusal(name)
@@ -139,16 +162,24 @@ class _Handler(BaseHTTPRequestHandler):
             return self._discard_content()
         assert self.saved is not None
         try:
-            if self.command == "PUT":
+            answer = {}
+            if self._prepares_run():
+                self._request_content()
+                answer = self.saved.prepare_run()
+            elif self.command == "PUT":
                 self.saved.save(name, self._request_content())
             else:
                 self.saved.drop(name)
+            answer["version"] = self.saved.version()
         except LabelError as error:
             return self._refuse(HTTPStatus.UNPROCESSABLE_ENTITY, str(error))
         except PolarsimError as error:
             log.warning("%s", error)
             return self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, str(error))
-        return self._send(HTTPStatus.OK, b"{}", "json")
+        return self._send(HTTPStatus.OK, json.dumps(answer).encode(), "json")
+
+    def _prepares_run(self) -> bool:
+        return self.command == "PUT" and self.path == f"/{NEXT_RUN}"
 
     def _refusal(self, name: str) -> HTTPStatus | None:
         """Return the status of a refused change of a photo, or None for a valid request of this server's page."""
@@ -162,7 +193,7 @@ class _Handler(BaseHTTPRequestHandler):
         token = self.headers.get(PROOF_HEADER, "").encode()
         if not same_origin or not secrets.compare_digest(token, self.token.encode()):
             return HTTPStatus.FORBIDDEN
-        if not self.path.startswith(_CORRECTION_PREFIX) or name not in self.saved:
+        if not self._prepares_run() and (not self.path.startswith(_CORRECTION_PREFIX) or name not in self.saved):
             return HTTPStatus.NOT_FOUND
         if self.command == "DELETE":
             return None

@@ -13,6 +13,7 @@ import pandas as pd
 
 from polarsim.explore.corrections import Corrections
 from polarsim.explore.drives import drive_content, drive_pictures
+from polarsim.explore.next_run import changed_labels
 from polarsim.explore.pictures import jpeg, outlines_of_photos, outlines_of_twins, small_jpeg
 from polarsim.explore.tables import facts_of_rocks, picture_table, shown_labels, shown_predictions
 from polarsim.explore.terrain import terrain_setup, thinned_terrain
@@ -25,6 +26,7 @@ from polarsim.run_files.run import PHOTO, Run
 Files = dict[str, Callable[[], bytes]]  # by address below the page, without leading slash
 WIDTH_PX = WIDTH // 2  # width of the images
 CORRECTIONS = "data/corrections.json"
+NEXT_RUN = "data/next_run.json"
 
 
 def page_of_run(run: Run, width: int = WIDTH_PX) -> Files:
@@ -70,7 +72,8 @@ def overview(run: Run) -> dict[str, Any]:
 
 def corrections_content(corrections: Corrections, token: str | None = None) -> bytes:
     """Return the content of `data/corrections.json`; without a token the page cannot save corrections."""
-    return _json(lambda: {"folder": str(corrections.folder), "photos": corrections.read(), "token": token})
+    saved = {"folder": str(corrections.folder), "photos": corrections.read(), "version": corrections.version()}
+    return _json(lambda: saved | {"token": token})
 
 
 def _json(content: Callable[..., Any], *arguments: Any) -> bytes:
@@ -91,6 +94,7 @@ def _tables(run: Run) -> Files:
         for name, of_twins in (("photo", False), ("twins", True)):
             labels = partial(_arrow, shown_labels, run, terrain, of_twins=of_twins)
             files[f"data/labels/{name}/{terrain}.arrow"] = labels
+        files[f"data/changes/{terrain}.arrow"] = partial(_arrow, changed_labels, run, terrain)
         files[f"data/rocks/{terrain}.arrow"] = partial(_arrow, facts_of_rocks, run, terrain)
     for name in run.predictions:
         files[f"data/predictions/{name}.arrow"] = partial(_arrow, shown_predictions, run, name)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -39,9 +39,10 @@ def derived_labels(
     def labels(without: tuple[str, ...]) -> LabelsByPhoto:
         return labels_of_terrain(inputs, options.model_copy(update={"excluded_annotations": without}))
 
-    changes = label_changes(labels(options.excluded_annotations), labels((*options.excluded_annotations, str(drawing))))
-    write_parquet(out, changes)
-    return changes
+    excluded = options.excluded_annotations
+    found = label_changes(labels(excluded), labels((*excluded, str(drawing))))
+    write_parquet(out, found)
+    return found
 
 
 def label_changes(with_it: LabelsByPhoto, without: LabelsByPhoto) -> pd.DataFrame:
@@ -49,18 +50,24 @@ def label_changes(with_it: LabelsByPhoto, without: LabelsByPhoto) -> pd.DataFram
 
     `change` is `gone` (the label disappears), `moved` (an edge shifts by up to `moved_px`) or `new` (a label appears).
     """
-    rows: list[tuple[object, ...]] = []
-    for key in sorted({*with_it, *without}):
-        boxes_with, boxes_without = _by_name(with_it.get(key, ())), _by_name(without.get(key, ()))
-        for name in sorted({*boxes_with, *boxes_without}):
-            before, after = boxes_with.get(name), boxes_without.get(name)
+    rows = [(str(key), kind, rock, change, moved) for key, kind, rock, change, moved, _ in changes(with_it, without)]
+    types = {"key": str, "kind": str, "rock": np.int64, "change": str, "moved_px": float}
+    return pd.DataFrame(rows, columns=list(COLUMNS)).astype(types)
+
+
+def changes(
+    former: LabelsByPhoto, present: LabelsByPhoto
+) -> Iterator[tuple[PhotoKey, str, int, str, float, np.ndarray | None]]:
+    """Yield photo, kind, rock, change and shift (px) of each changed label, and the former box (4,) if it existed."""
+    for key in sorted({*former, *present}):
+        boxes_before, boxes_after = _by_name(former.get(key, ())), _by_name(present.get(key, ()))
+        for name in sorted({*boxes_before, *boxes_after}):
+            before, after = boxes_before.get(name), boxes_after.get(name)
             change, moved = "gone" if after is None else "new", np.nan
             if before is not None and after is not None:
                 change, moved = "moved", float(np.abs(before - after).max())
             if not moved <= MIN_SHIFT_PX:
-                rows.append((str(key), name[0], name[1], change, round(moved, 2)))
-    types = {"key": str, "kind": str, "rock": np.int64, "change": str, "moved_px": float}
-    return pd.DataFrame(rows, columns=list(COLUMNS)).astype(types)
+                yield key, name[0], name[1], change, round(moved, 2), before
 
 
 def _by_name(labels: Sequence[Label]) -> dict[tuple[str, int, int], np.ndarray]:

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import signal
 import socket
 import subprocess
@@ -13,14 +14,15 @@ from http.client import HTTPConnection
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import polarsim
-from polarsim.errors import ConfigError, FormatError
+from polarsim.errors import ConfigError, FormatError, LabelError
 from polarsim.explore.corrections import Corrections
-from polarsim.explore.server import HOST, MAX_REQUEST_BYTES, FileCache, server
+from polarsim.explore.server import HOST, MAX_REQUEST_BYTES, FileCache, server, server_of_run
 from polarsim.formats import yolo
 from polarsim.formats.coco import write_coco
 from polarsim.formats.files import write_text
@@ -393,3 +395,53 @@ def test_ctrl_c_during_loading_ends_without_a_crash(made):
             connection.close()
     assert (started.returncode, err) == (0, "")
     assert out.endswith("stopped\n")
+
+
+def test_an_overlay_is_written_for_corrected_photos_only(run):
+    prepare = {"target": "/data/next_run.json", "method": "PUT", "content": b"{}"}
+    with correcting(run) as running:
+        headers = {
+            "X_Polarsim_Token": running.RequestHandlerClass.token,
+            "Content_Type": "application/json",
+            "Content_Length": "2",
+        }
+        assert asked(running, **prepare, **headers)[0].status == 422  # no corrections
+        assert asked(running, **prepare, **headers | {"X_Polarsim_Token": "guess"})[0].status == 403
+        assert asked(running, "/data/next_run.json")[0].status == 404
+        assert change(running, boxes=[box()])[0].status == 200
+        former = pd.read_parquet(run.folder / "labels/tables/Terrain03.parquet")
+        answer, content = asked(running, **prepare, **headers)
+    overlay = run.folder / "corrections.yaml"
+    assert answer.status == 200
+    assert json.loads(content)["command"] == f"polarsim run labels --configfile {overlay}"
+    copied = run.folder / "labels/before_corrections/Terrain03.parquet"
+    assert pd.read_parquet(copied).equals(former)
+    copied.write_bytes(b"")
+    Corrections(run).prepare_run()  # without a new correction, the former labels are kept
+    assert copied.read_bytes() == b""
+    write_text(run.folder / "config.yaml", "labels: {corrections: mine}")
+    with pytest.raises(LabelError, match="reads the corrections of mine"):
+        Corrections(run).prepare_run()
+    for path in (overlay, run.folder / "config.yaml"):
+        path.unlink()
+    shutil.rmtree(copied.parent)
+
+
+def test_a_run_has_the_same_port_at_each_start(run):
+    ports = set()
+    for _ in range(2):
+        with server_of_run(run.folder, {}, None, Corrections(run)) as first:
+            ports.add(first.server_address[1])
+            with server_of_run(run.folder, {}, None, Corrections(run)) as second:
+                assert second.server_address[1] not in ports
+    assert len(ports) == 1
+
+
+def test_tables_are_computed_again_after_a_run_of_the_labels():
+    version, made = [1], []
+    files = {name: lambda name=name: made.append(name) or b"" for name in ("a.arrow", "b.jpg")}
+    kept = FileCache(files, version=lambda: version[0])
+    for version[0] in (1, 1, 2):
+        for name in files:
+            kept.read(name)
+    assert made == ["a.arrow", "b.jpg", "a.arrow"]

@@ -1,6 +1,6 @@
 // Editor of boxes, with previews on the exposure bracket, in the other camera and under other Suns.
 
-import { bracketOf, has, keyOf, known, nearestExposure, parts, pictureUrl, row, run, table } from './data.js';
+import { bracketOf, has, keyOf, known, nearestExposure, parts, pictureUrl, row, rowsOf, run, table } from './data.js';
 import { Corrections, clipped, coco, dragged, grip } from './corrections.js';
 import { chooser, h, renew, s, soon } from './dom.js';
 import { crop, labels, outline } from './overlay.js';
@@ -11,8 +11,8 @@ import { read, whiteOf } from './picture.js';
 const SUNS = ['30', '180', '270', '350'];
 const EDGES = ['x0', 'y0', 'x1', 'y1'];
 
-let controls = null, editor = null, panels = null, note = null, seeds = null, corrections = null, opened = null, saveStatus = null;
-let boxes = [], propagated = [], chosen = -1, near = true, drag = null;
+let controls = null, editor = null, panels = null, note = null, effects = null, corrections = null, opened = null, saveStatus = null;
+let boxes = [], propagated = [], former = [], chosen = -1, near = true, drag = null, selections = 0, nextRun = null;
 
 export function build(section) {
   opened = Corrections.open(showSaveStatus).then((found) => { corrections = found; return ''; }, (error) => error.message);
@@ -22,8 +22,9 @@ export function build(section) {
   note = h('p', { class: 'empty', role: 'status' });
   editor = s('svg', { id: 'editor', tabindex: 0, role: 'application', 'aria-label': 'editor of boxes', style: 'width:100%;height:100%;touch-action:none' });
   panels = h('div', { class: 'panels', role: 'region', 'aria-label': 'Selected label in other photos', tabindex: 0 });
-  seeds = h('div', { class: 'bar', id: 'seeds' });
-  section.append(h('div', { class: 'column' }, controls, h('div', { class: 'bar' }, saveStatus), note, h('div', { class: 'work' }, h('div', { class: 'stage' }, editor), panels), seeds));
+  nextRun = h('span', { role: 'status', id: 'next-run' });
+  effects = h('div', { class: 'bar', id: 'effects' });
+  section.append(h('div', { class: 'column' }, controls, h('div', { class: 'bar' }, saveStatus, nextRun), note, h('div', { class: 'work' }, h('div', { class: 'stage' }, editor), panels), effects));
   listen();
 }
 
@@ -36,6 +37,7 @@ export const refresh = soon(async () => {
   if (shown) {
     const key = state.key;
     propagated = (await labels(key, false)).map(({ kind, rock, ...rest }) => clipped({ kind, rock, ...Object.fromEntries(EDGES.map((edge) => [edge, rest[edge]])) }, run.about)).filter(Boolean);
+    former = rowsOf(await changesOf(key), key).filter(({ change }) => change !== 'new');
     if (key !== state.key) return;
     const wanted = boxes[chosen];
     boxes = corrections.of(key) ?? propagated;
@@ -46,8 +48,11 @@ export const refresh = soon(async () => {
     drawAll();
     if (chosen >= 0 && document.activeElement === document.body) editor.focus({ preventScroll: true }); // for arrow keys
   }
-  await drawSeeds();
+  await drawEffects();
 });
+
+/** Labels of the photo's terrain that the last run with corrections changed. */
+const changesOf = (key) => table(`data/changes/${parts(key).terrain}.arrow`);
 
 function showSaveStatus() {
   saveStatus.textContent = corrections.message;
@@ -67,20 +72,38 @@ function drawControls() {
   renew(controls, () => [
     h('strong', { text: state.key }),
     h('span', { text: now ? 'corrected' : 'as propagated', id: 'corrected' }),
+    h('span', { class: 'dim', id: 'confirms', text: `${now ? 'all' : 'an edit confirms all'} ${boxes.length} boxes ${now ? 'are annotations' : 'as annotations'}`,
+      title: 'The next run uses all boxes of a corrected photo as annotations with confidence 1, also boxes that were not edited. Check them, and delete wrong boxes.' }),
     h('button', { type: 'button', text: near ? 'whole photo' : 'close up', onclick: () => { near = !near; drawAll(); } }),
     h('button', { type: 'button', text: 'new rock', onclick: () => add('rock') }),
     h('button', { type: 'button', text: 'new shadow', onclick: () => add('shadow') }),
     h('button', { type: 'button', text: 'delete box', disabled: chosen < 0, onclick: remove }),
-    h('button', { type: 'button', text: 'undo', id: 'undo', disabled: !corrections.past.length, onclick: () => { corrections.undo(); showCorrections(); } }),
+    h('button', { type: 'button', text: 'undo', id: 'undo', disabled: !corrections.past.length, onclick: undo }),
     h('button', { type: 'button', text: 'revert photo', id: 'revert', disabled: !now, title: 'Discard the correction of this photo', onclick: () => { corrections.drop(state.key); showCorrections(); } }),
     h('button', { type: 'button', text: 'discard corrections', id: 'drop', disabled: !count, title: 'Discard the corrections of all photos', onclick: dropAll }),
     h('button', { type: 'button', id: 'download', text: `download corrections (${photos(count)})`, disabled: !count, onclick: download,
       title: 'COCO file: put it into a separate folder and set labels.corrections to this folder' }),
+    ...(corrections.token ? [h('button', { type: 'button', id: 'prepare', text: 'prepare the next run', disabled: !count, onclick: prepareRun,
+      title: 'Write an overlay of the configuration that applies the corrections, and show the command' })] : []),
   ]);
   showSaveStatus();
 }
 
 const photos = (count) => `${count} ${count === 1 ? 'photo' : 'photos'}`;
+
+function undo() {
+  const key = corrections.undo();
+  selections += 1;
+  if (key && key !== state.key) set({ key });
+  else showCorrections();
+}
+
+async function prepareRun() {
+  try {
+    const { overlay, command } = await corrections.prepareRun();
+    nextRun.replaceChildren(`${overlay} is written. Run `, h('code', { text: command }), ' in the folder of the run, then reload this page');
+  } catch (error) { nextRun.textContent = error.message; }
+}
 
 function dropAll() {
   if (!confirm(`Discard the corrections of ${photos(corrections.keys.length)}?`)) return;
@@ -95,8 +118,10 @@ function showCorrections() {
   drawAll();
 }
 
-function change(next) {
-  corrections.put(state.key, next);
+/** Change all boxes; consecutive changes with the same name `edit` are one step of undo. */
+function change(next, edit = '') {
+  corrections.put(state.key, next, edit);
+  nextRun.textContent = '';
   boxes = next;
   drawAll();
 }
@@ -143,6 +168,7 @@ async function drawEditor() {
     ...boxes.map((one, number) => s('rect', {
       class: `box ${one.kind} ${number === chosen ? 'edited' : ''}`, x: one.x0, y: one.y0, width: one.x1 - one.x0, height: one.y1 - one.y0, 'data-number': number,
     }, s('title', { text: `${one.kind} ${one.rock < 0 ? '' : one.rock}` }))),
+    ...former.map((one) => outline(one, `former ${one.kind}`)),
   );
   const picture = await read(url).catch(() => null);
   if (picture && key === state.key) {
@@ -205,6 +231,7 @@ function listen() {
     if (held === null) {
       const number = Number(event.target.dataset?.number ?? -1);
       chosen = number;
+      selections += 1;
       const one = boxes[number];
       drawAll();
       if (one) set({ rock: one.rock >= 0 ? `${parts(state.key).terrain}.${one.rock}` : '', kind: one.kind });
@@ -229,7 +256,7 @@ function listen() {
   editor.addEventListener('keydown', (event) => {
     const by = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
     if (chosen >= 0 && by) {
-      change(boxes.map((one, number) => (number === chosen ? dragged(one, event.shiftKey ? 'es' : '', ...by, run.about) : one)));
+      change(boxes.map((one, number) => (number === chosen ? dragged(one, event.shiftKey ? 'es' : '', ...by, run.about) : one)), `${event.shiftKey ? 'resize' : 'move'} ${chosen} ${selections}`);
     } else if (chosen >= 0 && event.key === 'Delete') remove();
     else return;
     event.preventDefault();
@@ -237,32 +264,42 @@ function listen() {
   });
 }
 
-/** Show the labels that depend on a seed, if the run has this table. */
-async function drawSeeds() {
+/** Show the effect of the last run with corrections, and the labels that depend on a seed, if the run has this table. */
+async function drawEffects() {
   const { seeds: all, undone } = run.about;
   const seed = all.includes(state.seed) ? state.seed : '';
   const changes = seed && undone.includes(seed) ? await table(`data/undone/${seed}.arrow`) : null;
-  renew(seeds, () => [
+  const corrected = await Promise.all(run.about.terrains.map((terrain) => table(`data/changes/${terrain}.arrow`)));
+  renew(effects, () => [
+    ...(corrected.some(({ rows }) => rows) ? effectOf(corrected, 'correction-effect', 'labels changed by the last corrections (dotted: former box)') : []),
     chooser('labels that depend on the seed', [['', 'none'], ...all], seed, (value) => set({ seed: value })),
-    ...(seed && !changes ? [h('span', {}, 'run ', h('code', { text: `polarsim undo ${seed} --run ${run.about.run}` }), ' and reload the page')] : []),
-    ...(changes ? dependents(changes) : []),
+    ...(seed && !changes ? [h('span', {}, 'run ', h('code', { text: `polarsim undo ${seed} --run ${run.about.run}` }), ' and start polarsim explore again')] : []),
+    ...(changes ? effectOf([changes], 'seed-effect', 'labels without this seed') : []),
   ]);
 }
 
 const EFFECTS = { gone: 'removed', moved: 'moved', new: 'new' };
 
-function dependents(changes) {
+/** Number of changed labels in all photos, and a list of these photos. */
+function effectOf(tables, id, title) {
   const photos = new Map();
-  for (let k = 0; k < changes.rows; k += 1) {
-    const { key, change: effect } = row(changes, k);
-    if (!photos.has(key)) photos.set(key, {});
-    photos.get(key)[effect] = (photos.get(key)[effect] ?? 0) + 1;
+  for (const changes of tables) {
+    for (let k = 0; k < changes.rows; k += 1) {
+      const { key, change: effect, moved_px: shift } = row(changes, k);
+      if (!photos.has(key)) photos.set(key, { counts: {}, shift: 0 });
+      const photo = photos.get(key);
+      photo.counts[effect] = (photo.counts[effect] ?? 0) + 1;
+      if (shift > photo.shift) photo.shift = shift;
+    }
   }
-  const list = (counts) => Object.entries(counts).map(([effect, count]) => `${count} ${EFFECTS[effect]}`).join(', ');
-  const total = {};
-  for (const counts of photos.values()) for (const [effect, count] of Object.entries(counts)) total[effect] = (total[effect] ?? 0) + count;
+  const list = ({ counts, shift }) => Object.entries(counts).map(([effect, count]) => `${count} ${EFFECTS[effect]}${effect === 'moved' ? ` (up to ${shift.toFixed(0)} px)` : ''}`).join(', ');
+  const total = { counts: {}, shift: 0 };
+  for (const { counts, shift } of photos.values()) {
+    for (const [effect, count] of Object.entries(counts)) total.counts[effect] = (total.counts[effect] ?? 0) + count;
+    total.shift = Math.max(total.shift, shift);
+  }
   return [
-    h('span', { id: 'seed-effect', text: `labels without this seed, in ${photos.size} photos: ${list(total) || 'no change'}` }),
-    chooser('in', [['', 'a photo'], ...[...photos].map(([key, counts]) => [key, `${key}: ${list(counts)}`])], '', (key) => key && set({ key })),
+    h('span', { id, text: `${title}, in ${photos.size} ${photos.size === 1 ? 'photo' : 'photos'}: ${list(total) || 'no change'}` }),
+    chooser('in', [['', 'a photo'], ...[...photos].map(([key, photo]) => [key, `${key}: ${list(photo)}`])], photos.has(state.key) ? state.key : '', (key) => key && set({ key })),
   ];
 }

@@ -3,11 +3,13 @@
 const KINDS = ['rock', 'shadow'];
 const URL_OF = 'data/corrections';
 const MIN_SIDE_PX = 0.01; // minimum side of a box, as in the server
+const MAX_UNDO = 200; // steps
 
 export class Corrections {
   /** The first argument is the content of data/corrections.json; `notify` is called after every change of `message`. */
-  constructor({ photos, folder, token }, notify) {
-    Object.assign(this, { photos, folder, token, notify, past: [], unsaved: new Set(), sending: null, problem: '' });
+  constructor({ photos, folder, token, version }, notify) {
+    Object.assign(this, { photos, folder, token, version, notify, past: [], unsaved: new Set(), sending: null, problem: '' });
+    this.#recall();
   }
 
   /** Read the corrections of the run. */
@@ -27,37 +29,40 @@ export class Corrections {
     if (!this.token) return count ? `${photos} not saved: this page has no server. Download the corrections before closing the page` : '';
     if (this.problem) return `${photos} not saved: ${this.problem}`;
     if (count) return 'saving ...';
-    return this.keys.length ? `saved in ${this.folder}: set labels.corrections to this folder and run the workflow again` : '';
+    return this.keys.length ? `saved in ${this.folder}` : '';
   }
 
-  /** Replace all boxes of a photo; can be undone. */
-  put(key, boxes) { this.#change({ ...this.photos, [key]: boxes }); }
+  /** Replace all boxes of a photo. Consecutive changes with the same name `edit` are one step of undo. */
+  put(key, boxes, edit = '') { this.#change({ [key]: boxes }, edit && `${key} ${edit}`); }
 
   /** Discard the correction of a photo. */
-  drop(key) {
-    const { [key]: _, ...remaining } = this.photos;
-    this.#change(remaining);
-  }
+  drop(key) { this.#change({ [key]: null }); }
 
   /** Discard the corrections of all photos. */
-  dropAll() { this.#change({}); }
+  dropAll() { this.#change(Object.fromEntries(this.keys.map((key) => [key, null]))); }
 
+  /** Undo the last step; return the key of a photo that it changed, or an empty string. */
   undo() {
-    if (!this.past.length) return false;
-    this.#replace(this.past.pop());
-    return true;
+    const step = this.past.pop();
+    if (!step) return '';
+    this.#replace(step.before);
+    return Object.keys(step.before)[0];
   }
 
-  #change(photos) {
-    this.past.push(this.photos);
-    if (this.past.length > 200) this.past.shift();
+  /** Change the boxes of some photos; null: without a correction. */
+  #change(photos, edit = '') {
+    if (!edit || this.past.at(-1)?.edit !== edit) {
+      const before = Object.fromEntries(Object.keys(photos).map((key) => [key, this.photos[key] ?? null]));
+      this.past.push({ before, edit });
+      if (this.past.length > MAX_UNDO) this.past.shift();
+    }
     this.#replace(photos);
   }
 
   #replace(photos) {
-    const before = this.photos;
-    this.photos = photos;
-    for (const key of new Set([...Object.keys(before), ...Object.keys(photos)])) if (before[key] !== photos[key]) this.unsaved.add(key);
+    const all = { ...this.photos, ...photos };
+    this.photos = Object.fromEntries(Object.entries(all).filter(([, boxes]) => boxes));
+    for (const key of Object.keys(photos)) this.unsaved.add(key);
     this.save();
   }
 
@@ -68,30 +73,55 @@ export class Corrections {
     return this.sending;
   }
 
+  /** Write the overlay of the next run, after all changes are saved; return its path and the command. */
+  async prepareRun() {
+    await this.sending;
+    if (this.unsaved.size) throw new Error(this.message);
+    return this.#send('data/next_run.json', 'PUT', {});
+  }
+
   async #sendAll() {
     this.problem = '';
     const refused = new Set();
     for (;;) {
       const key = [...this.unsaved].find((one) => !refused.has(one));
-      if (key === undefined) return;
+      if (key === undefined) break;
       const boxes = this.photos[key];
       try {
-        await this.#send(key, boxes);
+        const { version } = await this.#send(`${URL_OF}/${key}`, boxes ? 'PUT' : 'DELETE', boxes);
+        this.version = version;
         if (this.photos[key] === boxes) this.unsaved.delete(key);
       } catch (error) {
         this.problem = error.message;
         refused.add(key);
       }
     }
+    this.#remember();
   }
 
-  async #send(key, boxes) {
+  async #send(url, method, content) {
     const headers = { 'X-Polarsim-Token': this.token, 'Content-Type': 'application/json' };
-    const request = boxes ? { method: 'PUT', headers, body: JSON.stringify(boxes) } : { method: 'DELETE', headers };
     let answer;
-    try { answer = await fetch(`${URL_OF}/${key}`, request); } catch { throw new Error('the server does not respond. Download the corrections'); }
+    try {
+      answer = await fetch(url, { method, headers, ...(content ? { body: JSON.stringify(content) } : {}) });
+    } catch { throw new Error('the server does not respond. Download the corrections'); }
     if (answer.status === 403) throw new Error('the server was restarted. Download the corrections, then reload the page');
     if (!answer.ok) throw new Error((await answer.text()).trim());
+    return answer.json();
+  }
+
+  /** Store the steps of undo for a reload of the page in this tab. */
+  #remember() {
+    try {
+      sessionStorage.setItem(`undo ${this.folder}`, JSON.stringify({ version: this.version, past: this.past }));
+    } catch { /* storage is full or disabled: undo reaches back to the next reload */ }
+  }
+
+  /** Restore the steps of undo, unless another program or tab has changed the corrections. */
+  #recall() {
+    if (!this.token) return;
+    const { version, past } = JSON.parse(sessionStorage.getItem(`undo ${this.folder}`) ?? '{}');
+    if (version === this.version) this.past = past;
   }
 }
 

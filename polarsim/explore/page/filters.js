@@ -37,14 +37,23 @@ export function filtered(among = null) {
 
 function sorted(rows) {
   const column = run.pictures.columns[state.sort];
-  if (state.sort === 'key' || !column) return rows;
-  const last = (value) => (Number.isNaN(value) ? Infinity : value);
-  return rows.sort((a, b) => last(column[a]) - last(column[b]) || a - b);
+  if (state.sort === 'key' || !column) return state.down ? rows.reverse() : rows;
+  const sign = state.down ? -1 : 1, rank = (value) => (Number.isNaN(value) ? Infinity : sign * value); // without a value: last
+  return rows.sort((a, b) => (rank(column[a]) === rank(column[b]) ? a - b : rank(column[a]) - rank(column[b])));
 }
 
 /** Message for a view without an image. */
 export const unknown = (key) => (key ? `This run has no image ${key}. Select an image in Photos.` : 'No image passes the filters of the grid. "All images" in Photos resets the filters.');
 
+const reset = () => set(Object.fromEntries([...FIELDS, ...RANGES].map((field) => [`f.${field}`, '']).concat([['only', '']])));
+
+/** Button that resets all filters. */
+export const resetButton = (id) => h('button', { type: 'button', id, onclick: reset, text: 'All images' });
+
+const MEANING = {
+  score: 'photos: mean IoU of the labels with the true boxes; twins: similarity to the photo (SSIM), at one exposure per bracket',
+  confidence: 'mean over the labels of an image',
+};
 const NAMES = { exposure_ms: 'exposure, ms', light: 'rover light', azimuth: 'Sun azimuth' };
 
 /** The form of all filters. */
@@ -52,6 +61,7 @@ export function form() {
   const boxes = FIELDS.map((field) => {
     const values = valuesOf(field);
     const wanted = new Set(state[`f.${field}`].split(',').filter(Boolean));
+    if (values.length < 2 && !wanted.size) return null; // no choice
     return h('fieldset', {}, h('legend', { text: NAMES[field] ?? field }), values.map(([value]) => {
       const name = value || 'none';
       const box = h('input', { type: 'checkbox', name: field, value: name, checked: wanted.has(name), onchange: () => {
@@ -70,9 +80,7 @@ export function form() {
         set({ [`f.${field}`]: ends.join('..') === '..' ? '' : ends.join('..') });
       },
     }));
-    const meaning = field === 'score' ? 'photos: mean IoU of labels with truth; twins: SSIM with the photo' : 'mean over the labels';
-    return h('fieldset', { title: meaning }, h('legend', { text: field }), inputs[0], ' to ', inputs[1]);
+    return h('fieldset', {}, h('legend', { text: field }), inputs[0], ' to ', inputs[1], h('p', { class: 'note', text: MEANING[field] }));
   });
-  const reset = () => set(Object.fromEntries([...FIELDS, ...RANGES].map((field) => [`f.${field}`, '']).concat([['only', '']])));
-  return h('form', { onsubmit: (event) => event.preventDefault() }, boxes, ranges, h('button', { type: 'button', id: 'reset', onclick: reset, text: 'All images' }));
+  return h('form', { onsubmit: (event) => event.preventDefault() }, boxes, ranges, resetButton('reset'));
 }

@@ -1,14 +1,16 @@
 // Grid of images; only the visible tiles are created.
 
-import { domainAt, keyAt, labelsOf, run, smallUrl } from './data.js';
-import { chooser, h, renew } from './dom.js';
-import { filtered, form } from './filters.js';
+import { domainAt, has, keyAt, labelsOf, run, smallUrl } from './data.js';
+import { chooser, h, renew, toggle } from './dom.js';
+import { filtered, form, resetButton } from './filters.js';
 import { set, state } from './state.js';
 import { brightening } from './picture.js';
 
 const WIDE = 190, HIGH = 160, EDGE = 6, MARGIN = 2; // sizes of tile and edge, pixels; extra rows above and below the visible part
 
-let page = null, list = null, inner = null, count = null, filters = null;
+const SORTS = [['key', 'photo'], ['score', 'score'], ['confidence', 'mean confidence'], ['min_confidence', 'minimum confidence'], ['rocks', 'number of rocks']];
+
+let page = null, list = null, inner = null, count = null, filters = null, order = null, none = null;
 export let shown = []; // rows of the pictures that pass the filters
 const tiles = new Map();
 
@@ -18,9 +20,10 @@ export function build(section) {
   inner = h('div', { style: 'position:relative' });
   list = h('div', { class: 'grid', tabindex: 0, role: 'region', 'aria-label': 'Images', onscroll: draw }, inner);
   count = h('span', { id: 'count', role: 'status' });
-  const sort = chooser('sort by', ['key', 'score', 'confidence', 'min_confidence', 'rocks'], state.sort, (value) => set({ sort: value }));
+  order = h('span', { class: 'bar', style: 'padding:0' });
+  none = h('p', { class: 'empty' }, 'No image passes the filters. ', resetButton('reset-empty'));
   section.className = 'split';
-  section.append(filters, h('div', { class: 'column' }, h('div', { class: 'bar' }, count, sort), list));
+  section.append(filters, h('div', { class: 'column' }, h('div', { class: 'bar' }, count, order), none, list));
   addEventListener('resize', draw);
 }
 
@@ -38,14 +41,20 @@ async function among() {
 }
 
 export async function refresh(changed = new Set(['all'])) {
-  if (![...changed].some((name) => name.startsWith('f.') || ['all', 'view', 'sort', 'only'].includes(name))) return;
+  if (![...changed].some((name) => name.startsWith('f.') || ['all', 'view', 'sort', 'down', 'only'].includes(name))) return;
   const keys = await among();
   const start = performance.now();
   shown = filtered(keys);
   const took = performance.now() - start;
-  count.textContent = `${shown.length} of ${run.pictures.rows} images${state.only ? ` with rock ${state.only.split('.')[1]}` : ''}${shown.length ? '' : ': "All images" resets the filters'}`;
+  count.textContent = `${shown.length} of ${run.pictures.rows} images${state.only ? ` with rock ${state.only.split('.')[1]}` : ''}`;
   count.dataset.ms = took.toFixed(1);
+  none.hidden = shown.length > 0;
+  list.hidden = !none.hidden;
   renew(filters, () => [form()]);
+  renew(order, () => [
+    chooser('sort by', SORTS, state.sort, (sort) => set({ sort })),
+    toggle('descending', Boolean(state.down), (on) => set({ down: on ? 1 : 0 })),
+  ]);
   for (const tile of tiles.values()) tile.remove();
   tiles.clear();
   draw();
@@ -68,10 +77,11 @@ function draw() {
 
 function tileOf(row) {
   const key = keyAt(row), domain = domainAt(row), { columns } = run.pictures;
-  const figure = (name) => (Number.isNaN(columns[name][row]) ? '-' : columns[name][row].toFixed(2));
+  const value = (text, name) => (Number.isNaN(columns[name][row]) ? [] : [`${text} ${columns[name][row].toFixed(2)}`]);
+  const values = [domain, ...value(domain === 'photo' ? 'IoU' : 'SSIM', 'score'), ...value('conf.', 'confidence')];
   const picture = h('img', { src: smallUrl(domain, key), alt: '', onload: () => brighten(picture) });
   return h('button', { type: 'button', class: 'tile', onclick: () => choose(row), 'data-key': key },
-    picture, h('span', { text: key }), h('small', { text: `${domain}, score ${figure('score')}, conf. ${figure('confidence')}` }));
+    picture, h('span', { text: key }), h('small', { text: values.join(', ') }));
 }
 
 /** Normalise the brightness of short exposures for display. */
@@ -83,6 +93,14 @@ export function choose(row) {
   const key = keyAt(row), domain = domainAt(row);
   const left = domain === 'photo' ? {} : { right: domain };
   set({ view: 'compare', key, ...left });
+}
+
+/** The photo of the grid with the most similar twin, and the domain of the twin; without twins the first image. */
+export function first() {
+  const { score } = run.pictures.columns, keys = new Set(shown.map(keyAt));
+  const twins = [...run.rows.values()].filter((row) => score[row] > 0 && domainAt(row) !== 'photo' && keys.has(keyAt(row)) && has('photo', keyAt(row)));
+  const best = twins.reduce((chosen, row) => (score[row] > score[chosen] ? row : chosen), twins[0] ?? shown[0]);
+  return { key: keyAt(best), ...(twins.length && !state.right ? { right: domainAt(best) } : {}) };
 }
 
 /** Select the photo `by` steps further in the grid. */

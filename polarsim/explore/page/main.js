@@ -1,6 +1,6 @@
 // Start of the page: loads the run, builds views on first use, handles keys and address.
 
-import { keyAt, open, run } from './data.js';
+import { open, run } from './data.js';
 import { h } from './dom.js';
 import { followAddress, onChange, set, shows, state, switchMark } from './state.js';
 import * as compare from './compare.js';
@@ -15,7 +15,7 @@ const VIEWS = [
   ['photos', 'Photos', grid], ['compare', 'Compare', compare], ['terrain', '3-D', terrain],
   ['detectors', 'Detectors', detectors], ['rover', 'Rover', rover], ['correct', 'Correct', correct],
 ];
-const OF_ONE_PICTURE = new Set(['compare', 'correct']); // default: first image of the grid
+const OF_ONE_PICTURE = new Set(['compare', 'correct']); // default: photo with the most similar twin
 const built = new Set();
 
 function show() {
@@ -34,7 +34,7 @@ function show() {
 
 async function refresh(changed) {
   const [name, , module] = show();
-  if (OF_ONE_PICTURE.has(name) && !state.key && grid.shown.length) return set({ key: keyAt(grid.shown[0]) }); // calls this again
+  if (OF_ONE_PICTURE.has(name) && !state.key && grid.shown.length) return set(grid.first()); // calls this again
   if (changed.has('rock') || changed.has('all')) await rock.refresh();
   if (name === 'compare' && changed.size === 1 && changed.has('split')) compare.drawSplit();
   else await module.refresh(changed);

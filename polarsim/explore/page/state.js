@@ -3,7 +3,7 @@
 const defaults = {
   view: 'photos', key: '', left: 'photo', right: '', split: 50, ev: 0, auto: 1, show: 'bil', labels: 'photo',
   rock: '', detector: '', confidence: 0.25, colour: 'lit', terrain: '', camera: '', orbit: '', drive: '', sight: '',
-  look: '', frame: 0, kind: 'rock', seed: '', lamps: '', sort: 'key', only: '',
+  look: '', frame: 0, kind: 'rock', seed: '', lamps: '', sort: 'key', down: 0, only: '',
 };
 export const FIELDS = ['domain', 'terrain', 'position', 'light', 'azimuth', 'camera', 'exposure_ms', 'defect'];
 export const RANGES = ['score', 'confidence'];
