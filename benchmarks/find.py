@@ -21,6 +21,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from polarsim.annotate.detections import draw_detections
 from polarsim.detect.detect_pictures import detect_in_images, prediction_options
 from polarsim.detect.options import PACKAGED
 
@@ -47,7 +48,7 @@ def main() -> None:
             start = time.perf_counter(), time.process_time()
             detect_in_images(
                 pictures=some, weights=[given.weights], out=root / name, options=options, threads=given.threads,
-                draw=given.draw,
+                draw=draw_detections if given.draw else None,
             )  # fmt: skip
             spent.append((time.perf_counter() - start[0], time.process_time() - start[1]))
         wall_s, cpu_s = spent[1]

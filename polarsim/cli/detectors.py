@@ -38,7 +38,7 @@ def detect(
     mirrored: Annotated[
         bool, typer.Option("--mirrored", help="Also run on mirrored images: higher recall, twice the time.")
     ] = False,
-    draw: Annotated[bool, typer.Option("--draw/--no-draw", help="Write images with the detected boxes.")] = True,
+    draw: Annotated[bool, typer.Option("--draw/--no-draw", help="Write images with boxes and confidences.")] = True,
     masks: Annotated[
         bool,
         typer.Option("--masks", help="Also write class masks; requires a detector that was trained with masks."),
@@ -51,6 +51,7 @@ def detect(
     threads: Annotated[int, typer.Option(min=1, help="Number of images processed in parallel.")] = 2,
 ) -> None:
     """Detect rocks and shadows in images. Writes boxes as CSV, YOLO and COCO."""
+    from polarsim.annotate.detections import draw_detections
     from polarsim.detect.detect_pictures import detect_in_images, prediction_options
     from polarsim.detect.detectors import choose_device
     from polarsim.detect.options import PACKAGED
@@ -60,7 +61,7 @@ def detect(
     )
     found = detect_in_images(
         pictures=pictures, weights=weights or [PACKAGED], out=out, options=options, threads=threads,
-        confidence=confidence, draw=draw, masks=masks,
+        confidence=confidence, draw=draw_detections if draw else None, masks=masks,
     )  # fmt: skip
     counts = ", ".join(f"{(found['kind'] == kind).sum()} {kind}s" for kind in ("rock", "shadow"))
     typer.echo(f"precision {precision}, device {choose_device(device)}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import islice
 from pathlib import Path
@@ -25,13 +25,13 @@ from polarsim.formats import coco, png, tables, yolo
 from polarsim.formats.files import relative_to, write_bytes, writing_folder
 from polarsim.formats.yaml_files import describe_error
 from polarsim.geometry.images import resize_longer_side
-from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, COLOURS, NO_ROCK, WHITE_LEVEL
+from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, NO_ROCK, WHITE_LEVEL
 from polarsim.progress import track
 from polarsim.run_files import class_masks
 
 COLUMNS = ("picture", "kind", "confidence", "x0", "y0", "x1", "y1")
-_TINT = 0.4  # opacity of masks in drawn images
 Result = TypeVar("Result")
+Draw = Callable[[np.ndarray, np.ndarray, Mapping[str, np.ndarray] | None, str], np.ndarray]
 _THREADS = 1  # threads of torch: images are processed in parallel because one image does not use two cores
 _MIN_CONFIDENCE = 0.01  # minimum confidence before calibration
 log = logging.getLogger("polarsim")
@@ -45,7 +45,7 @@ def detect_in_images(
     options: PredictionOptions,
     threads: int,
     confidence: float = 0.25,
-    draw: bool = True,
+    draw: Draw | None = None,
     masks: bool = False,
 ) -> pd.DataFrame:
     """Detect objects in images of any size, 8 or 16 bits, grey or colour; return a table of `COLUMNS`, px of the image.
@@ -62,6 +62,8 @@ def detect_in_images(
         Folder to write: `detections.csv`, `labels/NAME.txt` (YOLO, with the confidence as sixth field), `coco.json`,
         optionally `masks/NAME.png` (class of every pixel, see `class_masks`; rocks and shadows only inside written
         boxes) and `pictures/NAME.jpg` with masks and boxes drawn.
+    draw
+        Function that draws these images from 8-bit grey levels (h, w), boxes (n, 6), masks by kind, and the file name.
     confidence
         Confidence threshold of written boxes, after calibration if the detector has a calibration.
     """
@@ -92,7 +94,11 @@ def detect_in_images(
             if mask is not None:
                 class_masks.write_class_mask(folder / "masks" / f"{path.stem}.png", mask)
             if draw:
-                _draw(folder / "pictures" / f"{path.stem}.jpg", pixels, found, mask)
+                kinds = (
+                    None if mask is None else {kind: mask == class_masks.CLASSES.index(kind) for kind in BOX_CLASSES}
+                )
+                drawn = draw(_eight_bits(pixels, pixels.dtype), found, kinds, path.name)
+                _write_jpeg(folder / "pictures" / f"{path.stem}.jpg", drawn)
             return size, found
 
         for path, finds in _in_order(paths, look_at, threads):
@@ -205,15 +211,8 @@ def _eight_bits(pixels: np.ndarray, depth: np.dtype) -> np.ndarray:
     return tone.to_8_bits(light)
 
 
-def _draw(path: Path, pixels: np.ndarray, boxes: Iterable[np.ndarray], mask: np.ndarray | None) -> None:
+def _write_jpeg(path: Path, pixels: np.ndarray) -> None:
     import cv2
 
-    canvas = cv2.cvtColor(_eight_bits(pixels, pixels.dtype), cv2.COLOR_GRAY2BGR)
-    for kind, colour in COLOURS.items() if mask is not None else ():
-        of_kind = mask == class_masks.CLASSES.index(kind)
-        canvas[of_kind] = ((1 - _TINT) * canvas[of_kind] + _TINT * np.array(colour[::-1])).astype(np.uint8)
-    line = max(1, round(canvas.shape[1] / 700))
-    for row in boxes:
-        x0, y0, x1, y1 = np.rint(row[:4]).astype(int).tolist()
-        cv2.rectangle(canvas, (x0, y0), (x1, y1), COLOURS[BOX_CLASSES[int(row[5])]][::-1], line)
-    write_bytes(path, cv2.imencode(".jpg", canvas, [cv2.IMWRITE_JPEG_QUALITY, 88])[1].tobytes())
+    content = cv2.imencode(".jpg", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 88])[1]
+    write_bytes(path, content.tobytes())

@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+from polarsim.annotate.detections import draw_detections
 from polarsim.cli import app
 from polarsim.detect import detectors, tone
 from polarsim.detect.detect_pictures import detect_in_images, prediction_options, read_any
@@ -67,8 +68,9 @@ def test_boxes_are_in_pixels_of_each_picture_whatever_its_size_depth_and_colour(
     (folder / "empty.jpg").touch()
     (folder / "broken.png").write_bytes((folder / "whole.png").read_bytes()[:200])
     found = detect_in_images(
-        pictures=[folder], weights=[weights], out=tmp_path / "out", options=PredictionOptions(), threads=1
-    )
+        pictures=[folder], weights=[weights], out=tmp_path / "out", options=PredictionOptions(), threads=1,
+        draw=draw_detections,
+    )  # fmt: skip
     assert found["picture"].tolist() == [
         "colour.jpg",
         "deep.tif",
@@ -86,7 +88,13 @@ def test_boxes_are_in_pixels_of_each_picture_whatever_its_size_depth_and_colour(
     assert all((tmp_path / "out" / name).is_file() for name in images)
     half = images[f"../{folder.name}/half.png"]
     assert (half["width"], half["height"]) == (320, 200)
-    assert cv2.imread(str(tmp_path / "out/pictures/whole.jpg")).shape == (400, 640, 3)
+    drawn = cv2.imread(str(tmp_path / "out/pictures/whole.jpg")).astype(int)
+    assert (drawn.shape[0] > 400, drawn.shape[1]) == (True, 640)
+    orange = (drawn[..., 2] - drawn[..., 0]) > 100
+    x0, y0, x1, y1 = BOX.round().astype(int)
+    assert orange[y0 + 4 : y1 - 4, x0 - 4 : x0 + 6].any(axis=1).all()  # the left edge
+    assert orange[400:].sum() > 50  # the legend
+    assert drawn[y0 - 14 : y0 - 4, x0 : x0 + 24].std() > 20 > drawn[y0 - 14 : y0 - 4, x0 - 30 : x0 - 6].std()  # .90
 
 
 def test_boxes_of_several_detectors_are_merged(weights, tmp_path, monkeypatch):
@@ -242,10 +250,12 @@ def test_rocks_of_an_underexposed_picture_are_found(tmp_path):
     options = prediction_options(["960"], [], "cpu")
     found = detect_in_images(
         pictures=[tmp_path / "dark.png"], weights=[PACKAGED], out=tmp_path / "out", options=options, threads=1,
-        confidence=0.5,
+        confidence=0.5, draw=draw_detections,
     )  # fmt: skip
     rocks = found[found["kind"] == ROCK]
     middles = np.column_stack([rocks["x0"] + rocks["x1"], rocks["y0"] + rocks["y1"]]) / 2
     near = np.linalg.norm(middles[:, None] - CENTRES, axis=2).min(axis=0)
     assert near.max() < 12
-    assert cv2.imread(str(tmp_path / "out" / "pictures" / "dark.jpg"), 0).max() > 200  # brightened
+    height = len(lit_lumps())
+    drawn = cv2.imread(str(tmp_path / "out" / "pictures" / "dark.jpg"))
+    assert drawn[:height].min(axis=2).max() > 200  # brightened; boxes and texts have no blue or no red
