@@ -24,7 +24,15 @@ from polarsim.acquire.options import describe_seeds
 from polarsim.config import Config
 from polarsim.cover_photos.options import CARVED
 from polarsim.detect.options import PACKAGED, VIEWS, DetectorOptions, PredictionOptions
-from polarsim.formats.release import cover_photos, label_files, label_folder, polygon_folder, released_meshes
+from polarsim.errors import ConfigError
+from polarsim.formats.release import (
+    COVERS,
+    cover_photos,
+    label_files,
+    label_folder,
+    polygon_folder,
+    released_meshes,
+)
 from polarsim.photo import positions
 from polarsim.rover.cameras.options import rover_render
 from polarsim.rover.planning.cases import MODES_WITHOUT_PICTURES, cases
@@ -535,8 +543,20 @@ class CoverPaths:
         return f"results/{wildcards.run}/{kind}/Terrain{wildcards.terrain}"
 
     def files(self) -> list[str]:
-        """Return the cover photos and the annotated label files of the same terrains."""
+        """Return the cover photos and the annotated label files of the same terrains.
+
+        Raises
+        ------
+        ConfigError
+            No terrain of the run has a cover photo.
+        """
         root = self.config.annotated_root
+        if not self.terrains:
+            raise ConfigError(
+                f"no cover photos of terrains {', '.join(map(str, self.config.terrains))}, expected "
+                f"{COVERS}/cover_photo_indexed_01_A.png; cover_photos and real_tables require the published release",
+                path=root,
+            )
         return [
             str(path)
             for terrain in self.terrains

@@ -54,12 +54,23 @@ log = logging.getLogger("polarsim")
 
 
 def refine_cameras(
-    *, terrain: int, located: Path, meshes: Path, photos: Path | None, cameras: Path, options: RefinementOptions
+    *,
+    terrain: int,
+    located: Path,
+    meshes: Path,
+    photos: Path | None,
+    cameras: Path,
+    options: RefinementOptions,
+    covers: Path | None = None,
+    drawn: Path | None = None,
 ) -> None:
     """Write the folder `cameras`: the files of `located`, with poses, lenses and lamps refined on photos.
 
     Without photos (`photos.parquet`) that show the meshes, the poses are not changed. Walls that are missing in the
     scans are fitted to the shadows in the photos and written as `walls.json`.
+
+    `covers`, `drawn`: folders of published photos and of the masks of their drawn lines; the walls are fitted to them
+    if there are no own photos.
     """
     mesh = read_terrain(meshes, terrain)
     localised = start = read_all_localised(located)
@@ -73,6 +84,11 @@ def refine_cameras(
         localised, suns = _refine(name, localised, surface, shown, options)
         if photos is not None:
             suns, walls = _refine_by_wall_shadows(name, terrain, mesh, photos, localised, suns)
+    elif covers is not None and mesh.walls is not None:
+        lamp_positions = lamps.surveyed_suns(localised)
+        _, walls = refine_by_wall_shadows(
+            f"terrain {terrain:02d}", terrain, mesh, covers, localised, lamp_positions, set(), drawn
+        )
     with writing_folder(cameras) as folder:
         for path in located.iterdir():
             if path.is_file():

@@ -129,16 +129,18 @@ def refine_by_wall_shadows(
     localised: Mapping[str, LocalisedRig],
     suns: Mapping[str, np.ndarray],
     located: set[str],
+    drawn: Path | None = None,
 ) -> tuple[dict[str, np.ndarray], Walls | None]:
     """Return the lamps fitted to the shadows of measured walls, by azimuth, and walls with fitted sides or None.
 
-    `suns`: positions (3,) of all Sun lamps. `located`: azimuths of the lamps located by the shadows of rocks.
+    `photos`, `drawn`: as in `measure_edges`. `suns`: positions (3,) of all Sun lamps. `located`: azimuths of the lamps
+    located by the shadows of rocks.
     """
     walls = mesh.walls
     if walls is None:
         return {}, None
     ground = OpenGround.of(mesh)
-    edges = measure_edges(terrain, ground, walls, photos, localised, suns)
+    edges = measure_edges(terrain, ground, walls, photos, localised, suns, drawn)
     lamps = fit_lamps(name, walls, edges, suns, located)
     if all(wall.support > 0 for wall in walls.sides.values()):
         return lamps, None
@@ -148,5 +150,5 @@ def refine_by_wall_shadows(
         found = fit_walls(name, walls, edges, suns) or found
         if found is None:
             break
-        edges = measure_edges(terrain, ground, found, photos, localised, suns)
+        edges = measure_edges(terrain, ground, found, photos, localised, suns, drawn)
     return lamps, found

@@ -59,7 +59,7 @@ def refine_ground(
     options : RenderOptions
         Reflectance of the sand.
     """
-    scene = read_terrain(meshes, terrain)
+    scene = read_terrain(meshes, terrain, cameras=cameras)
     origins = mesh_origins(meshes)
     name = obj.ground_name(terrain)
     scanned = origins.get(name) == SCANNED

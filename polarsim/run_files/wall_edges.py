@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+import logging
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -15,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from polarsim.formats import png
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.casters import make_caster
 from polarsim.geometry.patches import NEARER, between_pixels
@@ -34,7 +36,10 @@ REACH = 0.30  # maximum distance between predicted and measured edge, metres
 LAMP_RADIUS = 0.045  # radius of the discs of NASA's lamps, metres; determines the width of the penumbra
 LIFT = 0.004  # metres: start of shadow rays above the mesh, which noise would otherwise shade in grazing light
 WALL_MARGIN = 0.04  # metres: folds of the cloth nearer to a wall, and height above the top of a near wall
+BRIGHTEST_GREY = 250  # grey values of published photos above it may be clipped
 MIN_SHOWN = 0.5  # minimum share of the profiles of a group that show a point
+
+log = logging.getLogger("polarsim")
 
 
 @dataclass(frozen=True)
@@ -184,12 +189,15 @@ def measure_edges(
     photos: Path,
     localised: Mapping[str, LocalisedRig],
     suns: Mapping[str, np.ndarray],
+    drawn: Path | None = None,
 ) -> dict[str, EdgeSamples]:
     """Measure the shadow edges of walls in all photos of a terrain under a single Sun lamp, by azimuth.
 
-    `photos`: `photos.parquet`. Photos of positions without a confirmed pose are excluded.
+    `photos`: `photos.parquet`, or a folder of published photos, whose drawn lines are in the masks of the folder
+    `drawn`. Photos of positions without a confirmed pose are excluded.
     `suns`, azimuth -> (3,): positions of the Sun lamps.
     """
+    masks = {} if drawn is None else pictures_at(drawn)
     pictures = {key: path for key, path in pictures_at(photos).items() if key.terrain == terrain}
     proven = {position for position, rig in localised.items() if not rig.unproven}
     profiles = {azimuth: edge_profiles(ground, walls, suns[azimuth]) for azimuth in SUNS}
@@ -197,7 +205,26 @@ def measure_edges(
     for (_, position, light, azimuth, camera), keys in by_bracket(pictures).items():
         if position not in proven or light == "on" or azimuth not in SUNS or not len(profiles[azimuth].side):
             continue
-        rate, _ = read_rate([(key.exposure_ms, pictures[key]) for key in keys], "not used for the walls")
+        if photos.is_dir():
+            rate = _published(pictures[keys[0]], masks.get(keys[0]), localised[position].camera(camera))
+        else:
+            rate, _ = read_rate([(key.exposure_ms, pictures[key]) for key in keys], "not used for the walls")
         if rate is not None:
             parts[azimuth].append(profiles[azimuth].measure(rate, localised[position].camera(camera)))
     return {azimuth: EdgeSamples.joined(of_sun) for azimuth, of_sun in parts.items()}
+
+
+def _published(path: Path, drawn: Path | None, camera: Camera) -> np.ndarray | None:
+    """Return the grey values (h, w) of a published photo, NaN where clipped or drawn; None for another camera.
+
+    Its tone curve is unknown. An increasing curve moves the half-light point by a part of the penumbra at most.
+    """
+    grey = png.read_png(path)
+    grey = grey if grey.ndim == 2 else grey[..., 0]
+    if grey.dtype != np.uint8 or grey.shape != camera.lens.shape:
+        log.warning("%s: not used for the walls, expected 8 bits and the size of a photo", path)
+        return None
+    unusable = grey > BRIGHTEST_GREY
+    if drawn is not None:
+        unusable |= png.read_png(drawn) > 0
+    return np.where(unusable, np.nan, grey.astype(np.float32))

@@ -132,6 +132,50 @@ def test_walls_of_photos_replace_nominal_walls(photographed):
     assert walls.sides["-y"] is NOMINAL.sides["-y"]
 
 
+@pytest.fixture(scope="module")
+def published(photographed, tmp_path_factory):
+    """Write the photos with 8 bits and a tone curve, with a line along the nominal edge, and masks of the line."""
+    folder = tmp_path_factory.mktemp("published")
+    along = np.linspace(-0.9, 0.9, 2000)
+    lamp = SUN_LAMPS["30"]
+    edge = lamp[0] - (lamp[0] - 2.05) * lamp[2] / (lamp[2] - 0.28)
+    line = np.column_stack([np.full(2000, edge), along, np.zeros(2000)])
+    for path in sorted(photographed.parent.glob("*.png")):
+        grey = 200 * np.sqrt((png.read_photo(path).astype(float) - BLACK_LEVEL).clip(0) / 2040)
+        column, row = np.floor(RIG.camera(path.stem[12]).project(line)).astype(int).T
+        drawn = np.zeros(grey.shape, np.uint8)
+        for shift in range(-4, 5):
+            drawn[(row + shift).clip(0, grey.shape[0] - 1), column.clip(0, grey.shape[1] - 1)] = 255
+        png.write_png(folder / "photos" / path.name, np.where(drawn > 0, 240, grey).astype(np.uint8))
+        png.write_png(folder / "drawn" / path.name, drawn)
+    return folder
+
+
+def wall_error(walls: Walls) -> float:
+    """Return the error of the edge of the shadow under lamp 30, metres of height at the wall."""
+    lamp = SUN_LAMPS["30"]
+    edge = np.array([[lamp[0] - (lamp[0] - 2.0) * lamp[2] / (lamp[2] - 0.31), 0.0, 0.0]])
+    return abs(float(walls.clearance(edge, lamp)[0]))
+
+
+def test_walls_of_published_photos_replace_nominal_walls_whatever_the_tone_curve(published):
+    mesh = level_sand(walls=NOMINAL)
+    photos, drawn = published / "photos", published / "drawn"
+    _, walls = refine_by_wall_shadows("terrain 01", 1, mesh, photos, {"A": RIG}, SUN_LAMPS, set(), drawn)
+    assert walls.origin == "photos"
+    assert wall_error(NOMINAL) > 0.025
+    assert wall_error(walls) < 0.005  # the square root moves the point of half brightness
+    assert [side for side in SIDES if walls.sides[side].support > 0] == ["+x"]
+
+
+def test_published_photos_of_another_size_keep_the_nominal_walls(published, tmp_path, caplog):
+    for path in (published / "photos").iterdir():
+        png.write_png(tmp_path / path.name, png.read_png(path)[::2, ::2])
+    mesh = level_sand(walls=NOMINAL)
+    assert refine_by_wall_shadows("terrain 01", 1, mesh, tmp_path, {"A": RIG}, SUN_LAMPS, set()) == ({}, None)
+    assert [record.levelname for record in caplog.records].count("WARNING") >= 1
+
+
 def test_lamps_of_photos_are_moved_over_measured_walls(photographed):
     walls = measured(2.0, 0.31)
     off = {azimuth: lamp + np.array([0.0, 0.0, 0.03]) for azimuth, lamp in SUN_LAMPS.items()}

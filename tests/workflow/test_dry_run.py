@@ -196,6 +196,16 @@ def test_tables_of_real_photos_have_a_detector_of_each_domain_fold_and_seed(dry_
         assert "folds/carved/seed0/rendered/detector.pt" in job
 
 
+@pytest.mark.parametrize("target", ["real_tables", "cover_photos"])
+def test_a_target_of_cover_photos_needs_cover_photos_when_it_is_planned(dry_run, target):
+    done = dry_run(target, "--configfile", "config/config.yaml")
+    assert done.returncode == 1
+    errors = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert len(errors) == 1
+    assert "CoverPhotoOfIndices" in errors[0]
+    assert "Traceback" not in done.stderr
+
+
 def test_tables_of_real_photos_are_not_part_of_a_complete_run(dry_run, release_with_covers):
     jobs = planned(dry_run("--configfile", "config/release.yaml", POLAR_SIM_ROOT=str(release_with_covers)))
     assert "pair_covers_with_twins" not in jobs

@@ -27,11 +27,13 @@ rule locate_cameras:
 
 
 rule refine_cameras:
-    """Poses, lenses and lamps, refined by matching photos with rendered meshes; unchanged without photos."""
+    """Poses, lenses and lamps, refined by matching photos with rendered meshes; walls fitted to published photos."""
     input:
         located="results/{run}/cameras/located/Terrain{terrain}",
         meshes=PATHS.unrefined_meshes,
         photos=PATHS.photos_of_terrain,
+        covers=COVERS.instead_of_photos("photos"),
+        drawn=COVERS.instead_of_photos("drawn"),
     output:
         cameras=directory("results/{run}/cameras/Terrain{terrain}"),
     priority: TRAINING_WAITS

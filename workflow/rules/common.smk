@@ -71,6 +71,18 @@ def of_run(pattern, **wildcards):
     return expand(pattern, run=RUN, **wildcards)
 
 
+def existing(files):
+    """Return an input function of files, which ends the planning with one line if they do not exist."""
+
+    def found(wildcards):
+        try:
+            return files()
+        except PolarsimError as error:
+            sys.exit(f"error: {error}")
+
+    return found
+
+
 def of_drives(pattern, **wildcards):
     """Return files of all drives of this run."""
     return of_run(pattern, seed=DRIVES.seeds, **wildcards)

@@ -16,7 +16,7 @@ rule cover_photos:
 rule read_covers:
     """Cover photos without drawn annotations, masks of these, labels, and the assignment of photo keys."""
     input:
-        files=COVERS.files(),  # read through params.root
+        files=existing(COVERS.files),  # read through params.root
     output:
         pictures=directory("results/{run}/covers/photos"),
         drawn=directory("results/{run}/covers/drawn"),

@@ -15,4 +15,6 @@ with reporting(log=snakemake.log[0]):
         photos=optional_path(snakemake.input.photos),
         cameras=Path(snakemake.output.cameras),
         options=RefinementOptions(**snakemake.params.options),
+        covers=optional_path(snakemake.input.covers),
+        drawn=optional_path(snakemake.input.drawn),
     )
