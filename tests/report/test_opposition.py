@@ -91,6 +91,7 @@ def test_the_caption_has_the_brightness_ratio_at_both_phase_angles(tmp_path, cam
     assert caption["shown"]
     assert caption["text"].count("2.00 (Hapke)") == 2
     assert str(ROVER) in caption["text"].split(". ")[0]
+    assert "changes by a factor of 1 (Hapke)" in caption["text"]  # the same ratio at both angles
     shown = png.read_png(tmp_path / "o.png")
     assert shown.shape[1] == 640
     photo, twin = (

@@ -154,3 +154,4 @@ def show_image(axes: Any, pixels: Any, title: str) -> None:
     axes.imshow(pixels, interpolation="antialiased")
     axes.set_title(title)
     axes.set_axis_off()
+    axes.set_anchor("N")  # keeps the title inside the figure

@@ -19,7 +19,7 @@ from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.poses import Pose
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
 from polarsim.report import paper
-from polarsim.report.figures.canvas import FIGURE_WIDTH, note, page
+from polarsim.report.figures.canvas import FIGURE_WIDTH, figure_title, note, page
 from polarsim.run_files.lamps import read_suns
 from polarsim.run_files.pictures import picture_finder
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
@@ -131,8 +131,9 @@ def draw_opposition(
         write_json(text, {"shown": False, "text": reason})
         return
     cell = width // len(domains)
-    texts = []
+    shown: list[tuple[list[np.ndarray], PhasePixel, PhotoKey]] = []
     with page(figure, width, 2 * (cell + _ROW_PX)) as sheet:
+        figure_title(sheet, "Brightness at the smallest and the largest phase angle, same white level within a row")
         grid = sheet.subplots(2, len(domains), squeeze=False)
         for axes, spot in zip(grid, spots, strict=True):
             bracket = [key for key in available if key.bracket == spot.key.bracket]
@@ -140,7 +141,9 @@ def draw_opposition(
             key = min(crops_of, key=lambda key: (_exposure_rank(crops_of[key]), key))
             crops = crops_of[key]
             _draw_row(axes, crops, domains, spot, key)
-            texts.append(_caption(crops, domains, spot, key))
+            shown.append((crops, spot, key))
+    texts = [_caption(crops, domains, spot, key) for crops, spot, key in shown]
+    texts += _conclusion(*(crops for crops, *_ in shown), domains)
     write_json(text, {"shown": True, "text": " ".join(texts).removesuffix(".")})
 
 
@@ -189,13 +192,16 @@ def _is_usable(signal: float) -> bool:
 
 
 def _draw_row(axes: Any, crops: list[np.ndarray], domains: Sequence[str], spot: PhasePixel, key: PhotoKey) -> None:
-    white = max(map(display_white_level, crops))
+    white, photo = max(map(display_white_level, crops)), _signal(crops[0])
     for panel, domain, crop in zip(axes, domains, crops, strict=True):
         panel.imshow(to_8bit(crop, white), interpolation="antialiased")
         panel.set_xticks([])
         panel.set_yticks([])
         panel.set_title(paper.domain_title(domain))
-        panel.set_xlabel(f"median {_signal(crop):.0f} DN")
+        ratio = "" if panel is axes[0] else f", {_signal(crop) / photo:.2g} times the photo"
+        panel.set_xlabel(
+            f"median {_signal(crop):.0f} DN{ratio if _is_usable(photo) and _is_usable(_signal(crop)) else ''}"
+        )
     axes[0].set_ylabel(f"phase {spot.phase_deg:.1f}°\n{key}", fontsize="small")
 
 
@@ -210,6 +216,25 @@ def _caption(crops: list[np.ndarray], domains: Sequence[str], spot: PhasePixel, 
         return f"{start}, the median of {names} is clipped or black: no comparison."
     ratios = _join(f"{signal / photo:.2f} ({paper.domain_title(domain)})" for domain, signal in signals.items())
     return f"{start}, the ratio of the crop's median to that of {paper.domain_title(domains[0])} is {ratios}."
+
+
+def _conclusion(near: Sequence[np.ndarray], far: Sequence[np.ndarray], domains: Sequence[str]) -> list[str]:
+    """Return a sentence on the change of the ratios between the phase angles; empty without two ratios of a twin."""
+    signals = {
+        domain: [_signal(near[0]), _signal(far[0]), _signal(first), _signal(second)]
+        for domain, first, second in zip(domains[1:], near[1:], far[1:], strict=True)
+    }
+    changes = [
+        f"{max(change, 1 / change):.2g} ({paper.domain_title(domain)})"
+        for domain, values in signals.items()
+        if all(map(_is_usable, values)) and (change := values[2] * values[1] / (values[0] * values[3]))
+    ]
+    if not changes:
+        return []
+    return [
+        f"Between the two angles the ratio changes by a factor of {_join(changes)}: 1 for a reflectance model with the "
+        "phase curve of the photos."
+    ]
 
 
 def _join(text: Iterable[str]) -> str:

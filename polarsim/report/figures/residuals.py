@@ -15,7 +15,7 @@ from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.photo import HEIGHT, HEX_COLOURS, NO_ROCK, ROCK, WIDTH, PhotoKey
-from polarsim.report.figures.canvas import FIGURE_WIDTH, SERIES, legend_line, note, page, show_image
+from polarsim.report.figures.canvas import FIGURE_WIDTH, PREDICTED, SERIES, legend_line, note, page, show_image
 from polarsim.report.figures.cover_photos import MIN_SHARE, near_red, share_on_red
 from polarsim.run_files.pictures import cover_photo, pictures_at
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
@@ -24,8 +24,9 @@ from polarsim.scoring.surface import Surface
 from polarsim.tone import to_8bit
 
 ARROW_SCALE = 20  # magnification of the arrows
-ANNOTATED, PROJECTED, ARROW = HEX_COLOURS[ROCK], SERIES[5], SERIES[1]
-_LEGEND_PX = 50
+ANNOTATED, PROJECTED, ARROW = HEX_COLOURS[ROCK], SERIES[5], PREDICTED
+_TITLE_PX, _LEGEND_PX = 105, 60
+_BRIGHTEST_LAST = ("30", "350", "270", "180", "no")  # order of Sun azimuths; sand is clipped against the Sun
 GREY = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)  # replaces a missing image
 
 
@@ -49,9 +50,10 @@ def draw_residuals(
     localised, annotated = read_all_localised(cameras), read_rock_boxes(seeds, terrain)
     backgrounds = _backgrounds(seeds, annotated, photos, inventory, twins)
     outlines = outlines_of(_above_ground(read_terrain(meshes, terrain)))
-    columns = min(2, max(1, len(localised)))
+    columns = min(3, max(1, len(localised)))
     rows = -(-len(localised) // columns)
-    with page(figure, width, round(width / columns * rows * 0.77) + _LEGEND_PX) as sheet:
+    height = round(width / columns * rows * HEIGHT / WIDTH) + rows * _TITLE_PX + _LEGEND_PX
+    with page(figure, width, height) as sheet:
         if not localised:
             note(sheet, "no position")
             return
@@ -62,13 +64,14 @@ def draw_residuals(
             boxes = consensus_boxes(annotated.get(position, []))
             title = f"Terrain {terrain:02d}, position {position}"
             _draw_position(axes, title, rig, outlines, boxes, backgrounds.get(position))
-        styles = ({"color": ANNOTATED}, {"color": PROJECTED, "linestyle": "--"}, {"color": ARROW})
-        lines = [legend_line(linewidth=2.5, **style) for style in styles]
-        labels = (
-            "consensus of seed boxes", "boxes of projected meshes",
-            f"residual of the centre, {ARROW_SCALE} times magnified",
-        )  # fmt: skip
-        sheet.legend(lines, labels, loc="outside lower center", ncols=3)
+        styles = {
+            "consensus of seed boxes": {"color": ANNOTATED},
+            "without a mesh": {"color": ANNOTATED, "linestyle": ":"},
+            "boxes of projected meshes": {"color": PROJECTED, "linestyle": "--"},
+            f"offset of the centre, {ARROW_SCALE} times magnified": {"color": ARROW},
+        }
+        lines = [legend_line(linewidth=2.5, **style) for style in styles.values()]
+        sheet.legend(lines, list(styles), loc="outside lower center", ncols=len(styles))
 
 
 def _backgrounds(
@@ -77,7 +80,8 @@ def _backgrounds(
     """Return the background of each position: a left photo with seeds, a left cover photo, or a twin of usual light."""
     pictures, rendered = pictures_at(photos), pictures_at(twins) if twins else {}
     background: dict[str, Path | None] = {}
-    for key in (PhotoKey.parse(path.stem) for path in sorted(seeds.glob("*.txt"))):
+    annotated_keys = [PhotoKey.parse(path.stem) for path in sorted(seeds.glob("*.txt"))]
+    for key in sorted(annotated_keys, key=lambda key: (_BRIGHTEST_LAST.index(key.azimuth), key.light == "on", key)):
         if key.camera == "L" and background.get(key.position) is None:
             background[key.position] = pictures.get(key)
     for position, boxes in annotated.items():
@@ -122,8 +126,8 @@ def _draw_position(
     if len(rows):
         off = np.median(np.abs(end - start), axis=0)
         overlap = np.diag(iou(matched, matched_boxes)).mean()
-        name += f": {len(rows)} of {len(boxes)} boxes matched\nmean IoU {overlap:.2f}, "
-        name += f"median |dx| {off[0]:.1f} px, |dy| {off[1]:.1f} px"
+        name += f": {len(rows)} of {len(boxes)} boxes matched\nmean IoU {overlap:.2f}\n"
+        name += f"median offset {off[0]:.1f} px across, {off[1]:.1f} px down"
     elif len(boxes):
         name += f": none of {len(boxes)} boxes\nmatched with a mesh"
         matched_boxes, matched = boxes, projected[np.isfinite(projected).all(axis=1)]
@@ -131,7 +135,9 @@ def _draw_position(
         name += ":\nno annotated rock for a comparison"
         matched = projected[np.isfinite(projected).all(axis=1)]
     show_image(axes, pixels, name)
-    for shown, colour, dashes in ((matched_boxes, ANNOTATED, "-"), (matched, PROJECTED, "--")):
+    unmatched = np.delete(boxes, columns, axis=0) if len(rows) else boxes[:0]
+    drawn = ((matched_boxes, ANNOTATED, "-"), (unmatched, ANNOTATED, ":"), (matched, PROJECTED, "--"))
+    for shown, colour, dashes in drawn:
         for x0, y0, x1, y1 in shown * scale:
             axes.plot([x0, x1, x1, x0, x0], [y0, y0, y1, y1, y0], color=colour, linewidth=1.3, linestyle=dashes)
     if len(rows):

@@ -178,7 +178,7 @@ def _draw_top(sheet: Any, axes: Any, top: TopView, title: str, heights: str) -> 
 
     axes.set_title(title)
     axes.set(xlabel="x (Sun azimuth 0), m", ylabel="y (Sun azimuth 90), m")
-    axes.set_aspect("equal")
+    axes.set_aspect("equal", anchor="N")
     if not np.isfinite(top.height).any():
         note(sheet, "no surface")
         return
