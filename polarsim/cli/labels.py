@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from polarsim.arguments import run_folder, writes_file, writes_folder
-from polarsim.cli.application import JsonFile, Results, commands_of, split_commas
+from polarsim.cli.application import JsonFile, Results, commands_of, print_table, split_commas
 from polarsim.errors import PolarsimError
 
 command = commands_of("Labels")
@@ -229,14 +229,9 @@ def outline(
 
 
 def _print_scores(report: dict[str, Any]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table("class", "files", "truth", "labels", "precision", "recall", "F1", "mean IoU")
+    rows = []
     for name, row in report["classes"].items():
-        counts = (str(row[metric]) for metric in ("files", "truth_boxes", "label_boxes"))
-        ratios = (
-            "-" if row[metric] is None else f"{row[metric]:.3f}" for metric in ("precision", "recall", "f1", "miou")
-        )
-        table.add_row(name, *counts, *ratios)
-    Console().print(table)
+        ratios = [row[metric] for metric in ("precision", "recall", "f1", "miou")]
+        shown = ["-" if ratio is None else f"{ratio:.3f}" for ratio in ratios]
+        rows.append([name, *(row[metric] for metric in ("files", "truth_boxes", "label_boxes")), *shown])
+    print_table(["class", "files", "truth", "labels", "precision", "recall", "F1", "mean IoU"], rows)

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from polarsim.arguments import refuse_existing_folder, run_folder, writes_file, writes_folder
-from polarsim.cli.application import ConfigFiles, Results, commands_of, core_count
+from polarsim.cli.application import ConfigFiles, Results, commands_of, core_count, print_table
 from polarsim.errors import PolarsimError
 from polarsim.photo import WIDTH
 
@@ -112,16 +112,28 @@ def compare(
     ] = True,
     results: Results = Path("results"),
 ) -> None:
-    """Compare the metrics of several runs. Writes CSV, Markdown, LaTeX and Parquet."""
-    from polarsim.report.evaluation_table import compare_runs, comparison_lines
+    """Compare the metrics of several runs. Writes CSV, Markdown, LaTeX and Parquet.
 
+    Prints the F1 of labels on the photos that the first run and each further run score, with 95 % intervals (also in
+    OUT-labels.csv); without such photos, the first metrics of the table.
+    """
+    from polarsim.report.evaluation_table import compare_runs, comparison_lines
+    from polarsim.report.label_comparison import compare_labels, comparison_layout
+
+    of_labels = out.with_name(f"{out.name}-labels")
     for form in (".csv", ".md", ".tex", ".parquet"):
-        refuse_existing_folder(out.with_name(out.name + form))
-    several = len(runs) > 1
-    table = compare_runs(
-        runs=[run_folder(results, run) for run in runs], stem=out, common=common and several, differences=several
-    )
-    if several:
+        for stem in (out, of_labels):
+            refuse_existing_folder(stem.with_name(stem.name + form))
+    several, folders = len(runs) > 1, [run_folder(results, run) for run in runs]
+    table = compare_runs(runs=folders, stem=out, common=common and several, differences=several)
+    labels = compare_labels(folders, of_labels) if several else table[:0]
+    if len(labels):
+        shown = comparison_layout(labels, runs[0]).drop(columns="photos")
+        print_table(
+            shown, shown.to_numpy(), "F1 of labels on the photos that both runs score, 95 % intervals in brackets"
+        )
+        typer.echo(f"{of_labels}.md")
+    elif several:
         typer.echo(f"{' / '.join(runs)}, medians over the terrains of all these runs:")
         typer.echo("\n".join(comparison_lines(table, runs)))
     typer.echo(f"{out}.md")

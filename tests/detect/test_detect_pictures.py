@@ -91,7 +91,7 @@ def test_boxes_are_in_pixels_of_each_picture_whatever_its_size_depth_and_colour(
     drawn = cv2.imread(str(tmp_path / "out/pictures/whole.jpg")).astype(int)
     assert (drawn.shape[0] > 400, drawn.shape[1]) == (True, 640)
     orange = (drawn[..., 2] - drawn[..., 0]) > 100
-    x0, y0, x1, y1 = BOX.round().astype(int)
+    x0, y0, _, y1 = BOX.round().astype(int)
     assert orange[y0 + 4 : y1 - 4, x0 - 4 : x0 + 6].any(axis=1).all()  # the left edge
     assert orange[400:].sum() > 50  # the legend
     assert drawn[y0 - 14 : y0 - 4, x0 : x0 + 24].std() > 20 > drawn[y0 - 14 : y0 - 4, x0 - 30 : x0 - 6].std()  # .90

@@ -1,10 +1,15 @@
+import numpy as np
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
 from polarsim.cli import app
 from polarsim.errors import PolarsimError
-from polarsim.formats.tables import read_csv, write_csv
+from polarsim.formats.tables import key_columns, read_csv, write_csv, write_parquet
+from polarsim.photo import PhotoKey
 from polarsim.report.evaluation_table import compare_runs
+from polarsim.report.label_comparison import compare_labels
+from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.mesh_scores import mesh_table
 from polarsim.scoring.metrics import Metric, write_metrics
 
@@ -83,3 +88,49 @@ def test_the_command_compares_common_metrics_and_prints_differences(tmp_path):
     rows = everything.set_index(["run", "terrain", "metric"])["difference"]
     assert rows.notna().sum() == 1
     assert rows["other", 1, "f1"] == 0.25
+
+
+def pairs(folder, run, hits, task="light on", skipped=()):
+    """Write the matches of a run: a true box per photo and azimuth, found if the azimuth is in `hits`."""
+    rows = []
+    for position in "AC":
+        for azimuth in ("30", "180", "270", "350"):
+            key = PhotoKey(3, position, "on", azimuth, "L", 256)
+            if str(key) in skipped:
+                continue
+            found = {"hit": azimuth in hits, "label_px": 20.0 if azimuth in hits else np.nan}
+            row = {**key_columns(key), "task": task, "kind": "rock", "annotated": False, "truth_px": 20.0, **found}
+            rows.append(row | {"rock": 1, "source": "fused", "against": "truth"})
+    table = pd.DataFrame(rows).reindex(columns=list(LABEL_PAIRS.columns)).astype(LABEL_PAIRS.dtypes)
+    write_parquet(folder / run / "evaluation/label_pairs_Terrain03.parquet", table)
+    measured(folder, run, 3, 1.0)
+
+
+def test_labels_are_compared_on_the_photos_that_both_runs_score(tmp_path):
+    seed = "03_A_on_30_L_0256"
+    pairs(tmp_path, "all", ("30", "180", "270", "350"), skipped=(seed,))
+    pairs(tmp_path, "half", ("30", "180"), task="another azimuth")
+    call = ["compare", "all", "half", "--results", str(tmp_path), "--out", str(tmp_path / "both")]
+    done = CliRunner().invoke(app, call)
+    assert done.exit_code == 0, done.stderr
+    table = read_csv(tmp_path / "both-labels.csv").set_index(["kind", "task"])
+    assert table.index.tolist() == [("rock", "all but seeds"), ("rock", "another azimuth")]
+    row = table.loc["rock", "all but seeds"]
+    assert (row["photos"], row["truth_boxes"], row["f1_first"]) == (7, 7, 1)
+    assert row["f1"] == pytest.approx(2 * 3 / (7 + 3), abs=1e-6)  # 3 of 7 true boxes have a label
+    assert row["difference"] == pytest.approx(-0.4, abs=1e-6)
+    assert row["difference_low"] == pytest.approx(row["f1_low"] - 1, abs=1e-6)  # paired: the first run is always 1
+    assert -1 <= row["difference_low"] < row["difference"] < row["difference_high"] <= 0
+    assert "-0.400 [" in (tmp_path / "both-labels.md").read_text()
+    assert "0.600" in done.stdout
+    assert max(map(len, done.stdout.replace(str(tmp_path), "").splitlines())) <= 80
+
+
+def test_equal_labels_have_no_difference(tmp_path):
+    for run in ("one", "other"):
+        pairs(tmp_path, run, ("30", "270"))
+    table = compare_labels([tmp_path / "one", tmp_path / "other"], tmp_path / "both-labels")
+    assert table["difference"].tolist() == table["difference_low"].tolist() == table["difference_high"].tolist() == [0]
+    pairs(tmp_path, "third", (), skipped=[f"03_{p}_on_{a}_L_0256" for p in "AC" for a in ("30", "180", "270", "350")])
+    assert compare_labels([tmp_path / "one", tmp_path / "third"], tmp_path / "none").empty
+    assert not list(tmp_path.glob("none*"))
