@@ -8,10 +8,11 @@ import sys
 import time
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import Any, TypeVar
 
 Item = TypeVar("Item")
 LINE_S = 30.0  # between lines of progress without a terminal
+_bars: list[Any] = []  # the bars that are shown
 log = logging.getLogger(__name__)  # commands print its messages, see `reporting`
 
 
@@ -27,10 +28,7 @@ def track(items: Collection[Item], text: str) -> Iterator[Item]:
 def progress_bar(text: str) -> Iterator[Callable[[float], None]]:
     """Yield a function that shows the completed share, 0 to 1, of the work."""
     if sys.stderr.isatty():
-        from rich.console import Console
-        from rich.progress import Progress
-
-        with Progress(console=Console(stderr=True)) as bars:
+        with _terminal_bars() as bars:
             task = bars.add_task(text, total=1.0)
             yield lambda share: bars.update(task, completed=share)
         return
@@ -44,6 +42,23 @@ def progress_bar(text: str) -> Iterator[Callable[[float], None]]:
             log.info("%s: %d %%, %s left", text, 100 * share, about((now - start) * (1 - share) / share))
 
     yield report
+
+
+@contextmanager
+def _terminal_bars() -> Iterator[Any]:
+    """Yield the bars on the terminal. A bar inside another is a further line; separate displays would overwrite it."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    if _bars:
+        yield _bars[0]
+        return
+    with Progress(console=Console(stderr=True)) as bars:
+        _bars.append(bars)
+        try:
+            yield bars
+        finally:
+            _bars.clear()
 
 
 def about(seconds: float) -> str:

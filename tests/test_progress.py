@@ -54,6 +54,21 @@ def test_a_terminal_has_a_bar(monkeypatch, capfd):
     assert "100%" in shown
 
 
+def test_a_loop_inside_another_has_its_own_line(monkeypatch, capfd):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", "50")
+    monkeypatch.setenv("TTY_COMPATIBLE", "1")
+    with progress_bar("drive") as report:
+        for _ in track(range(2), "frames"):
+            pass
+        report(1.0)
+    last = capfd.readouterr().err.rpartition("drive")[2]  # the bars are drawn in the order of their start
+    assert "frames" in last
+    assert last.count("100%") == 2
+    assert list(track(range(2), "later")) == [0, 1]
+    assert "frames" not in capfd.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("seconds", "text"),
     [(0, "about 10 s"), (41, "about 50 s"), (51, "about 1 min"), (350, "about 6 min"), (9000, "about 2.5 h")],

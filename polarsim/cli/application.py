@@ -48,7 +48,7 @@ def split_commas(text: str) -> list[str]:
     return [part.strip() for part in text.split(",") if part.strip()]
 
 
-def print_table(columns: Iterable[str], rows: Iterable[Iterable[object]], title: str | None = None) -> None:
+def print_table(columns: Iterable[object], rows: Iterable[Iterable[object]], title: str | None = None) -> None:
     """Print a table; long cells are wrapped at the width of the terminal."""
     from rich.console import Console
     from rich.table import Table

@@ -89,9 +89,10 @@ class Report:
         }
 
     def as_text(self) -> str:
-        """Return one line per finding, one line of counts by rule, and one line of counts by severity."""
+        """Return a line per finding, a line per rule with the number of its findings, and the numbers by severity."""
         order = sorted(self.counts.items(), key=lambda item: RULES[item[0]].code)
-        by_rule = [", ".join(f"{RULES[name].code} {name} {count}" for name, count in order)] if order else []
+        lines = [f"{RULES[name].code}  {RULES[name].severity:7}  {name:22} {count:6}" for name, count in order]
+        by_rule = ["", "findings by rule:", *lines] if order else []
         counts = f"{self.count('error')} errors, {self.count('warning')} warnings, {self.count('note')} notes"
         return "\n".join([*(f"{finding.severity}: {finding}" for finding in self.findings), *by_rule, counts])
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -121,7 +122,7 @@ def comparison_layout(table: pd.DataFrame, first: str) -> pd.DataFrame:
     return shown
 
 
-def _f1(row: dict[str, float], name: str, sign: str = "") -> str:
+def _f1(row: Mapping[Hashable, Any], name: str, sign: str = "") -> str:
     """Return a value with its interval, `0.971 [0.960, 0.980]`."""
     value, low, high = (row[column] for column in (name, f"{name}_low", f"{name}_high"))
     interval = "" if np.isnan(low) else f" [{low:{sign}.3f}, {high:{sign}.3f}]"

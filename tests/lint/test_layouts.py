@@ -101,7 +101,7 @@ def test_a_repaired_copy_has_only_label_files_and_is_named_in_the_output(root, t
     last = done.stdout.splitlines()[-1]
     assert last.startswith("1 repairs ")
     assert str(tmp_path / "fixed/changes.csv") in last
-    assert any("F110 malformed 1" in line for line in done.stdout.splitlines())
+    assert any(line.split() == ["F110", "error", "malformed", "1"] for line in done.stdout.splitlines())
     as_json = polarsim("validate", root, "--fix", tmp_path / "again", "--format", "json")
     assert json.loads(as_json.stdout)["errors"] == 1
     assert "1 repairs" in as_json.stderr
