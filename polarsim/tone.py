@@ -23,16 +23,19 @@ def encode_tone(light: np.ndarray, white: float, gamma: float = GAMMA) -> np.nda
     return np.asarray(np.rint(255 * (share if gamma == 1 else share ** (1 / gamma))), np.uint8)
 
 
-def white_level(light: np.ndarray, percentile: float, darkest: float) -> float:
-    """Return the percentile of light above black, DN, not below `darkest` and not above what a photo can hold."""
-    return float(min(WHITE_LEVEL - BLACK_LEVEL, max(float(np.percentile(light, percentile)), darkest)))
+def white_level(light: np.ndarray, percentile: float, darkest: float, black: int = 0) -> float:
+    """Return the percentile of light above black, DN, not below `darkest` and not above what a photo can hold.
+
+    `black` is the value of `light` without light. The percentile of integers takes half the time of that of floats.
+    """
+    return float(min(WHITE_LEVEL - BLACK_LEVEL, max(float(np.percentile(light, percentile)) - black, darkest)))
 
 
 def display_white_level(pixels: np.ndarray) -> float:
     """Return the light, DN above black, that a displayed picture shows as white."""
     if pixels.dtype == np.uint8:
         return 255.0
-    return white_level(pixels.astype(float) - BLACK_LEVEL, WHITE_PERCENTILE, MIN_WHITE_DN)
+    return white_level(pixels, WHITE_PERCENTILE, MIN_WHITE_DN, BLACK_LEVEL)
 
 
 def to_8bit(pixels: np.ndarray, white: float | None = None) -> np.ndarray:

@@ -134,10 +134,10 @@ class PredictionOptions(BaseModel, extra="forbid", frozen=True):
     device: Literal["auto", "cpu", "cuda"] = Field(
         "cpu", description="Device of inference and training. auto: cuda if available."
     )
-    precision: Literal["float32", "bfloat16"] = Field(
+    precision: Literal["auto", "float32", "bfloat16"] = Field(
         "float32",
-        description="Precision of convolutions in the inference of compact detectors. bfloat16 is faster and requires "
-        "processor support.",
+        description="Precision of convolutions in the inference of compact detectors. auto: bfloat16 if supported, "
+        "1.7 times faster.",
     )
     confidence: float = Field(
         0.001, gt=0, lt=1, description="Confidence threshold of written predictions. Higher values write fewer boxes."

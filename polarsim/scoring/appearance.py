@@ -108,8 +108,11 @@ def reduce_picture(picture: np.ndarray) -> np.ndarray:
     return np.asarray(cv2.resize(part, size, interpolation=cv2.INTER_AREA))
 
 
-def compare_reduced(photo: ReducedPhoto, twin: np.ndarray) -> Appearance:
-    """Compare a photo and a twin (h, w) float32, both reduced; NaN if no pixel is valid."""
+def compare_reduced(photo: ReducedPhoto, twin: np.ndarray, toned: np.ndarray | None = None) -> Appearance:
+    """Compare a photo and a twin (h, w) float32, both reduced; NaN if no pixel is valid.
+
+    `toned`: `toned_twin` of both, if already computed.
+    """
     valid = photo.valid
     sand = valid & photo.lit_sand
     ratio = np.empty(0) if photo.light is None else log_ratio(photo.light[sand], twin[sand] - BLACK_LEVEL)
@@ -118,7 +121,7 @@ def compare_reduced(photo: ReducedPhoto, twin: np.ndarray) -> Appearance:
     brightness = (spread, ratio.size, typical, difference)
     if not valid.any():
         return Appearance(np.nan, np.nan, np.nan, *brightness)
-    toned = toned_twin(photo, twin)
+    toned = toned_twin(photo, twin) if toned is None else toned
     error = float(((photo.tones[valid] - toned[valid]) ** 2).mean())
     return Appearance(
         10 * float(np.log10(255**2 / max(error, 1e-6))),

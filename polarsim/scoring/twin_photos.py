@@ -70,11 +70,12 @@ def compare_twins(
         features = find_features(reduced.tones, reduced.valid)
         for model, path in paths.items():
             twin = reduce_picture(read_in_size(path, photo.shape))
-            of_twin = find_features(toned_twin(reduced, twin), reduced.valid)
+            toned = toned_twin(reduced, twin)
+            of_twin = find_features(toned, reduced.valid)
             rows.append(
                 key_columns(key)
                 | {"model": model, "relation": relation_to_fits(key, fits.get(model, ()))}
-                | asdict(compare_reduced(reduced, twin))
+                | asdict(compare_reduced(reduced, twin, toned))
                 | {"features": len(features.pixels)}
                 | asdict(compare_features(features, of_twin))
                 | _control(reduced, key, others.get(model, {}), photo.shape)

@@ -196,6 +196,20 @@ def test_a_detector_uses_the_requested_precision_or_fails(weights, tmp_path, mon
         assert seen == []
 
 
+@pytest.mark.parametrize(("model", "there"), [("compact", True), ("compact", False), ("yolov5n", True)])
+def test_automatic_precision_is_bfloat16_for_compact_detectors_if_supported(weights, monkeypatch, model, there):
+    seen = []
+
+    class Family:
+        load = staticmethod(lambda *_: lambda _pictures: seen.append(torch.is_autocast_enabled("cpu")) or [])
+
+    monkeypatch.setattr("polarsim.detect.detectors.devices.has_bfloat16", lambda _: there)
+    monkeypatch.setattr("polarsim.detect.detectors.models.family", lambda _: Family)
+    detector = replace(detectors.read_detector(weights), model=model)
+    detectors.load_detector(detector, weights.parent, PredictionOptions(precision="auto"), 1)(np.zeros((1, 32, 32)))
+    assert seen == [there and model == "compact"]
+
+
 def test_bfloat16_and_float32_detect_the_same_objects():
     """Confident rocks of the packaged detector agree within one pixel on the image of lumps."""
     options = prediction_options([], [], "cpu")

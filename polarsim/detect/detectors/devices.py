@@ -29,7 +29,7 @@ def choose_device(device: str) -> str:
 
 
 def computes_bfloat16(precision: str, device: str) -> bool:
-    """Return whether to train in bfloat16, see `TrainingOptions.precision`. Emulated bfloat16 is slow."""
+    """Return whether `precision` selects bfloat16 on a device; `auto` avoids emulated bfloat16, which is slow."""
     return has_bfloat16(device) if precision == "auto" else precision == "bfloat16"
 
 

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from polarsim.detect.calibration import calibrate_boxes
-from polarsim.detect.detectors.devices import choose_device, has_bfloat16, load_torch
+from polarsim.detect.detectors.devices import choose_device, computes_bfloat16, has_bfloat16, load_torch
 from polarsim.detect.detectors.families import Family, LoadedDetector, LoadedMasks
 from polarsim.detect.detectors.files import Detector
 from polarsim.detect.fusion import fuse
@@ -47,19 +47,20 @@ def load_masks(detector: Detector, options: PredictionOptions, threads: int) -> 
 def _in_precision(
     loaded: Callable[[np.ndarray], Predicted], model: str, options: PredictionOptions
 ) -> Callable[[np.ndarray], Predicted]:
-    """Return the detector with convolutions in `options.precision`, without fallback."""
+    """Return the detector with convolutions in `options.precision`; only `auto` depends on the processor and model."""
     device, torch = choose_device(options.device), load_torch()
     if options.precision == "bfloat16" and not _is_compact(model):
         raise DetectError(f"precision bfloat16: model {model} supports only float32")
     if options.precision == "bfloat16" and not has_bfloat16(device):
-        raise DetectError(f"precision bfloat16: not supported by this {device}, choose float32")
-    if options.precision == "float32" and device == "cpu":
+        raise DetectError(f"precision bfloat16: not supported by this {device}, choose auto or float32")
+    bfloat16 = _is_compact(model) and computes_bfloat16(options.precision, device)
+    if not bfloat16 and device == "cpu":
         return loaded
 
     def predict(pictures: np.ndarray) -> Predicted:
         with (
             torch.autocast(device, torch.bfloat16)
-            if options.precision == "bfloat16"
+            if bfloat16
             else torch.backends.cudnn.flags(enabled=True, deterministic=True, allow_tf32=False)  # torch's default: TF32
         ):
             return loaded(pictures)
