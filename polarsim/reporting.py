@@ -10,16 +10,12 @@ from pathlib import Path
 
 from polarsim import progress
 from polarsim.errors import PolarsimError
-
-_EXTRAS = {  # extra of each optional module
-    **dict.fromkeys(("torch", "torchvision", "ultralytics"), "detect"),
-    **dict.fromkeys(("av", "gymnasium", "mcap", "mcap_ros2", "mujoco", "rasterio", "rosbags"), "rover"),
-}
+from polarsim.extras import ExtraError, extra_error
 
 
 @contextmanager
 def reporting(log: str | Path | None = None) -> Iterator[None]:
-    """Log to an optional file; print a `PolarsimError` or a missing extra as one line and exit with code 1.
+    """Log to an optional file; print a `PolarsimError` as one line and exit with code 1, a missing extra with code 2.
 
     Warnings are also printed, and without a file the progress of long loops.
     """
@@ -33,15 +29,13 @@ def reporting(log: str | Path | None = None) -> Iterator[None]:
     logging.basicConfig(level=logging.INFO, format="%(levelname)s %(message)s", handlers=handlers, force=True)
     try:
         yield
-    except (PolarsimError, ModuleNotFoundError) as error:
-        message: object = error
-        if isinstance(error, ModuleNotFoundError):
-            if (extra := _EXTRAS.get((error.name or "").partition(".")[0])) is None:
-                raise
-            message = f"{error.name} is not installed: pip install 'polarsim[{extra}]'"
+    except (PolarsimError, ImportError) as error:
+        message = extra_error(error) if isinstance(error, ImportError) else error
+        if message is None:
+            raise
         logging.getLogger("polarsim").info("stopped: %s", message)
         sys.stderr.write(f"error: {message}\n")
-        sys.exit(1)
+        sys.exit(2 if isinstance(message, ExtraError) else 1)
     except KeyboardInterrupt:
         sys.stderr.write("stopped by the user\n")
         sys.exit(130)

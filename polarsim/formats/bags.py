@@ -13,7 +13,7 @@ from typing import Any
 
 import yaml
 
-from polarsim.errors import FormatError, PolarsimError
+from polarsim.errors import FormatError
 from polarsim.formats.readers import reader
 from polarsim.formats.ros import Stamped, definition
 
@@ -29,11 +29,9 @@ _LATCHED = (
 
 def write_mcap_bag(path: Path, streams: Iterable[Iterator[Stamped]], compression: str = "zstd") -> dict[str, int]:
     """Write the messages of several streams, each sorted by time stamp, and return the number of messages per topic."""
-    try:
-        from mcap.writer import CompressionType, Writer
-        from mcap_ros2._dynamic import serialize_dynamic  # noqa: F401  # `_encoder` needs it
-    except ImportError as error:
-        raise PolarsimError("bags need mcap and mcap-ros2-support: pip install 'polarsim[publish]'") from error
+    from mcap.writer import CompressionType, Writer
+    from mcap_ros2._dynamic import serialize_dynamic  # noqa: F401  # `_encoder` needs it
+
     counts: dict[str, int] = {}
     schemas: dict[str, Any] = {}
     with path.open("wb") as file:

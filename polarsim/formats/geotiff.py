@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.errors import FormatError, PolarsimError
+from polarsim.errors import FormatError
 from polarsim.formats.readers import reader
 
 METRES = ("", "m", "metre", "metres", "meter", "meters")  # accepted units of heights; most files state no unit
@@ -48,11 +48,9 @@ def read_elevation(
     The file must cover the distance `half_m` from the point to all four sides; heights are read up to the distance
     `far_m` from the point, if the file has them.
     """
-    try:
-        import rasterio
-        from rasterio.errors import NotGeoreferencedWarning
-    except ImportError as error:
-        raise PolarsimError("elevation models need rasterio: pip install 'polarsim[rover]'") from error
+    import rasterio
+    from rasterio.errors import NotGeoreferencedWarning
+
     with warnings.catch_warnings(), rasterio.Env(GDAL_DISABLE_READDIR_ON_OPEN="TRUE"):
         warnings.simplefilter("ignore", NotGeoreferencedWarning)  # `_require_metres` raises a one-line error
         # TRUE: GDAL reads the side files .aux.xml, .tfw and .msk without listing the folder.

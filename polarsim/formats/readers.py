@@ -14,6 +14,7 @@ from pickle import UnpicklingError
 from typing import Any, ParamSpec, TypeVar
 
 from polarsim.errors import FormatError, PolarsimError
+from polarsim.extras import extra_error
 
 MB = 1_000_000  # bytes
 _MAX_REASON = 400  # characters; a quotation from a file could be a megabyte
@@ -54,6 +55,8 @@ def reading(kind: str, path: str | Path | None = None, error: type[PolarsimError
         known.path = known.path if known.path is not None or path is None else Path(path)
         known.reason = _single_line(known.reason)
         raise
+    except ImportError as missing:
+        raise (extra_error(missing) or error(f"no readable {kind}, {reason_of(missing)}", path=path)) from missing
     except Exception as unknown:  # never KeyboardInterrupt or SystemExit
         raise error(f"no readable {kind}, {reason_of(unknown)}", path=path, line=_line_of(unknown)) from unknown
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from polarsim.errors import PolarsimError
 from polarsim.geometry.rays import Device, Intersector, NumpyCaster, RayEngine
 from polarsim.geometry.rays_embree import EmbreeCaster
 
@@ -25,9 +24,7 @@ def make_caster(
     if engine == "numpy":
         return NumpyCaster(vertices, faces)
     if engine == "taichi":
-        try:
-            from polarsim.geometry.rays_taichi import TaichiCaster
-        except ImportError as error:
-            raise PolarsimError(f"rays: engine 'taichi' cannot be loaded ({error}); install taichi") from error
+        from polarsim.geometry.rays_taichi import TaichiCaster
+
         return TaichiCaster(vertices, faces, threads, device)
     return EmbreeCaster(vertices, faces, threads or 1)

@@ -11,6 +11,7 @@ from typing import Any
 from polarsim import __version__
 from polarsim.digest import code_digest
 from polarsim.errors import ConfigError
+from polarsim.extras import EXTRA_OF, ExtraError
 from polarsim.formats.files import write_json
 from polarsim.progress import progress_bar
 from polarsim.publish.bundle import Bundle, check_space
@@ -86,7 +87,7 @@ def _check(name: str) -> None:
     form = FORMS[name]
     for package in form.needs:
         if find_spec(package) is None:
-            raise ConfigError(f"format {name} needs {package}: pip install 'polarsim[publish]'")
+            raise ExtraError(f"format {name} needs {package}: pip install 'polarsim[{EXTRA_OF[package]}]'")
 
 
 def _without_nasa_photos(catalogue: Catalogue, photos: bool) -> Catalogue:

@@ -13,10 +13,8 @@ def load_torch() -> Any:
     # Effective only before the first import of torch. Actively waiting threads are many times slower if other jobs use
     # the cores.
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-    try:
-        import torch
-    except ImportError as error:
-        raise DetectError(f"torch cannot be imported ({error}): pip install 'polarsim[detect]'") from error
+    import torch
+
     return torch
 
 

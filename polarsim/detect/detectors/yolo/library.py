@@ -14,7 +14,6 @@ from typing import Any
 
 from polarsim.detect.detectors.devices import load_torch
 from polarsim.detect.nms import nms
-from polarsim.errors import DetectError
 
 
 def ultralytics(folder: Path) -> SimpleNamespace:
@@ -30,8 +29,6 @@ def ultralytics(folder: Path) -> SimpleNamespace:
         from ultralytics.nn.tasks import DetectionModel, load_checkpoint
         from ultralytics.utils import LOGGER
         from ultralytics.utils.nms import non_max_suppression
-    except ImportError as error:
-        raise DetectError(f"Ultralytics cannot be imported ({error}): pip install 'polarsim[detect]'") from error
     finally:  # remove thread limits set by the import, which subprocesses would inherit
         for name in os.environ.keys() - environment.keys():
             del os.environ[name]
