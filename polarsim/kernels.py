@@ -8,19 +8,20 @@ named by the digest of the module of the function and of all modules of polarsim
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import numba
-from numba.core import config
-
 from polarsim.digest import code_digest
 
+NUMBA = find_spec("numba") is not None  # an extra; without it, slower forms of a few kernels have the same results
 _BESIDE_THE_CODE = Path(__file__).parent / "__pycache__"
 
 
 def njit(*signatures: str, **options: Any) -> Callable[[Callable[..., Any]], Any]:
     """Return a decorator like `numba.njit` with cache; NUMBA_CACHE_DIR sets the folder of the cache."""
+    import numba
+    from numba.core import config
 
     def compiled(function: Callable[..., Any]) -> Any:
         former = config.CACHE_DIR

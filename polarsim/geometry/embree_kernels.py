@@ -1,7 +1,7 @@
 """Loops over rays that call Embree, compiled by Numba: a Python call per ray would take longer than the ray.
 
-Rays are cast in packets, because neighbours share most of their path through Embree's tree. A packet is Embree's
-RTCRayHit8 or RTCRayHit16 (embree4/rtcore_ray.h): 24 rows of 8 or 16 numbers of four bytes, aligned to the row size.
+Rays are cast in packets, because neighbours share most of their path through Embree's tree. `embree_arrays` has the
+same functions for installations without Numba.
 """
 
 from __future__ import annotations
@@ -13,13 +13,22 @@ import numba as nb
 import numpy as np
 
 from polarsim.geometry.embree_library import embree
+from polarsim.geometry.embree_packet import (
+    COHERENT,
+    DIRECTION,
+    FACE,
+    FAR,
+    INSTANCE,
+    MASK,
+    NEAR,
+    NORMAL,
+    NOTHING,
+    ORIGIN,
+    ROWS,
+    SHAPE,
+    WEIGHTS,
+)
 from polarsim.kernels import njit
-
-ORIGIN, NEAR, DIRECTION, TIME, FAR, MASK, NUMBER, FLAGS = 0, 3, 4, 7, 8, 9, 10, 11  # rows of a packet
-NORMAL, WEIGHTS, FACE, SHAPE, INSTANCE, ROWS = 12, 15, 17, 18, 19, 24
-NOTHING = np.uint32(0xFFFFFFFF)  # RTC_INVALID_GEOMETRY_ID
-# RTCIntersectArguments: rays near each other, all features, no context, no filter, no user function.
-COHERENT = np.array([1 << 16, 0xFFFFFFFF, 0, 0, 0, 0, 0, 0], np.uint32)
 
 
 def _embree(name: str) -> nb.types.ExternalFunction:

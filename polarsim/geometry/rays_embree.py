@@ -16,6 +16,7 @@ import weakref
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
+from types import ModuleType
 from typing import Protocol, TypeVar
 
 import numpy as np
@@ -33,6 +34,7 @@ from polarsim.geometry.embree_library import (
     updated,
 )
 from polarsim.geometry.rays import NO_FACE, START_OFFSET, RayHits
+from polarsim.kernels import NUMBA
 
 T = TypeVar("T")
 ALL = np.uint32(0xFFFFFFFF)  # mask of rays that can hit every shape
@@ -63,14 +65,12 @@ class EmbreeCaster:
 
     def intersect(self, origins: np.ndarray, directions: np.ndarray) -> RayHits:
         def cast(scene: int, part: slice) -> RayHits:
-            from polarsim.geometry import embree_kernels
-
             count = part.stop - part.start
             rays, faces = np.empty(count, np.int64), np.empty(count, np.int64)
             distance = np.empty(count, np.float32)
             weights, normal = np.empty((count, 2), np.float32), np.empty((count, 3), np.float32)
             lines = _lines(origins, directions, part)
-            stored = embree_kernels.intersect(
+            stored = _loops().intersect(
                 packet_size(), scene, self._first_face, self._mask, *lines, rays, distance, faces, weights, normal
             )
             return RayHits(
@@ -87,10 +87,8 @@ class EmbreeCaster:
         hit = np.zeros(len(origins), bool)
 
         def cast(scene: int, part: slice) -> None:
-            from polarsim.geometry import embree_kernels
-
             lines, ends = _lines(origins, directions, part), _float32(far[part] if len(far) > 1 else far)
-            embree_kernels.occluded(packet_size(), scene, self._mask, *lines, ends, np.float32(START_OFFSET), hit[part])
+            _loops().occluded(packet_size(), scene, self._mask, *lines, ends, np.float32(START_OFFSET), hit[part])
 
         self._in_strips(cast, len(origins))
         return hit
@@ -105,6 +103,17 @@ class EmbreeCaster:
             return [cast(scene, strip) for strip in strips]
         with ThreadPoolExecutor(self._threads) as pool:
             return list(pool.map(lambda strip: cast(scene, strip), strips))
+
+
+def _loops() -> ModuleType:
+    """Return the loops over rays: compiled, or in NumPy where Numba is not installed."""
+    if NUMBA:
+        from polarsim.geometry import embree_kernels
+
+        return embree_kernels
+    from polarsim.geometry import embree_arrays
+
+    return embree_arrays
 
 
 def _no_hits() -> RayHits:

@@ -18,7 +18,7 @@ from threadpoolctl import ThreadpoolController
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import pixel_directions
 from polarsim.geometry.vectors import dot
-from polarsim.render import hit_kernels
+from polarsim.render.hit_engine import hit_kernels
 from polarsim.render.options import SensorOptions
 from polarsim.render.surfaces import Surfaces
 

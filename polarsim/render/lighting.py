@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from polarsim.geometry.vectors import cross, dot, normalise, scale_vectors
-from polarsim.render import hit_kernels
+from polarsim.render.hit_engine import hit_kernels
 from polarsim.render.hits import Hits
 from polarsim.render.lamps import Lamp
 from polarsim.render.surfaces import Surfaces

@@ -6,14 +6,17 @@ A photo is a weighted sum of OLAT images. Unshadowed diffuse light is added: lig
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 
-from polarsim.errors import RenderError
 from polarsim.geometry.camera import Camera
-from polarsim.render import brdf, hit_kernels
+from polarsim.kernels import NUMBA
+from polarsim.render import brdf
+from polarsim.render.hit_engine import hit_kernels
 from polarsim.render.hits import Hits, cast_strip, for_strips, sample_offsets
 from polarsim.render.indirect import indirect_olat_images
 from polarsim.render.lamps import Lamp
@@ -22,6 +25,8 @@ from polarsim.render.materials import Materials, Reflectance
 from polarsim.render.options import CHRONO, Model, RenderOptions
 from polarsim.render.shadows import SHADOW_BELOW, ground_shadows
 from polarsim.render.surfaces import Surfaces
+
+log = logging.getLogger("polarsim")
 
 _FACED_SHARE: dict[str, Callable[[np.ndarray], np.ndarray]] = {  # share of the light that a normal (n, 3) faces
     "bounce": lambda normal: (1 + normal[:, 2]) / np.float32(2),
@@ -218,18 +223,27 @@ def write_ids(
         picture[hits.pixel] = ground_shadows(surfaces, hits, surface_ids, lamps[name], dark, options.lamp_samples)
 
 
+@cache
+def _warn_of_numpy() -> None:
+    log.warning("render.engine: Numba is not installed, NumPy is used (slower): pip install 'polarsim[pipeline]'")
+
+
 def reflectance_engine(options: RenderOptions, threads: int) -> Reflectance:
-    """Return the function that evaluates reflectance; start Taichi if the options select it."""
+    """Return the function that evaluates reflectance; start Taichi if the options select it.
+
+    Without Numba, NumPy replaces the default engine; an engine that the options set is never replaced.
+    """
     if options.engine == "numpy":
         return brdf.reflectance
     if options.engine == "numba":
+        if not NUMBA and "engine" not in options.model_fields_set:
+            _warn_of_numpy()
+            return brdf.reflectance
         from polarsim.render import brdf_numba
 
         return brdf_numba.reflectance
-    try:
-        from polarsim.geometry import taichi_device
-        from polarsim.render import brdf_taichi
-    except ImportError as error:
-        raise RenderError(f"render.engine: 'taichi' cannot be loaded ({error}); install taichi") from error
+    from polarsim.geometry import taichi_device
+    from polarsim.render import brdf_taichi
+
     taichi_device.start(threads, options.device)
     return brdf_taichi.reflectance
