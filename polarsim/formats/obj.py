@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import codecs
+import io
 import re
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import pyarrow
-from pyarrow import csv
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import lines_of, writing
@@ -104,6 +103,11 @@ def _columns(block: bytes, kind: type[float] | type[int], chosen: tuple[int, ...
 
     Return None for other blocks.
     """
+    try:
+        import pyarrow
+        from pyarrow import csv
+    except ModuleNotFoundError:
+        return _columns_numpy(block, kind, chosen, of)
     names = [str(column) for column in range(of)]
     chosen_names = [names[column] for column in chosen]
     try:
@@ -120,6 +124,18 @@ def _columns(block: bytes, kind: type[float] | type[int], chosen: tuple[int, ...
     except pyarrow.ArrowInvalid:
         return None
     return np.stack([table[name].to_numpy() for name in chosen_names], axis=1)
+
+
+def _columns_numpy(block: bytes, kind: type[float] | type[int], chosen: tuple[int, ...], of: int) -> np.ndarray | None:
+    """Return what `_columns` returns, without Arrow."""
+    characters = np.frombuffer(block, np.uint8)
+    spaces = np.cumsum(characters == ord(" "))[characters == ord("\n")]
+    if (np.diff(spaces, prepend=0) != of - 1).any():
+        return None
+    try:
+        return np.loadtxt(io.BytesIO(block), kind, comments=None, delimiter=" ", usecols=chosen, ndmin=2)
+    except ValueError:
+        return None
 
 
 def _any_faces(content: bytes) -> Mesh:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
-import pyarrow as pa
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import text_of, writing
@@ -20,6 +19,8 @@ PHOTO_COLUMNS, LABEL_COLUMNS = PHOTOS.columns, LABELS.columns
 
 def write_parquet(path: str | Path, table: pd.DataFrame) -> None:
     """Write a table with a single row group, zstd and no pandas index: the bytes depend on the rows only."""
+    import pyarrow  # noqa: F401  (the error names the extra; that of pandas does not)
+
     with writing(path) as temporary:
         table.to_parquet(temporary, index=False, compression="zstd")
 
@@ -27,6 +28,8 @@ def write_parquet(path: str | Path, table: pd.DataFrame) -> None:
 @reader("Parquet table", largest_mb=4000)
 def read_parquet(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
     """Read a table that must have `columns`."""
+    import pyarrow as pa
+
     table = pd.read_parquet(path)
     texts: list[str] = list(table.select_dtypes("str").columns)
     for name in texts:

@@ -13,6 +13,17 @@ TETRAHEDRON = Mesh(
     np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float),
     np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]),
 )
+
+
+@pytest.fixture(autouse=True, scope="module", params=["arrow", "numpy"])
+def columns(request):
+    """Read blocks of numbers with Arrow, or as installations without pyarrow do."""
+    with pytest.MonkeyPatch.context() as patch:
+        if request.param == "numpy":
+            patch.setattr(obj, "_columns", obj._columns_numpy)
+        yield
+
+
 PLAIN = "o rock\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\n"
 
 
