@@ -1,4 +1,4 @@
-# Main targets: make demo, make test. Dependencies are installed in .venv.
+# Main targets: make demo, make test. Dependencies are installed in .venv: `setup` for the demo, `dev` for all else.
 PYTHON ?= python3
 CORES ?= 2
 SEEDS ?= 1 2 3
@@ -6,16 +6,22 @@ POLAR_SIM_ROOT ?= ../shared/polar-sim
 BIN := .venv/bin
 RUN := $(BIN)/polarsim run --cores $(CORES)
 
-.PHONY: help setup demo rover release accuracy test pytest cluster chaos fuzz lint docs picture clean durations lock schema columns
+.PHONY: help setup dev demo rover release accuracy test pytest cluster chaos fuzz lint docs picture clean durations lock schema columns
 .DEFAULT_GOAL := help
 
 help: ## list the targets
 	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/make \1\t\2/' | expand -t 16
 
-setup: .venv/.ready ## create .venv with polarsim, Snakemake and all dependencies
+setup: .venv/.ready ## create .venv with what the workflow needs: extras pipeline, detect and cluster
 
 .venv/.ready: requirements.lock pyproject.toml workflow/setup.sh
 	bash workflow/setup.sh $(PYTHON)
+	@touch $@
+
+dev: .venv/.dev ## add what rover, publishing, tests and manual need to .venv: all extras
+
+.venv/.dev: .venv/.ready requirements-dev.lock
+	bash workflow/setup.sh $(PYTHON) requirements-dev.lock
 	@touch $@
 
 demo: setup ## run the pipeline on the analog sandbox: config/config.yaml
@@ -23,7 +29,7 @@ demo: setup ## run the pipeline on the analog sandbox: config/config.yaml
 
 ROVER := rover_autonomy --configfile config/overlays/rover.yaml
 
-rover: setup ## autonomous drives over terrains of the demo: config/overlays/rover_autonomy.yaml
+rover: dev ## autonomous drives over terrains of the demo: config/overlays/rover_autonomy.yaml
 	$(RUN) $(ROVER) --configfile config/overlays/rover_autonomy.yaml
 	@$(BIN)/snakemake $(ROVER) config/overlays/rover_autonomy.yaml --quiet all --report results/demo/rover_autonomy.html
 	@echo "page: results/demo/rover_autonomy.html"
@@ -39,29 +45,29 @@ accuracy: setup ## accuracy of poses, rocks and meshes on three analog sandboxes
 	done
 	@$(BIN)/polarsim compare $(SEEDS:%=accuracy%) --out results/accuracy
 
-test: setup ## lint, formats, types, dry-runs and tests
+test: dev ## lint, formats, types, dry-runs and tests
 	@$(MAKE) --no-print-directory -j 2 lint pytest
 
-pytest: setup # one thread per worker; -rs: reasons of skipped tests
+pytest: dev # one thread per worker; -rs: reasons of skipped tests
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(CORES) --dist worksteal --durations=20 -rs --basetemp .pytest
 
-cluster: setup ## run the workflow on a local SLURM of one node (root, apt-get install slurm-wlm munge)
+cluster: dev ## run the workflow on a local SLURM of one node (root, apt-get install slurm-wlm munge)
 	$(BIN)/python -m pytest -m cluster tests/cluster --basetemp .pytest
 
 MOMENTS ?= 20
-chaos: setup ## kill small runs at random times and resume them (MOMENTS per kind; takes hours)
+chaos: dev ## kill small runs at random times and resume them (MOMENTS per kind; takes hours)
 	$(BIN)/python -m benchmarks.chaos --moments $(MOMENTS)
 
-fuzz: setup ## test every reader with 10,000 damaged files (one hour)
+fuzz: dev ## test every reader with 10,000 damaged files (one hour)
 	FUZZ_EXAMPLES=10000 $(BIN)/python -m pytest -n $(CORES) tests/formats/test_hostile_files.py
 
-lint: setup
+lint: dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/snakefmt --check Snakefile workflow/Snakefile workflow/rules
 	$(BIN)/mypy
 
-docs: setup ## build the manual: build/site/index.html
+docs: dev ## build the manual: build/site/index.html
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs build/site
 
 picture: setup ## update the image of the README from a complete demo: docs/comparison.jpg
@@ -80,9 +86,13 @@ columns: setup ## update the columns of tables in docs/tables.md and docs/format
 durations: setup ## update the expected durations of jobs from a complete demo: polarsim/running/durations.json
 	$(BIN)/python -m polarsim.running.durations results/demo
 
-# Requires uv (pip install uv) and a CPU build of torch in UV_FIND_LINKS; otherwise the lock would pin CUDA packages. The
-# local version of this build is removed, so that the lock is valid on all machines.
-lock: ## update requirements.lock from pyproject.toml
-	sed -i 's/^torch==[0-9.]*$$/&+cpu/' requirements.lock
-	uv pip compile pyproject.toml --extra detect --extra rover --extra publish --extra cluster --extra dev --no-annotate --no-header -o requirements.lock
-	sed -i 's/^\(torch==[0-9.]*\)+.*$$/\1/' requirements.lock
+# Requires uv (pip install uv) and a CPU build of torch in UV_FIND_LINKS; otherwise the locks would pin CUDA packages. The
+# local version of this build is removed, so that the locks are valid on all machines. All of requirements.lock is in
+# requirements-dev.lock. uv drops the marker of Taichi, which has no wheels for Python 3.14.
+LOCKS := requirements.lock requirements-dev.lock
+WORKFLOW := --extra pipeline --extra detect --extra cluster
+lock: ## update requirements.lock and requirements-dev.lock from pyproject.toml
+	sed -i 's/^torch==[0-9.]*$$/&+cpu/' $(LOCKS)
+	uv pip compile pyproject.toml $(WORKFLOW) --extra taichi --extra rover --extra publish --extra dev --no-annotate --no-header -o requirements-dev.lock
+	uv pip compile pyproject.toml $(WORKFLOW) -c requirements-dev.lock --no-annotate --no-header -o requirements.lock
+	sed -i -e 's/^\(torch==[0-9.]*\)+.*$$/\1/' -e 's/^taichi==[0-9.]*$$/& ; python_version < "3.14"/' $(LOCKS)

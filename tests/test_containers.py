@@ -1,4 +1,4 @@
-"""Containers are built from the lock file by the script of `make setup`; only Python has a separate version."""
+"""Containers are built from the lock file by the script of `make dev`; only Python has a separate version."""
 
 import re
 from pathlib import Path
@@ -15,15 +15,14 @@ def test_a_container_installs_exactly_the_packages_of_the_lock(kind):
     lines = (ROOT / RECIPES[kind]).read_text().splitlines()
     commands = [re.sub(r"^(RUN)?\s+", "", line) for line in lines if not line.startswith("#")]
     assert COPIED[kind] in lines  # includes the lock file
-    assert "bash workflow/setup.sh python3" in commands
+    assert "bash workflow/setup.sh python3 requirements-dev.lock" in commands
     assert not [line for line in commands if re.search(r"\bpip\b|==|\bconda\b|\buv\b", line)]
-    assert "requirements.lock" in (ROOT / "workflow/setup.sh").read_text()
+    assert '"$lock"' in (ROOT / "workflow/setup.sh").read_text()
 
 
-def test_the_lock_pins_one_version_of_each_package():
-    lines = [
-        line for line in (ROOT / "requirements.lock").read_text().splitlines() if line and not line.startswith("#")
-    ]
+@pytest.mark.parametrize("lock", ["requirements.lock", "requirements-dev.lock"])
+def test_a_lock_pins_one_version_of_each_package(lock):
+    lines = [line for line in (ROOT / lock).read_text().splitlines() if line and not line.startswith("#")]
     pinned = [re.fullmatch(r"([\w.-]+)==[\w.+]+(?: ;.*)?", line) for line in lines]
     assert all(pinned), [line for line, found in zip(lines, pinned, strict=True) if not found]
     names = [re.sub(r"[._-]+", "-", found[1]).lower() for found in pinned]

@@ -1,12 +1,13 @@
 #!/usr/bin/env bash
-# Makes .venv with everything that requirements.lock pins, and checks the system libraries that Open3D links to.
-# Usage: workflow/setup.sh [python]
+# Makes .venv with everything that a lock pins, or adds it, and checks the system libraries that Open3D links to.
+# Usage: workflow/setup.sh [python [lock]]
 set -euo pipefail
 cd "$(dirname "$0")/.."
 python=${1:-python3}
+lock=${2:-requirements.lock}
 
-"$python" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 14))' || {
-    echo "error: $python is $("$python" --version 2>&1), polarsim needs Python 3.11 to 3.13 (make setup PYTHON=python3.12)" >&2
+"$python" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 15))' || {
+    echo "error: $python is $("$python" --version 2>&1), polarsim needs Python 3.11 to 3.14 (make setup PYTHON=python3.12)" >&2
     exit 1
 }
 
@@ -28,11 +29,11 @@ fi
 
 [ -x .venv/bin/python ] || "$python" -m venv .venv
 # Torch first and with its dependencies: on a machine with CUDA it brings those libraries, elsewhere pip may know a CPU build.
-torch=$(grep '^torch==' requirements.lock)
+torch=$(grep '^torch==' "$lock")
 .venv/bin/python -m pip install --quiet --disable-pip-version-check "$torch"
-# The lock is complete, and Ultralytics must not pull in opencv-python, which overwrites the headless build: no
+# A lock is complete, and Ultralytics must not pull in opencv-python, which overwrites the headless build: no
 # dependencies. So the order is free, and two at a time take three fifths of the time.
-grep -v '^torch==' requirements.lock |
-    xargs -n 40 -P 2 .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps
+grep -v '^torch==' "$lock" |
+    xargs -d '\n' -n 40 -P 2 .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps
 .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 echo "ready: .venv/bin/polarsim, .venv/bin/snakemake"

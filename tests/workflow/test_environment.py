@@ -1,6 +1,7 @@
-"""Environments of the workflow: `.venv`, Conda, and the lock file of both."""
+"""Environments of the workflow: `.venv`, Conda, and the lock files of both."""
 
 import os
+import subprocess
 import tomllib
 from pathlib import Path
 
@@ -10,9 +11,14 @@ from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 from packaging.version import Version
 
+from polarsim.extras import EXTRA_OF
+
 CHECKOUT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
-LOCKED_EXTRAS = ("cluster", "detect", "dev", "publish", "rover")  # as in `make lock`
+EXTRAS = {  # of the lock files, as in `make lock`
+    "requirements.lock": ("cluster", "detect", "pipeline"),
+    "requirements-dev.lock": ("cluster", "detect", "dev", "pipeline", "publish", "rover", "taichi"),
+}
 ENVIRONMENT = CHECKOUT / "workflow/envs/polarsim.yaml"
 # Substitute of conda with the answers that Snakemake needs for planning.
 CONDA = """#!/bin/sh
@@ -25,24 +31,43 @@ esac
 """
 
 
-def locked() -> dict[str, Version]:
-    pins = [Requirement(line) for line in (CHECKOUT / "requirements.lock").read_text().splitlines()]
+def locked(lock: str) -> dict[str, Version]:
+    pins = [Requirement(line) for line in (CHECKOUT / lock).read_text().splitlines()]
     return {pin.name.lower(): Version(str(pin.specifier).removeprefix("==")) for pin in pins}
 
 
-@pytest.mark.parametrize("extra", ["", *LOCKED_EXTRAS])
-def test_the_lock_satisfies_the_requirements_of_the_project(extra):
+@pytest.mark.parametrize(
+    ("lock", "extra"), [(lock, extra) for lock, extras in EXTRAS.items() for extra in ("", *extras)]
+)
+def test_a_lock_satisfies_the_requirements_of_the_project(lock, extra):
     asked = PROJECT["optional-dependencies"][extra] if extra else PROJECT["dependencies"]
-    pins = locked()
+    pins = locked(lock)
     for requirement in map(Requirement, asked):
         assert requirement.name.lower() in pins, requirement
         assert requirement.specifier.contains(pins[requirement.name.lower()]), requirement
 
 
+def test_packages_of_the_workflow_have_the_same_versions_in_both_locks():
+    workflow, everything = (locked(lock) for lock in EXTRAS)
+    assert workflow.items() < everything.items()
+    assert {"mujoco", "playwright", "sphinx", "taichi", "usd-core"}.isdisjoint(workflow)
+
+
 def test_make_lock_locks_these_extras():
-    (command,) = [line for line in (CHECKOUT / "Makefile").read_text().splitlines() if "uv pip compile" in line]
-    words = command.split()
-    assert {words[place + 1] for place, word in enumerate(words) if word == "--extra"} == set(LOCKED_EXTRAS)
+    done = subprocess.run(["make", "-n", "lock"], cwd=CHECKOUT, capture_output=True, text=True, check=True)
+    calls = [line.split() for line in done.stdout.splitlines() if line.startswith("uv pip compile")]
+    found = {call[-1]: {call[place + 1] for place, word in enumerate(call) if word == "--extra"} for call in calls}
+    assert found == {lock: set(extras) for lock, extras in EXTRAS.items()}
+    assert set(PROJECT["optional-dependencies"]) - set(EXTRAS["requirements-dev.lock"]) == {"mitsuba"}
+
+
+def test_every_optional_package_names_the_extra_that_installs_it():
+    named = {"mcap_ros2": "mcap-ros2-support", "open3d": "open3d-cpu", "pxr": "usd-core", "llvmlite": "numba"}
+    for package, extra in EXTRA_OF.items():
+        installs = {Requirement(line).name for line in PROJECT["optional-dependencies"][extra]}
+        assert named.get(package, package) in installs
+    core = {Requirement(line).name for line in PROJECT["dependencies"]}
+    assert core.isdisjoint(named.get(package, package) for package in EXTRA_OF)
 
 
 def test_condas_python_is_one_that_polarsim_runs_on():
@@ -55,6 +80,7 @@ def test_condas_environment_holds_the_lock_as_the_virtual_one_does():
         lines = (CHECKOUT / script).read_text().replace(".venv/bin/python", "python").splitlines()
         return [line.replace(" --no-build-isolation", "") for line in lines if "torch" in line or "pip install" in line]
 
+    assert "lock=requirements-dev.lock\n" in (CHECKOUT / "workflow/envs/polarsim.post-deploy.sh").read_text()
     wanted = [line for line in installs("workflow/setup.sh") if not line.startswith("#")]
     assert installs("workflow/envs/polarsim.post-deploy.sh") == wanted
     assert len(wanted) == 5
