@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+
 from polarsim.errors import PolarsimError
 
 EXTRA_OF = {  # extra of each importable package outside the core
@@ -17,12 +19,21 @@ class ExtraError(PolarsimError):
     """A package of an extra is not installed, or cannot be imported."""
 
 
+def require(*packages: str) -> None:
+    """Raise an `ExtraError` for the first package that is not installed, before work that would be lost."""
+    for package in packages:
+        if find_spec(package) is None:
+            raise ExtraError(_advice(package, "is not installed"))
+
+
 def extra_error(error: ImportError) -> ExtraError | None:
     """Return the one-line error for a failed import; None if no extra installs the package."""
     package = (error.name or "").partition(".")[0]
-    extra = EXTRA_OF.get(package)
-    if extra is None:
+    if package not in EXTRA_OF:
         return None
     missing = isinstance(error, ModuleNotFoundError) and error.name == package
-    reason = f"{package} is not installed" if missing else f"{package} cannot be imported ({error})"
-    return ExtraError(f"{reason}: pip install 'polarsim[{extra}]'")
+    return ExtraError(_advice(package, "is not installed" if missing else f"cannot be imported ({error})"))
+
+
+def _advice(package: str, problem: str) -> str:
+    return f"{package} {problem}: pip install 'polarsim[{EXTRA_OF[package]}]'"

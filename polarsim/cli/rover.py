@@ -38,6 +38,9 @@ def drive(
     The output folder must be empty or missing.
     """
     from polarsim.errors import ConfigError, PolarsimError
+    from polarsim.extras import require
+
+    require("mujoco")
     from polarsim.progress import progress_bar
     from polarsim.rover.run import run_drive_pipeline
     from polarsim.running.configuration import STORED, read_configs, run_and_config

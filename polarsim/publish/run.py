@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from polarsim import __version__
 from polarsim.digest import code_digest
 from polarsim.errors import ConfigError
-from polarsim.extras import EXTRA_OF, ExtraError
+from polarsim.extras import require
 from polarsim.formats.files import write_json
 from polarsim.progress import progress_bar
 from polarsim.publish.bundle import Bundle, check_space
@@ -84,10 +83,7 @@ def _available(catalogue: Catalogue, forms: Sequence[str]) -> list[str]:
 def _check(name: str) -> None:
     if name not in FORMS:
         raise ConfigError(f"format {name!r}, expected one of {', '.join(FORMS)}")
-    form = FORMS[name]
-    for package in form.needs:
-        if find_spec(package) is None:
-            raise ExtraError(f"format {name} needs {package}: pip install 'polarsim[{EXTRA_OF[package]}]'")
+    require(*FORMS[name].needs)
 
 
 def _without_nasa_photos(catalogue: Catalogue, photos: bool) -> Catalogue:

@@ -65,8 +65,8 @@ def write_blocks(
     """
     if origin is not None:
         table, notes = with_origin(table, origin), [*notes, ORIGIN_NOTE.format(**origin)]
+    write_parquet(_form(stem, ".parquet"), table)  # first, because it needs an extra
     write_csv(_form(stem, ".csv"), table)
-    write_parquet(_form(stem, ".parquet"), table)
     notes_of = dict.fromkeys(blocks, ()) | dict.fromkeys(list(blocks)[-1:], tuple(notes))
     shown = [markdown(block, caption, notes_of[caption]) for caption, block in blocks.items()]
     write_text(_form(stem, ".md"), "\n".join(shown))

@@ -11,12 +11,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from polarsim.errors import PolarsimError
+from polarsim.extras import require
 
 _LOG = logging.getLogger(__name__)
 
 
 def write_report(run: Path, files: Sequence[Path], page: Path, cores: int) -> None:
     """Write Snakemake's report (HTML) of the existing tables and figures of a run."""
+    require("snakemake")
     configured = ["--configfile", *map(str, files)]
     rows = [line.split("\t") for line in _snakemake(run, "--summary", *configured).splitlines()[1:]]
     made = [row[0] for row in rows if len(row) == 6 and row[4] != "missing"]

@@ -22,6 +22,7 @@ from typing import TextIO
 from polarsim.arguments import STOPPED
 from polarsim.config import Config
 from polarsim.errors import ConfigError, PolarsimError
+from polarsim.extras import require
 from polarsim.formats.files import write_text
 from polarsim.paths import RunPaths
 from polarsim.running import cluster, disk, processes
@@ -102,6 +103,7 @@ def run_workflow(call: Call, min_free_bytes: int | None = None) -> int:
     folder = Path.cwd().resolve()
     if not (folder / "Snakefile").exists():
         raise PolarsimError("no Snakefile in this folder: start in the clone", path=folder)
+    require("snakemake")
     if refused := _REFUSED.intersection(call.rest):
         raise ConfigError(f"{sorted(refused)[0]}: not allowed with polarsim run")
     targets = targets_of(call.targets, call.rest)
