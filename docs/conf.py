@@ -11,7 +11,7 @@ project = "polarsim"
 author = "the polarsim contributors"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "matplotlib.sphinxext.plot_directive"]
 templates_path: list[str] = []
-exclude_patterns = ["generated.py"]
+exclude_patterns = ["generated.py", "paper"]
 
 html_theme = "furo"
 html_title = "polarsim"
