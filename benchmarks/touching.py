@@ -37,7 +37,7 @@ from polarsim.analog.generate import generate_terrain
 from polarsim.analog.options import AnalogOptions
 from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.options import LocalisationOptions
-from polarsim.formats import nasa, obj
+from polarsim.formats import nasa, nasa_layout, obj
 from polarsim.geometry.poses import Pose
 from polarsim.rocks import splitting
 from polarsim.rocks.creases import COEFFICIENTS, TERMS, Joining, chance_of_two, cut_along_creases
@@ -74,11 +74,11 @@ def make(folder: Path, name: str) -> None:
     if kind == "analog":
         options, receipt = AnalogOptions(seed=int(seed), photos=False), folder / "receipt.json"
         generate_terrain(root=folder, receipt=receipt, terrain=number, keys=[], options=options, threads=1)
-        files = {position: str(path) for position, path in nasa.find_scans(folder, number)[0].items()}
+        files = {position: str(path) for position, path in nasa_layout.find_scans(folder, number)[0].items()}
         write_inventory(folder / "inventory.json", Inventory(number, "polar", range_maps=files))
         write_rig(
             folder / "calibration.json",
-            nasa.read_calibration(nasa.find_terrain_folder(folder, number) / nasa.CALIBRATION_NAME),
+            nasa.read_calibration(nasa_layout.find_terrain_folder(folder, number) / nasa_layout.CALIBRATION_NAME),
             "file",
         )
     else:

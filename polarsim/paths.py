@@ -36,7 +36,7 @@ from polarsim.formats.release import (
 from polarsim.photo import positions
 from polarsim.rover.cameras.options import rover_render
 from polarsim.rover.planning.cases import MODES_WITHOUT_PICTURES, cases
-from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.vehicle.camera_names import FRONT
 from polarsim.schemas.covers import CONTROL, FINE_TUNED, RENDERED
 
 TABLES_OF_DETECTORS = ("detection", "differences", "detection_breakdown", "false_positives", "ipd")

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import hashlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
+if TYPE_CHECKING:
+    import numpy as np  # a plan replaces negative zeros only
 
 
 def generator(seed: int, *purpose: object) -> np.random.Generator:
     """Return a generator for a purpose, such as `generator(seed, "sensor", key)`; 0.0 and -0.0 are equal."""
+    import numpy as np
+
     text = "\x1f".join(str(without_negative_zeros(part)) for part in (seed, *purpose))
     return np.random.default_rng(int.from_bytes(hashlib.sha256(text.encode()).digest()[:16], "big"))
 
@@ -20,10 +23,11 @@ def without_negative_zeros(value: Any) -> Any:
     Both zeros are equal but differ in text and bytes, and the sign depends on rounding errors. Every part of a seed, a
     digest or a key is passed through this function.
     """
-    if isinstance(value, float | np.floating):
+    if isinstance(value, float):
         return value + type(value)(0)
-    if isinstance(value, np.ndarray) and value.dtype.kind in "fc":
-        return value + value.dtype.type(0)
+    dtype: Any = getattr(value, "dtype", None)  # of arrays and scalars of NumPy
+    if getattr(dtype, "kind", "") in ("f", "c"):
+        return value + dtype.type(0)
     if isinstance(value, dict):
         return {key: without_negative_zeros(part) for key, part in value.items()}
     if type(value) in (list, tuple):

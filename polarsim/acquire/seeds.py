@@ -6,15 +6,16 @@ import logging
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from polarsim.acquire.options import NO_SEEDS, SeedOptions
 from polarsim.errors import FormatError, LabelError
-from polarsim.formats import release, yolo
+from polarsim.formats import class_lists, release
 from polarsim.formats.files import writing_folder
-from polarsim.geometry.consensus import find_rocks_labelled_shadow
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey, by_bracket
+
+if TYPE_CHECKING:
+    import numpy as np  # a plan needs the paths of seeds only
 
 log = logging.getLogger("polarsim")
 
@@ -72,6 +73,8 @@ def choose_seed_files(
     files: Mapping[PhotoKey, Path], positions: Sequence[str], options: SeedOptions
 ) -> list[tuple[PhotoKey, Path]]:
     """Return at most a single file per exposure bracket, sorted by photo key."""
+    from polarsim.formats import yolo  # imports NumPy
+
     possible = [
         key
         for key in files
@@ -87,7 +90,7 @@ def choose_seed_files(
 
 def _stated_names(folder: Path) -> tuple[str, ...] | None:
     """Return the names of the class numbers in a folder; None without a class list."""
-    classes = yolo.find_classes(folder)
+    classes = class_lists.find_classes(folder)
     return classes.names if classes.path else None
 
 
@@ -97,6 +100,8 @@ def copy_seeds(chosen: Sequence[tuple[PhotoKey, Path]], seeds: Path) -> None:
     Shadows that are rocks in photos of other azimuths are changed to rocks, because a file with swapped classes causes
     errors of cameras and labels.
     """
+    from polarsim.formats import yolo
+
     names = cache(_stated_names)  # labelImg changes the order of the classes in classes.txt
     annotated = {key: yolo.read_boxes_or_polygons(path, names(path.parent)) for key, path in chosen}
     with writing_folder(seeds) as folder:
@@ -106,6 +111,8 @@ def copy_seeds(chosen: Sequence[tuple[PhotoKey, Path]], seeds: Path) -> None:
 
 def _unswapped(key: PhotoKey, annotated: Mapping[PhotoKey, tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     """Return the classes (n,) of a seed, with shadows changed to rocks if at least two other azimuths show rocks."""
+    from polarsim.geometry.consensus import find_rocks_labelled_shadow
+
     rock, shadow = BOX_CLASSES.index(ROCK), BOX_CLASSES.index(SHADOW)
     classes, boxes = annotated[key]
     rocks_of_other_azimuths = [
@@ -113,7 +120,7 @@ def _unswapped(key: PhotoKey, annotated: Mapping[PhotoKey, tuple[np.ndarray, np.
         for other, (numbers, other_boxes) in annotated.items()
         if other.view == key.view and other.light == key.light and other.azimuth != key.azimuth
     ]
-    shadows = np.flatnonzero(classes == shadow)
+    (shadows,) = (classes == shadow).nonzero()
     swapped = shadows[find_rocks_labelled_shadow(boxes[shadows], boxes[classes == rock], rocks_of_other_azimuths)]
     if len(swapped):
         log.warning(

@@ -16,7 +16,7 @@ from polarsim.analog.rocks import carve, icosphere
 from polarsim.analog.terrain import AnalogTerrain, build_terrain
 from polarsim.analog.truth import AlbedoMap, write_truth
 from polarsim.errors import ConfigError
-from polarsim.formats import nasa, obj, tables
+from polarsim.formats import nasa, nasa_layout, obj, tables
 from polarsim.formats.files import write_json, writing_folder
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, camera_pose, yaw_pitch_roll
@@ -51,11 +51,11 @@ def generate_terrain(
     receipt.unlink(missing_ok=True)
     made = build_terrain(terrain, options)
     name = f"Terrain{terrain:02d}"
-    places = (terrain_folder(terrain), f"{nasa.RANGE_FOLDER}/{name}", f"Labels/{name}", f"truth/{name}")
+    places = (terrain_folder(terrain), f"{nasa_layout.RANGE_FOLDER}/{name}", f"Labels/{name}", f"truth/{name}")
     with ExitStack() as stack:
         raw, ranges, seeds, truth = (stack.enter_context(writing_folder(root / place)) for place in places)
-        nasa.write_calibration(raw / nasa.CALIBRATION_NAME, made.stations.calibration)
-        calibration = nasa.read_calibration(raw / nasa.CALIBRATION_NAME)  # with the rounding of the file
+        nasa.write_calibration(raw / nasa_layout.CALIBRATION_NAME, made.stations.calibration)
+        calibration = nasa.read_calibration(raw / nasa_layout.CALIBRATION_NAME)  # with the rounding of the file
         _write_scans(made, calibration, raw, ranges, options, threads)
         write_truth(made, truth, options)
         albedo = AlbedoMap()

@@ -13,7 +13,7 @@ import pandas as pd
 
 from polarsim.annotate.show import rows_of
 from polarsim.errors import ConfigError, LabelError
-from polarsim.formats import coco, png, release, yolo
+from polarsim.formats import class_lists, coco, png, release, yolo
 from polarsim.formats.files import check_new_folder, write_json, write_text, writing_folder
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.geometry.boxes import clip
@@ -61,7 +61,7 @@ def export_photos(
 def opening(folder: Path, tool: str) -> str:
     """Return instructions to open the folder."""
     return {
-        "labelimg": f"labelImg {folder} {folder / yolo.CLASS_FILE}   # then choose the format YOLO",
+        "labelimg": f"labelImg {folder} {folder / class_lists.CLASS_FILE}   # then choose the format YOLO",
         "cvat": f"paste {folder / 'labels.json'} as raw labels, upload {folder / 'images'}, "
         f"import {folder / 'annotations/instances_default.json'} as COCO 1.0",
         "label-studio": f"serve local files from {folder.resolve().parent}, paste {folder / 'interface.xml'} as code "
@@ -93,7 +93,7 @@ def _chosen(run: Path, terrains: Sequence[int], pattern: str, domain: str) -> di
 
 
 def _write_labelimg(folder: Path, labels: pd.DataFrame, keys: Sequence[PhotoKey]) -> None:
-    write_text(folder / yolo.CLASS_FILE, "".join(f"{name}\n" for name in BOX_CLASSES))
+    write_text(folder / class_lists.CLASS_FILE, "".join(f"{name}\n" for name in BOX_CLASSES))
     for key in keys:
         rows = rows_of(labels, key)
         classes = rows["kind"].map(BOX_CLASSES.index).to_numpy(int)

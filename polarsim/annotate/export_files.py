@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from polarsim.errors import FormatError, LabelError, PolarsimError
-from polarsim.formats import yolo
+from polarsim.formats import class_lists
 from polarsim.formats.files import read_json, suffix_counts
 from polarsim.formats.readers import MB, reading
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
@@ -62,7 +62,8 @@ def unpacked(source: Path) -> Iterator[Path]:
         yield source
         return
     with TemporaryDirectory() as temporary:
-        folder = Path(temporary, *["export"] * yolo.MAX_FOLDERS_UP)  # class lists above do not belong to the archive
+        # Class lists above do not belong to the archive.
+        folder = Path(temporary, *["export"] * class_lists.MAX_FOLDERS_UP)
         folder.mkdir(parents=True)
         with reading("zip archive", source), zipfile.ZipFile(source) as archive:
             files = [entry for entry in archive.infolist() if not entry.is_dir()]
@@ -117,7 +118,7 @@ def keyed_label_files(folder: Path) -> tuple[list[Path], list[Path]]:
     """Return the YOLO files of a folder, which have a photo key in the name, and the other text files."""
     texts = [path for path in _visible(folder) if path.suffix.lower() == ".txt" and path.is_file()]
     keyed = [path for path in texts if key_in(path.name)]
-    return keyed, [path for path in texts if not key_in(path.name) and not yolo.is_class_list(path)]
+    return keyed, [path for path in texts if not key_in(path.name) and not class_lists.is_class_list(path)]
 
 
 def _visible(folder: Path) -> list[Path]:

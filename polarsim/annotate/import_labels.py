@@ -30,7 +30,7 @@ from polarsim.annotate.export_files import (
 )
 from polarsim.annotate.label_studio import is_predicted, read_label_studio
 from polarsim.errors import ConfigError, FormatError, with_part
-from polarsim.formats import coco, yolo
+from polarsim.formats import class_lists, coco, yolo
 from polarsim.formats.files import check_new_folder, writing_folder
 from polarsim.formats.readers import reader, reading
 from polarsim.geometry.boxes import clip
@@ -186,10 +186,10 @@ def _coco(source: Path, _: Imported) -> Iterator[ExportedImage]:
 def _yolo(source: Path, done: Imported) -> Iterator[ExportedImage]:
     """Read every `KEY.txt` below a folder."""
     keyed, strays = keyed_label_files(source)
-    lists: dict[Path, yolo.ClassList] = {}
+    lists: dict[Path, class_lists.ClassList] = {}
     for path in keyed:
         if path.parent not in lists:
-            lists[path.parent] = yolo.find_classes(path.parent, source)
+            lists[path.parent] = class_lists.find_classes(path.parent, source)
         classes = lists[path.parent]
         shapes = []
         for line in yolo.read_shapes(path):

@@ -12,7 +12,7 @@ import pandas as pd
 from polarsim.detect.grouping import BOX_COLUMNS, Unit, rows_by
 from polarsim.detect.ipd import IpdRules, MissingTreatment, instance_performance, instance_performance_difference
 from polarsim.errors import DetectError, FormatError, LabelError
-from polarsim.formats import release, tables, yolo
+from polarsim.formats import class_lists, release, tables, yolo
 from polarsim.geometry import boxes
 from polarsim.photo import NO_ROCK, PhotoKey
 
@@ -133,10 +133,10 @@ def identify(first: pd.DataFrame, second: pd.DataFrame, pair_iou: float) -> tupl
 def _read_folder(folder: Path) -> pd.DataFrame:
     """Read all boxes of a folder. IoU is independent of the image size, so the size of POLAR photos is used."""
     folder = release.box_folder(folder)  # `polarsim detect` writes label files to `labels`
-    names = yolo.class_names(folder)
+    names = class_lists.class_names(folder)
     parts = []
     for path in sorted(folder.glob("*.txt")):
-        if path.name == yolo.CLASS_FILE:
+        if path.name == class_lists.CLASS_FILE:
             continue
         numbers, corners, confidence = yolo.read_detections(path)
         kinds = [names[number] if number < len(names) else f"class {number}" for number in numbers]

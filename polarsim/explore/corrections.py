@@ -12,7 +12,7 @@ import numpy as np
 from polarsim.errors import LabelError
 from polarsim.explore.next_run import write_overlay
 from polarsim.explore.tables import EDGES
-from polarsim.formats import yolo
+from polarsim.formats import class_lists, yolo
 from polarsim.formats.coco import read_coco
 from polarsim.formats.release import key_files
 from polarsim.labels.seeds import AnnotatedBoxes, matched_rocks, read_corrections
@@ -61,9 +61,9 @@ class Corrections:
         kinds, corners = _checked(boxes)
         with self._lock:
             path = self._file_of(self._keys[name])
-            names = yolo.class_names(path.parent)
+            names = class_lists.class_names(path.parent)
             if missing := sorted(set(kinds) - set(names)):
-                raise LabelError(f"{', '.join(missing)} is missing", path=path.parent / yolo.CLASS_FILE)
+                raise LabelError(f"{', '.join(missing)} is missing", path=path.parent / class_lists.CLASS_FILE)
             yolo.write_boxes(path, np.array([names.index(kind) for kind in kinds], int), corners)
         return path
 

@@ -12,38 +12,13 @@ import numpy as np
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import lines_of, writing
+from polarsim.formats.mesh_names import GROUND_PATTERN as GROUND_PATTERN
+from polarsim.formats.mesh_names import ground_name as ground_name
+from polarsim.formats.mesh_names import parse_rock_name as parse_rock_name
+from polarsim.formats.mesh_names import rock_files as rock_files
+from polarsim.formats.mesh_names import rock_name as rock_name
 from polarsim.formats.readers import reader
 from polarsim.geometry.meshes import Mesh
-
-_ROCK_NAME = re.compile(r"terrain(\d\d)_rock(\d+)(_decimate-005)?\.obj")
-
-
-def rock_name(terrain: int, rock: int, *, decimated: bool = False) -> str:
-    """File name of a rock, `terrain01_rock3.obj`."""
-    return f"terrain{terrain:02d}_rock{rock}{'_decimate-005' if decimated else ''}.obj"
-
-
-GROUND_PATTERN = "terrain[0-9][0-9]_ground.obj"
-
-
-def ground_name(terrain: int) -> str:
-    return f"terrain{terrain:02d}_ground.obj"
-
-
-def parse_rock_name(name: str) -> tuple[int, int, bool] | None:
-    """Return the terrain, the rock id and whether the mesh is decimated; None for names of other files."""
-    match = _ROCK_NAME.fullmatch(name)
-    return (int(match[1]), int(match[2]), match[3] is not None) if match else None
-
-
-def rock_files(folder: str | Path) -> dict[int, Path]:
-    """Return the rock meshes of a folder by rock id; the decimated mesh only if the full mesh is missing."""
-    files: dict[int, Path] = {}
-    for path in sorted(Path(folder).glob("*.obj")):
-        parsed = parse_rock_name(path.name)
-        if parsed and (not parsed[2] or parsed[1] not in files):
-            files[parsed[1]] = path
-    return dict(sorted(files.items()))
 
 
 @reader("OBJ file", largest_mb=2000)

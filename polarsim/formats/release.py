@@ -11,14 +11,16 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from polarsim.errors import FormatError, LabelError
-from polarsim.formats import obj, yolo
+from polarsim.formats import class_lists, mesh_names
 from polarsim.formats.files import existing_folder
 from polarsim.formats.readers import reader
 from polarsim.photo import PhotoKey
+
+if TYPE_CHECKING:
+    import numpy as np  # a plan needs the paths only
 
 BOXES, POLYGONS, MESHES, COVERS = "Labels", "SegmentationLabels", "TerrainMeshes", "CoverPhotoOfIndices"
 
@@ -92,9 +94,11 @@ def read_annotated_boxes(folder: str | Path) -> dict[PhotoKey, tuple[np.ndarray,
     change their meaning. Classes are therefore identified by name. Images and files with other names are skipped;
     skipped text files are reported in the log.
     """
+    from polarsim.formats import yolo  # imports NumPy
+
     files = key_files(existing_folder(folder))
     log_strays((path for path in files.stray if path.suffix == ".txt"), str(folder))
-    names = {below: yolo.class_names(below) for below in {path.parent for path in files.files.values()}}
+    names = {below: class_lists.class_names(below) for below in {path.parent for path in files.files.values()}}
     return {key: yolo.read_boxes(path, names=names[path.parent]) for key, path in files.files.items()}
 
 
@@ -118,7 +122,7 @@ def polygon_sources(folder: Path) -> list[Path]:
     tops = [below for below in (folder / POLYGONS, folder / "polygons") if below.is_dir()] or [folder]
     inside = [path for top in tops for path in sorted(top.glob("*")) if _terrain_of(path.name) is not None]
     nested = [path / "labels" if (path / "labels").is_dir() else path for path in (*tops, *inside)]
-    files = [path for below in nested for path in sorted(below.glob("*.txt")) if path.name != yolo.CLASS_FILE]
+    files = [path for below in nested for path in sorted(below.glob("*.txt")) if path.name != class_lists.CLASS_FILE]
     if not files:
         raise FormatError("no polygon file (*.txt) in the folder or in TerrainNN subfolders", path=folder)
     path_of_name: dict[str, Path] = {}
@@ -156,13 +160,13 @@ def polygon_files(root: str | Path, terrain: int) -> dict[PhotoKey, Path]:
 
 def released_meshes(root: str | Path, terrain: int) -> dict[int, Path]:
     """Return the rock meshes of a terrain by rock id; the decimated mesh only if the full mesh is missing."""
-    files = obj.rock_files(mesh_folder(root, terrain))
+    files = mesh_names.rock_files(mesh_folder(root, terrain))
     return {rock: path for rock, path in files.items() if _mesh_terrain(path.name) == terrain}
 
 
 def ground_file(root: str | Path, terrain: int) -> Path | None:
     """Return the ground mesh of a terrain; None if it is missing."""
-    path = mesh_folder(root, terrain) / obj.ground_name(terrain)
+    path = mesh_folder(root, terrain) / mesh_names.ground_name(terrain)
     return path if path.is_file() else None
 
 
@@ -222,7 +226,7 @@ def _collected(folders: Iterable[tuple[Path, int | None]]) -> KeyFiles:
     files: dict[PhotoKey, Path] = {}
     stray = []
     for path, terrain in ((path, terrain) for folder, terrain in folders for path in sorted(folder.glob("*"))):
-        if yolo.is_class_list(path) or path.name == SNAKEMAKE_FILE or not path.is_file():
+        if class_lists.is_class_list(path) or path.name == SNAKEMAKE_FILE or not path.is_file():
             continue
         key = key_of(path.name)
         if key is None or (terrain is not None and key.terrain != terrain):
@@ -241,7 +245,7 @@ def _terrain_of(folder: str) -> int | None:
 
 def _mesh_terrain(name: str) -> int | None:
     """Return the terrain in the file name of a mesh; None for other names."""
-    rock = obj.parse_rock_name(name)
+    rock = mesh_names.parse_rock_name(name)
     if rock:
         return rock[0]
     match = re.fullmatch(r"terrain(\d\d)_ground\.obj", name)

@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from polarsim.errors import FormatError, PolarsimError, with_path
-from polarsim.formats.files import lines_of, read_json, text_of, write_text
-from polarsim.formats.readers import reader, reading
-from polarsim.formats.yaml_files import read_yaml
+from polarsim.errors import FormatError, with_path
+from polarsim.formats.class_lists import is_whole, plain
+from polarsim.formats.files import lines_of, write_text
+from polarsim.formats.readers import reader
 from polarsim.geometry.boxes import box_around_points
 from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, ROCK, WIDTH, PhotoKey
 
-CLASS_FILE = "classes.txt"  # names of the class numbers of the label files in the same folder, one per line
-NOTES_FILE = "notes.json"  # class list of Label Studio's YOLO export
-MAX_FOLDERS_UP = 2  # Ultralytics stores data.yaml two folders above the label files
 _SIZE = np.array([WIDTH, HEIGHT], float)
 _MAX_OFFSET = 0.6  # maximum distance of a polygon from the image centre, as a share of the image width or height
-_MAX_CLASSES = 10_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,13 +39,13 @@ class LabelLine:
     @property
     def number(self) -> int:
         """Class number."""
-        if not _is_whole(self.label):
+        if not is_whole(self.label):
             raise self.error(f"class {self.label}, expected an integer")
         return int(self.label)
 
     def class_in(self, names: tuple[str, ...]) -> int:
         """Return the class number, which must be an index in `names`."""
-        if not _is_whole(self.label) or int(self.label) >= len(names):
+        if not is_whole(self.label) or int(self.label) >= len(names):
             raise self.error(f"class {self.label}, expected 0 to {len(names) - 1} ({', '.join(names)})")
         return int(self.label)
 
@@ -98,7 +93,7 @@ def _corners(fields: list[str], size: tuple[int, int], outlined: bool) -> tuple[
     if not np.isfinite(values).all():
         raise ValueError("a value is not finite")
     if count > 6:
-        whole = [field for field in fields[5:] if count == 7 and _is_whole(field) and not outlined]
+        whole = [field for field in fields[5:] if count == 7 and is_whole(field) and not outlined]
         if whole:
             raise ValueError(
                 f"7 fields with the integer {whole[0]}: a track id? Expected class x y width height confidence, or "
@@ -130,11 +125,6 @@ def _value(field: str) -> float:
         raise ValueError(f"{field!r} is not a number{comma}") from error
 
 
-def _is_whole(text: str) -> bool:
-    """Return whether a text is a number of ASCII digits; `int` also accepts digits of other scripts."""
-    return text.isascii() and text.isdigit()
-
-
 def _arrays(classes: Iterable[int], shapes: Iterable[LabelLine]) -> tuple[np.ndarray, np.ndarray]:
     return np.array(list(classes), int), np.array([shape.box for shape in shapes], float).reshape(-1, 4)
 
@@ -161,9 +151,9 @@ def read_boxes(
 
 def _box_class(shape: LabelLine, names: tuple[str, ...]) -> int:
     name = names[shape.class_in(names)]
-    if _plain(name) not in BOX_CLASSES:
+    if plain(name) not in BOX_CLASSES:
         raise shape.error(f"class {shape.label} is {name!r}, expected {' or '.join(BOX_CLASSES)}")
-    return BOX_CLASSES.index(_plain(name))
+    return BOX_CLASSES.index(plain(name))
 
 
 def write_boxes(
@@ -201,108 +191,6 @@ def read_detections(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return *_arrays((shape.number for shape in shapes), shapes), np.array(confidences, float)
 
 
-@dataclass(frozen=True)
-class ClassList:
-    """Names of class numbers and the file that lists them."""
-
-    names: tuple[str, ...]  # by class number; "" for a number without a name
-    path: Path | None  # None: no file exists, and `BOX_CLASSES` is assumed
-
-    def __str__(self) -> str:
-        return ", ".join(f"{number} {name}" for number, name in enumerate(self.names) if name)
-
-
-@reader("class list")
-def find_classes(folder: Path, top: Path | None = None) -> ClassList:
-    """Find the names of the class numbers of the label files in a folder.
-
-    Class lists are `classes.txt`, `*.names` (Darknet, CVAT), `names` of a YAML file (Ultralytics, Roboflow) and
-    `notes.json` (Label Studio). They are searched in the folder and in the folders above up to `top`, the folder of the
-    data set, in which all lists must agree; then in all folders below `top`, then in the next `MAX_FOLDERS_UP` folders
-    above. Without a list, `BOX_CLASSES` is assumed.
-    """
-    inside = [folder, *(above for above in folder.parents if top and (above == top or top in above.parents))]
-    lists = [classes for above in inside for classes in _lists_in(above)]
-    if top and not lists:
-        below = sorted({path.parent for path in top.rglob("*") if is_class_list(path)})
-        lists = [classes for subfolder in below for classes in _lists_in(subfolder)]
-    for above in list((top or folder).absolute().parents)[:MAX_FOLDERS_UP]:
-        lists = lists or list(_lists_in(above, lenient=True))
-    if not lists:
-        return ClassList(BOX_CLASSES, None)
-    longest = max(lists, key=lambda classes: len(classes.names))
-    for classes in lists:
-        pairs = zip(map(_plain, classes.names), map(_plain, longest.names), strict=False)
-        if any(name and expected and name != expected for name, expected in pairs):
-            reason = f"classes {classes} contradict {longest.path}: {longest}; remove a list"
-            raise FormatError(reason, path=classes.path)
-    return longest
-
-
-def class_names(folder: Path) -> tuple[str, ...]:
-    """Return the names of the class numbers in a folder, see `find_classes`."""
-    return find_classes(folder).names
-
-
-def _plain(name: str) -> str:
-    return name.strip().lower()
-
-
-def is_class_list(path: Path) -> bool:
-    return path.name in (CLASS_FILE, NOTES_FILE) or path.suffix.lower() in (".names", ".yaml", ".yml")
-
-
-def _lists_in(folder: Path, lenient: bool = False) -> Iterator[ClassList]:
-    """Yield the class lists in a folder; `lenient` skips unreadable YAML files other than `data.yaml`."""
-    for path in sorted(path for path in folder.glob("*") if is_class_list(path) and path.is_file()):
-        try:
-            names = _names_in(path)
-        except PolarsimError:
-            if lenient and path.suffix in (".yaml", ".yml") and path.stem != "data":
-                continue
-            raise
-        if names is not None:
-            repeated = [name for name in names if name and names.count(name) > 1]
-            if repeated:
-                raise FormatError(f"class {repeated[0]!r} is listed twice", path=path)
-            yield ClassList(names, path)
-
-
-def _names_in(path: Path) -> tuple[str, ...] | None:
-    """Return the names by class number; None for a file without class names."""
-    if path.suffix.lower() in (".yaml", ".yml"):
-        content = read_yaml(path)
-        if not isinstance(content, dict) or "names" not in content:
-            return None
-        if "kpt_shape" in content:
-            raise FormatError("kpt_shape: keypoints are not supported, export boxes or polygons", path=path)
-        return _numbered(path, content["names"])
-    if path.name == NOTES_FILE:
-        content = read_json(path)
-        stated = content.get("categories") if isinstance(content, dict) else None
-        if not isinstance(stated, list):
-            return None
-        return _numbered(path, {entry.get("id"): entry.get("name") for entry in stated if isinstance(entry, dict)})
-    with reading("class list", path):
-        names = tuple(line.strip() for line in text_of(path).rstrip().split("\n"))
-    if not any(names):
-        raise FormatError(f"no class name, expected a name per line, such as {' and '.join(BOX_CLASSES)}", path=path)
-    return names
-
-
-def _numbered(path: Path, stated: Any) -> tuple[str, ...]:
-    """Return the names by class number from a list, or from a dictionary of numbers and names."""
-    pairs = dict(enumerate(stated)) if isinstance(stated, list) else stated
-    if not isinstance(pairs, dict) or not pairs:
-        raise FormatError("names: expected a list of class names, or number: name", path=path)
-    names = {}
-    for number, name in pairs.items():
-        if not _is_whole(str(number)) or int(number) >= _MAX_CLASSES or not isinstance(name, (str, int)):
-            raise FormatError(f"names: {number!r}: {name!r}, expected number: name", path=path)
-        names[int(number)] = str(name)
-    return tuple(names.get(number, "") for number in range(max(names) + 1))
-
-
 def read_polygons(path: str | Path, names: tuple[str, ...] = POLYGON_CLASSES) -> list[tuple[int, np.ndarray]]:
     """Read the class, an index in `names`, and the vertices (n, 2) in pixels of each polygon, in file order."""
     shapes = read_shapes(path)
@@ -321,7 +209,7 @@ def read_boxes_or_polygons(path: str | Path, names: tuple[str, ...] | None = Non
     if not has_polygons(path):
         return read_boxes(path, names=names or BOX_CLASSES)
     names = names or POLYGON_CLASSES
-    rings = [(_plain(names[number]), ring) for number, ring in read_polygons(path, names)]
+    rings = [(plain(names[number]), ring) for number, ring in read_polygons(path, names)]
     annotated = [(BOX_CLASSES.index(kind), np.clip(ring, 0, _SIZE)) for kind, ring in rings if kind in BOX_CLASSES]
     boxes = np.array([box_around_points(ring) for _, ring in annotated]).reshape(-1, 4)
     has_area = (boxes[:, 2:] > boxes[:, :2]).all(axis=1)

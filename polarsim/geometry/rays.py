@@ -7,16 +7,13 @@ a triangle can be hit. `rays_embree` and `rays_taichi` must agree in float32. `c
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 
 NO_FACE = -1  # face number of a ray without a hit
 START_OFFSET = 1e-4  # metres: `occluded` ignores nearer surfaces, so that no surface shades itself
 _PAIRS = 1 << 20  # ray-triangle pairs per block: limits the memory of the NumPy engine to about 200 MB
-
-RayEngine = Literal["embree", "taichi", "numpy"]
-Device = Literal["cpu", "cuda", "vulkan"]  # devices of Taichi
 
 
 @dataclass(frozen=True)

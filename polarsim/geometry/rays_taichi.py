@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.geometry import bvh, taichi_device
-from polarsim.geometry.rays import NO_FACE, START_OFFSET, Device, RayHits
+from polarsim.geometry.ray_engines import Device
+from polarsim.geometry.rays import NO_FACE, START_OFFSET, RayHits
 from polarsim.geometry.taichi_device import on_taichi_thread, ti
 from polarsim.geometry.taichi_walk import BOXES, FAR, NUMBERS, PAIRS, VALUES, VECTORS, WEIGHTS, walk
 from polarsim.geometry.vectors import length

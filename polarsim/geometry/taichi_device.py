@@ -22,7 +22,7 @@ os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
 import taichi as ti
 
 from polarsim.errors import PolarsimError
-from polarsim.geometry.rays import Device
+from polarsim.geometry.ray_engines import Device
 
 _this_thread = threading.local()
 _dropped: deque[object] = deque()  # arrays on the device that are no longer used

@@ -14,7 +14,7 @@ from functools import cache, partial
 from pathlib import Path
 
 from polarsim.errors import FormatError
-from polarsim.formats import obj, png, release, yolo
+from polarsim.formats import class_lists, obj, png, release, yolo
 from polarsim.formats.files import existing_folder, suffix_counts
 from polarsim.formats.release import Layout
 from polarsim.lint.files import (
@@ -91,7 +91,7 @@ def _by_content(files: release.KeyFiles) -> tuple[release.KeyFiles, release.KeyF
 
 def _box_reader(detections: bool) -> Callable[[Path], Boxes]:
     """Return a reader of box files with the class numbers of their folder's class list."""
-    names = cache(yolo.class_names)
+    names = cache(class_lists.class_names)
     return lambda path: yolo.read_boxes(path, names=names(path.parent), detections=detections)
 
 
@@ -168,7 +168,7 @@ def lint_pictures(root: Path) -> Report:
     if not labels:
         raise FormatError(f"no label file (*.txt): found {suffix_counts(root)}", path=root)
     findings = Findings(root)
-    names = cache(yolo.class_names)
+    names = cache(class_lists.class_names)
     boxes = 0
     for stem in sorted(set(pictures) - set(labels)):
         findings.add(pictures[stem], Defect("missing_labels"))
@@ -193,7 +193,7 @@ def _pictures(root: Path) -> dict[str, Path]:
 
 
 def _labels(root: Path) -> dict[str, Path]:
-    texts = (path for path in root.rglob("*.txt") if not yolo.is_class_list(path) and path.is_file())
+    texts = (path for path in root.rglob("*.txt") if not class_lists.is_class_list(path) and path.is_file())
     return _by_stem(root, texts, LABELS)
 
 

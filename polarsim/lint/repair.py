@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from polarsim.errors import FormatError
-from polarsim.formats import release, tables, yolo
+from polarsim.formats import class_lists, release, tables, yolo
 from polarsim.formats.files import text_of, writing_folder
 from polarsim.geometry.boxes import clip
 from polarsim.lint.files import (
@@ -59,7 +59,7 @@ def write_repaired(root: Path, findings: Iterable[Finding], out: Path, names: Co
         if finding.repair and Path(finding.file).parts[0] in _LABELS:
             by_file.setdefault(finding.file, []).append(finding)
     for terrain in release.terrains(root):
-        classes = yolo.find_classes(release.label_folder(root, terrain))
+        classes = class_lists.find_classes(release.label_folder(root, terrain))
         if tuple(name.strip().lower() for name in classes.names[: len(BOX_CLASSES)]) != BOX_CLASSES:
             raise FormatError(f"classes {classes}, repairs need 0 rock, 1 shadow", path=classes.path)
     with writing_folder(out) as copy:

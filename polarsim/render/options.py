@@ -7,7 +7,7 @@ from typing import Any, Literal, Self
 
 from pydantic import BaseModel, Field, PositiveFloat, field_validator, model_validator
 
-from polarsim.geometry.rays import Device, RayEngine
+from polarsim.geometry.ray_engines import Device, RayEngine
 from polarsim.photo import ELECTRONS_PER_DN, READ_NOISE_ELECTRONS
 from polarsim.render.models import CHRONO as CHRONO
 from polarsim.render.models import FITTED, Domain, model_of

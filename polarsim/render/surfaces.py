@@ -15,7 +15,8 @@ import numpy as np
 
 from polarsim.errors import RenderError
 from polarsim.geometry.casters import make_caster
-from polarsim.geometry.rays import Caster, Device, Intersector, RayEngine
+from polarsim.geometry.ray_engines import Device, RayEngine
+from polarsim.geometry.rays import Caster, Intersector
 from polarsim.geometry.topology import open_edges
 from polarsim.photo import NO_ROCK
 from polarsim.render.options import Model, RenderOptions

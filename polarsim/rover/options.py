@@ -10,7 +10,7 @@ from polarsim.rover.export.options import BagOptions
 from polarsim.rover.perception.options import DriveTuningOptions
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.soil.options import SoilOptions
-from polarsim.rover.vehicle.mounts import FOLLOWING, FRONT
+from polarsim.rover.vehicle.camera_names import FOLLOWING, FRONT
 from polarsim.rover.world.options import WorldOptions
 from polarsim.run_files.picture_sets import PictureSet
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-
-import numpy as np
+from decimal import Decimal
 
 from polarsim.errors import FormatError
 
@@ -18,7 +18,8 @@ def exposure_name(exposure_ms: float | str) -> str:
     """
     if isinstance(exposure_ms, str):
         return exposure_ms
-    return np.format_float_positional(float(exposure_ms), trim="-").zfill(4)
+    text = f"{Decimal(repr(float(exposure_ms))):f}"
+    return (text.rstrip("0").rstrip(".") if "." in text else text).zfill(4)
 
 
 def exposure_order(name: str) -> tuple[bool, float]:
@@ -54,7 +55,7 @@ class PictureSet:
         model, _, exposure = rest.rpartition("_")
         try:
             parsed = cls(sun, model, float(exposure))
-            if not (sun and model and np.isfinite(parsed.exposure_ms) and parsed.exposure_ms > 0):
+            if not (sun and model and math.isfinite(parsed.exposure_ms) and parsed.exposure_ms > 0):
                 raise ValueError
         except ValueError as error:
             raise FormatError(f"{name!r} is no name of an image set, expected SUN_MODEL_EXPOSURE") from error

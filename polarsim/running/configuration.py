@@ -9,7 +9,6 @@ from typing import Any
 import yaml
 from pydantic import BaseModel, ValidationError
 
-from polarsim.arguments import run_folder
 from polarsim.config import Config, parse_assignment, parse_config
 from polarsim.errors import ConfigError, with_part
 from polarsim.formats.files import resolve_packaged, write_text
@@ -94,6 +93,8 @@ def config_of_run(run: Path, files: Sequence[Path] = ()) -> Config:
 
 def run_and_config(results: Path, run: str | None, files: Sequence[Path] = ()) -> tuple[Path, Config]:
     """Return the folder and the configuration of a run; default name: from the files, else `demo`."""
+    from polarsim.arguments import run_folder  # imports Typer, which a plan does not need
+
     name = run if run is not None else read_configs(files).run if files else DEFAULT_RUN
     folder = run_folder(results, name)
     return folder, config_of_run(folder, files)

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from polarsim.errors import FormatError, LabelError
-from polarsim.formats import release, yolo
+from polarsim.formats import class_lists, release, yolo
 from polarsim.formats.files import existing_folder
 from polarsim.geometry.boxes import iou, match_by_iou, match_by_summed_iou
 from polarsim.photo import BOX_CLASSES, PhotoKey
@@ -190,7 +190,7 @@ def box_reader(detections: bool = False) -> Callable[[Path], PhotoLabels]:
     The reader raises a FormatError for a line that is not a box. With `detections`, a line may have a confidence, and
     polygons of a run are replaced by the boxes around them.
     """
-    names = cache(yolo.class_names)
+    names = cache(class_lists.class_names)
 
     def read(path: Path) -> PhotoLabels:
         if detections and yolo.has_polygons(path):

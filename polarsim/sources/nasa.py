@@ -8,7 +8,7 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from polarsim.errors import FetchError, FormatError
-from polarsim.formats import nasa
+from polarsim.formats import nasa_layout
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.photo import PhotoKey
 from polarsim.run_files.inventory import Inventory
@@ -27,44 +27,44 @@ class NasaSource:
     has_photos = True
     has_scans = True
     is_generated = False
-    layout = re.compile("|".join([r"Terrain\d\d.*", r"Pos[A-G].*", nasa.RANGE_FOLDER]))
+    layout = re.compile("|".join([r"Terrain\d\d.*", r"Pos[A-G].*", nasa_layout.RANGE_FOLDER]))
 
     def expected(self, terrain: int) -> str:
         """Return the names of the folders of a terrain."""
-        return f"Terrain{terrain:02d}_* and {nasa.RANGE_FOLDER}/Terrain{terrain:02d}"
+        return f"Terrain{terrain:02d}_* and {nasa_layout.RANGE_FOLDER}/Terrain{terrain:02d}"
 
     def folders(self, root: Path, terrain: int) -> list[Path]:
         """Return the folders of photos and scans."""
-        folder = nasa.find_terrain_folder(root, terrain)
-        range_maps, _ = nasa.find_scans(root, terrain)
+        folder = nasa_layout.find_terrain_folder(root, terrain)
+        range_maps, _ = nasa_layout.find_scans(root, terrain)
         return sorted({*([folder] if folder else []), *(path.parent for path in range_maps.values())})
 
     def inputs(self, root: Path, terrain: int) -> list[Path]:
         """Return the calibration and the scans."""
-        folder = nasa.find_terrain_folder(root, terrain)
-        range_maps, clouds = nasa.find_scans(root, terrain)
-        calibration = nasa.find_calibration(folder) if folder else None
+        folder = nasa_layout.find_terrain_folder(root, terrain)
+        range_maps, clouds = nasa_layout.find_scans(root, terrain)
+        calibration = nasa_layout.find_calibration(folder) if folder else None
         return [*([calibration] if calibration else []), *range_maps.values(), *clouds.values()]
 
     def index(self, root: Path, terrain: int, positions: Sequence[str], grid: GridOptions) -> TerrainContent:
         """Return the inventory and the photos of a terrain."""
-        range_maps, clouds = nasa.find_scans(root, terrain)
-        folder = nasa.find_terrain_folder(root, terrain)
+        range_maps, clouds = nasa_layout.find_scans(root, terrain)
+        folder = nasa_layout.find_terrain_folder(root, terrain)
         if folder is None and not range_maps:
             raise FormatError(f"no data of terrain {terrain:02d}, expected {self.expected(terrain)}", path=root)
-        all_photos = nasa.find_photos(folder, terrain) if folder else []
+        all_photos = nasa_layout.find_photos(folder, terrain) if folder else []
         photos = [(key, path) for key, path in all_photos if key.position in positions]
         log_gaps([key for key, _ in photos], selected_grid(terrain, positions, grid), folder or root)
-        stated = nasa.find_calibration(folder) if folder else None
+        stated = nasa_layout.find_calibration(folder) if folder else None
         if stated is None:
-            log.warning("%s: no %s, using the rig of terrain 11", folder or root, nasa.CALIBRATION_NAME)
+            log.warning("%s: no %s, using the rig of terrain 11", folder or root, nasa_layout.CALIBRATION_NAME)
         inventory = Inventory(
             terrain,
             self.kind,
             calibration=stated.as_posix() if stated else "",
             range_maps=path_texts({name: path for name, path in range_maps.items() if name in positions}),
             clouds=path_texts({name: path for name, path in clouds.items() if name in positions}),
-            stray=relative_names(root, nasa.find_strays(folder, terrain) if folder else []),
+            stray=relative_names(root, nasa_layout.find_strays(folder, terrain) if folder else []),
         )
         return TerrainContent(inventory, photos)
 
@@ -74,22 +74,26 @@ class NasaSource:
 
     def unpacked(self, root: Path, terrain: int) -> Path | None:
         """Return the folder of the photos of a terrain."""
-        return nasa.find_terrain_folder(root, terrain)
+        return nasa_layout.find_terrain_folder(root, terrain)
 
     def arrange(self, unpacked: Path, root: Path) -> None:
         """Do nothing: photos and scans may be in any folder of the root."""
 
     def check_fetched(self, root: Path, terrain: int, files: Sequence[Path]) -> None:
         """Check that the folder of a terrain has photos, scans or a calibration."""
-        folder = nasa.find_terrain_folder(root, terrain)
+        folder = nasa_layout.find_terrain_folder(root, terrain)
         if folder is None:
             return
-        photos, strays = nasa.find_photos(folder, terrain), nasa.find_strays(folder, terrain)
+        photos, strays = nasa_layout.find_photos(folder, terrain), nasa_layout.find_strays(folder, terrain)
         if strays and not photos:
             raise FetchError(f"not the path of a photo, expected {_PHOTO} or a subfolder with it", path=strays[0])
-        if not photos and not any(nasa.find_scans(root, terrain)) and nasa.find_calibration(folder) is None:
+        if (
+            not photos
+            and not any(nasa_layout.find_scans(root, terrain))
+            and nasa_layout.find_calibration(folder) is None
+        ):
             raise FetchError(
-                f"no photo, scan or {nasa.CALIBRATION_NAME} of terrain {terrain:02d}, such as {_PHOTO}; "
+                f"no photo, scan or {nasa_layout.CALIBRATION_NAME} of terrain {terrain:02d}, such as {_PHOTO}; "
                 f"the archive has {len(files)} other files, such as {files[0].relative_to(root)}",
                 path=folder,
             )

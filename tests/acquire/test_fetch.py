@@ -18,7 +18,7 @@ from polarsim import download
 from polarsim.acquire.fetch import PINS, archives_of, fetch_archive, fetch_terrain
 from polarsim.acquire.options import FetchLimits, SourceOptions
 from polarsim.errors import ConfigError, FetchError, FormatError
-from polarsim.formats import nasa
+from polarsim.formats import nasa_layout
 
 NAME = "Terrain11_FreshCrater.zip"
 FAST = FetchLimits(tries=3, backoff_s=0, timeout_s=5)
@@ -359,9 +359,9 @@ def test_zips_of_other_systems_and_with_other_top_folders_give_the_same_photos(t
     files = {form.format(path).replace(".png", ".PNG").replace("/", separator): text for path, text in NASA.items()}
     (tmp_path / name).write_bytes(packed(files))
     fetch_terrain(terrain=11, source=SourceOptions(kind="polar", root=tmp_path), done=tmp_path / "receipt.json")
-    folder = nasa.find_terrain_folder(tmp_path, 11)
-    assert [str(key) for key, _ in nasa.find_photos(folder, 11)] == ["11_A_off_30_L_0256"]
-    assert nasa.find_calibration(folder) is not None
+    folder = nasa_layout.find_terrain_folder(tmp_path, 11)
+    assert [str(key) for key, _ in nasa_layout.find_photos(folder, 11)] == ["11_A_off_30_L_0256"]
+    assert nasa_layout.find_calibration(folder) is not None
 
 
 @pytest.mark.parametrize(

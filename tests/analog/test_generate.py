@@ -7,7 +7,7 @@ import pytest
 from polarsim.analog.generate import generate_terrain
 from polarsim.analog.options import AnalogOptions
 from polarsim.errors import ConfigError
-from polarsim.formats import nasa, obj, png, tables, yolo
+from polarsim.formats import nasa, nasa_layout, obj, png, tables, yolo
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.stereo import rectified_left
 from polarsim.photo import PhotoKey, photo_grid
@@ -36,7 +36,7 @@ def made(tmp_path_factory, coarse):
 
 
 def test_photos_are_written_for_the_given_keys_only(made):
-    photos = nasa.find_photos(nasa.find_terrain_folder(made, TERRAIN), TERRAIN)
+    photos = nasa_layout.find_photos(nasa_layout.find_terrain_folder(made, TERRAIN), TERRAIN)
     assert [key for key, _ in photos] == sorted(KEYS)
     for _, path in photos:
         pixels = png.read_photo(path)
@@ -49,11 +49,11 @@ def test_photos_are_written_for_the_given_keys_only(made):
 
 
 def test_the_terrain_has_the_layout_of_nasas_files(made):
-    folder = nasa.find_terrain_folder(made, TERRAIN)
+    folder = nasa_layout.find_terrain_folder(made, TERRAIN)
     assert folder.name == "Terrain11_FreshCrater"
-    calibration = nasa.read_calibration(folder / nasa.CALIBRATION_NAME)
+    calibration = nasa.read_calibration(folder / nasa_layout.CALIBRATION_NAME)
     assert abs(calibration.left.fx - 2068) < 25
-    maps, clouds = nasa.find_scans(made, TERRAIN)
+    maps, clouds = nasa_layout.find_scans(made, TERRAIN)
     assert sorted(maps) == ["A", "B", "C"]
     assert sorted(clouds) == ["A", "C"]
 
@@ -62,9 +62,9 @@ def test_the_terrain_has_the_layout_of_nasas_files(made):
 def test_range_maps_agree_with_the_true_ground_and_cameras(made, position):
     truth = made / "truth" / "Terrain11"
     localised = read_localised(truth / "cameras" / f"Pos{position}.json")
-    calibration = nasa.read_calibration(nasa.find_terrain_folder(made, TERRAIN) / nasa.CALIBRATION_NAME)
+    calibration = nasa.read_calibration(nasa_layout.find_terrain_folder(made, TERRAIN) / nasa_layout.CALIBRATION_NAME)
     grid = rectified_left(calibration)
-    maps, _ = nasa.find_scans(made, TERRAIN)
+    maps, _ = nasa_layout.find_scans(made, TERRAIN)
     points = nasa.read_range_map(maps[position])[::8, ::8].reshape(-1, 3)
     points = points[np.isfinite(points).all(axis=1)].astype(float)
     sandbox = (localised.sandbox_from_left @ grid.left_from_rectified).apply(points)
@@ -80,9 +80,11 @@ def test_range_maps_agree_with_the_true_ground_and_cameras(made, position):
 
 
 def test_cloud_and_range_map_of_a_position_share_a_frame(made):
-    maps, clouds = nasa.find_scans(made, TERRAIN)
+    maps, clouds = nasa_layout.find_scans(made, TERRAIN)
     cloud = nasa.read_cloud(clouds["A"])
-    grid = rectified_left(nasa.read_calibration(nasa.find_terrain_folder(made, TERRAIN) / nasa.CALIBRATION_NAME)).lens
+    grid = rectified_left(
+        nasa.read_calibration(nasa_layout.find_terrain_folder(made, TERRAIN) / nasa_layout.CALIBRATION_NAME)
+    ).lens
     pixels = np.floor(grid.project(cloud))
     inside = (pixels >= 0).all(axis=1) & (pixels < [1936, 1216]).all(axis=1)
     column, row = pixels[inside].astype(int).T

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.errors import FormatError
-from polarsim.formats import yolo
+from polarsim.formats import class_lists, yolo
 from polarsim.formats.release import read_annotated_boxes
 from polarsim.photo import BOX_CLASSES, PhotoKey
 
@@ -87,4 +87,4 @@ def test_an_invalid_file_is_a_one_line_error(tmp_path, names, text):
 
 def test_an_empty_line_between_names_is_a_class_without_a_name(tmp_path):
     (tmp_path / "classes.txt").write_text("rock\n\nshadow\n\n")
-    assert yolo.class_names(tmp_path) == ("rock", "", "shadow")
+    assert class_lists.class_names(tmp_path) == ("rock", "", "shadow")

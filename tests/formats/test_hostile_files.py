@@ -22,7 +22,23 @@ from polarsim.acquire import archives, fetch
 from polarsim.annotate.import_labels import import_labels
 from polarsim.detect.detectors import files as detectors
 from polarsim.errors import PolarsimError
-from polarsim.formats import bags, coco, files, geotiff, nasa, npz, obj, ply, png, release, rle, ros, tables, yolo
+from polarsim.formats import (
+    bags,
+    class_lists,
+    coco,
+    files,
+    geotiff,
+    nasa,
+    npz,
+    obj,
+    ply,
+    png,
+    release,
+    rle,
+    ros,
+    tables,
+    yolo,
+)
 from polarsim.formats.yaml_files import read_model
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, camera_pose
@@ -309,7 +325,7 @@ CASES = {
     ),
     "YOLO polygons": Case(text("a.txt", YOLO_RING * 2), yolo.read_boxes_or_polygons, valid_boxes),
     "YOLO folder": Case(
-        folder_of(text(f"{KEY}.txt", YOLO_BOXES), text(yolo.CLASS_FILE, "rock\nshadow\n")),
+        folder_of(text(f"{KEY}.txt", YOLO_BOXES), text(class_lists.CLASS_FILE, "rock\nshadow\n")),
         release.read_annotated_boxes,
         valid_all,
     ),
@@ -343,7 +359,7 @@ CASES = {
         for name, divisor in (("a.tif", 1), ("a.jpg", 16), ("a.webp", 16), ("a.bmp", 16))
     },
     **{
-        f"classes in {name}": Case(folder_of(text(name, content)), yolo.find_classes)
+        f"classes in {name}": Case(folder_of(text(name, content)), class_lists.find_classes)
         for name, content in (
             ("data.yaml", "names: {0: rock, 1: shadow}\n"),
             ("notes.json", '{"categories": [{"id": 0, "name": "rock"}]}'),

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.errors import FormatError
-from polarsim.formats import nasa
+from polarsim.formats import nasa, nasa_layout
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig, rectified_left
@@ -94,7 +94,7 @@ def test_a_calibration_reads_back(tmp_path_factory, focal, centre, terms, rotvec
     rig = StereoRig(
         lens, Lens(focal + 1, focal, *centre), Pose.from_rotvec(np.array(rotvec), np.array([0.3, 0.01, 0.0]))
     )
-    path = tmp_path_factory.mktemp("calibration") / nasa.CALIBRATION_NAME
+    path = tmp_path_factory.mktemp("calibration") / nasa_layout.CALIBRATION_NAME
     nasa.write_calibration(path, rig)
     again = nasa.read_calibration(path)
     points = np.array([[0.4, 0.2, 1.0], [-0.4, -0.3, 1.0]])
@@ -217,7 +217,7 @@ def test_clouds_of_other_formats_are_skipped_with_a_warning(tmp_path, caplog):
     (tmp_path / "Terrain01_A").mkdir()
     for name in ("PosA.ptx", "PosC.xyz"):
         (tmp_path / "Terrain01_A" / name).write_text("1 2 3\n")
-    assert list(nasa.find_scans(tmp_path, 1)[1]) == ["C"]
+    assert list(nasa_layout.find_scans(tmp_path, 1)[1]) == ["C"]
     assert [line for line in caplog.messages if "PosA.ptx" in line]
 
 
@@ -293,7 +293,7 @@ def test_the_middle_token_of_photo_names_is_ignored(tmp_path):
     dark = PhotoKey(11, "A", "on", "no", "R", 8192)
     touch(tmp_path / "PosA_1500_Loff/Sun_30/CamL_259659217_0256.png")
     touch(tmp_path / "Terrain11_FreshCrater/PosA_1500_Lon/NoSun/CamR_a_b-c_8192.png")  # with a subfolder
-    found = nasa.find_photos(tmp_path, 11)
+    found = nasa_layout.find_photos(tmp_path, 11)
     assert [k for k, _ in found] == [key, dark]
     assert found[0][1].name == "CamL_259659217_0256.png"
 
@@ -307,8 +307,8 @@ def test_the_middle_token_of_photo_names_is_ignored(tmp_path):
 def test_other_images_are_skipped_with_a_warning(tmp_path, caplog, name):
     touch(tmp_path / name)
     with caplog.at_level(logging.WARNING, logger="polarsim"):
-        assert nasa.find_photos(tmp_path, 11) == []
-    assert [path.name for path in nasa.find_strays(tmp_path, 11)] == [name.split("/")[-1]]
+        assert nasa_layout.find_photos(tmp_path, 11) == []
+    assert [path.name for path in nasa_layout.find_strays(tmp_path, 11)] == [name.split("/")[-1]]
     assert name.split("/")[-1] in caplog.text
 
 
@@ -316,7 +316,7 @@ def test_two_files_of_a_photo_are_an_error(tmp_path):
     touch(tmp_path / "PosA_1500_Loff/Sun_30/CamL_1_0256.png")
     touch(tmp_path / "PosA_1500_Loff/Sun_30/CamL_2_0256.png")
     with pytest.raises(FormatError, match="11_A_off_30_L_0256"):
-        nasa.find_photos(tmp_path, 11)
+        nasa_layout.find_photos(tmp_path, 11)
 
 
 keys = st.builds(
@@ -331,23 +331,23 @@ def test_photos_are_found_at_their_written_paths(tmp_path_factory, wanted):
     folder = tmp_path_factory.mktemp("terrain")
     for key in wanted:
         touch(nasa.photo_path(folder, key, "123"))
-    assert nasa.find_photos(folder, 3) == [(key, nasa.photo_path(folder, key, "123")) for key in sorted(wanted)]
+    assert nasa_layout.find_photos(folder, 3) == [(key, nasa.photo_path(folder, key, "123")) for key in sorted(wanted)]
 
 
 def test_folders_of_terrains_are_found_in_the_root_or_a_subfolder(tmp_path):
     (tmp_path / "download/Terrain03_MeanDistr").mkdir(parents=True)
     (tmp_path / "Terrain11_FreshCrater").mkdir()
     (tmp_path / "GroundTruth_RectifiedRangeMaps/Terrain06").mkdir(parents=True)  # no name: not the folder of a terrain
-    assert nasa.find_terrain_folder(tmp_path, 11) == tmp_path / "Terrain11_FreshCrater"
-    assert nasa.find_terrain_folder(tmp_path, 3) == tmp_path / "download/Terrain03_MeanDistr"
-    assert nasa.find_terrain_folder(tmp_path, 6) is None
+    assert nasa_layout.find_terrain_folder(tmp_path, 11) == tmp_path / "Terrain11_FreshCrater"
+    assert nasa_layout.find_terrain_folder(tmp_path, 3) == tmp_path / "download/Terrain03_MeanDistr"
+    assert nasa_layout.find_terrain_folder(tmp_path, 6) is None
 
 
 def test_two_folders_of_a_terrain_are_an_error(tmp_path):
     (tmp_path / "Terrain11_FreshCrater").mkdir()
     (tmp_path / "Terrain11_Other").mkdir()
     with pytest.raises(FormatError):
-        nasa.find_terrain_folder(tmp_path, 11)
+        nasa_layout.find_terrain_folder(tmp_path, 11)
 
 
 def test_scans_are_found_by_position(tmp_path):
@@ -356,6 +356,6 @@ def test_scans_are_found_by_position(tmp_path):
     touch(tmp_path / "Terrain11_FreshCrater/PosA.xyz")
     touch(tmp_path / "Terrain11_FreshCrater/PosC.ply")
     touch(tmp_path / "Terrain11_FreshCrater/PosC.notes")
-    maps, clouds = nasa.find_scans(tmp_path, 11)
+    maps, clouds = nasa_layout.find_scans(tmp_path, 11)
     assert {position: path.name for position, path in maps.items()} == {"B": "PosB_org-XYZ.tif"}
     assert {position: path.name for position, path in clouds.items()} == {"A": "PosA.xyz", "C": "PosC.ply"}

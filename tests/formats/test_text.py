@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from polarsim.errors import PolarsimError
-from polarsim.formats import nasa, obj, tables, yolo
+from polarsim.formats import class_lists, nasa, obj, tables, yolo
 from polarsim.formats.files import read_json
 from polarsim.formats.yaml_files import read_yaml
 from polarsim.geometry.stereo import default_rig
@@ -31,7 +31,11 @@ READERS = {  # file name, text, reader
     "boxes": ("a.txt", lambda _: "0 0.5 0.5 0.1 0.1\n1 0.2 0.2 0.1 0.1\n", yolo.read_boxes),
     "detections": ("a.txt", lambda _: "0 0.5 0.5 0.1 0.1 0.25\n", yolo.read_detections),
     "polygons": ("a.txt", lambda _: "0 0.1 0.1 0.2 0.1 0.2 0.2\n", yolo.read_polygons),
-    "classes": ("classes.txt", lambda _: "rock\nshadow\nKrater für später\n", lambda p: yolo.class_names(p.parent)),
+    "classes": (
+        "classes.txt",
+        lambda _: "rock\nshadow\nKrater für später\n",
+        lambda p: class_lists.class_names(p.parent),
+    ),
     "mesh": ("a.obj", lambda _: "o Würfel\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", obj.read_obj),
     "cloud": ("a.xyz", lambda _: "# Höhe\n1 2 3\n4 5 6\n", nasa.read_cloud),
     "calibration": ("stereo.calibration", calibration, nasa.read_calibration),

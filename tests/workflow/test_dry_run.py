@@ -36,12 +36,6 @@ def test_every_configuration_plans_its_jobs(dry_run, release_like, name):
     assert ("train_detector" in jobs) == (name not in ("full", "release"))  # the release has no photos
 
 
-def test_snakemakes_linter_finds_nothing(snakemake, checkout):
-    done = snakemake(checkout, "--lint")
-    assert done.returncode == 0, done.stderr[-3000:]
-    assert "good condition" in done.stderr
-
-
 def test_the_papers_protocol_trains_each_domain_by_two_splits_with_three_seeds(dry_run, release_like):
     done = dry_run("--configfile", "config/paper.yaml", POLAR_SIM_ROOT=str(release_like))
     jobs = planned(done)

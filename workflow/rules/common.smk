@@ -2,7 +2,12 @@
 
 import re
 import sys
+from importlib.util import find_spec
 from pathlib import Path
+
+RULES = Path(workflow.current_basedir.get_path_or_uri(secret_free=True))
+if find_spec("polarsim") is None:  # a plan needs Snakemake alone: the package next to this workflow is read
+    sys.path.append(str(RULES.parents[1]))
 
 from polarsim.digest import script_digest
 from polarsim.errors import PolarsimError
@@ -37,7 +42,6 @@ SOURCE = CONFIG.data_source
 RUN, TERRAINS, MODELS, ORIGIN = PATHS.run, PATHS.terrains, PATHS.models, PATHS.origin
 DOMAINS, TRAINED, SPLITS, SEEDS, OTHERS = PATHS.domains, PATHS.trained, PATHS.splits, PATHS.seeds, PATHS.others
 options = PATHS.options
-SCRIPTS = Path(workflow.current_basedir.get_path_or_uri(secret_free=True)).parent / "scripts"
 # Trainings are the longest jobs, so their inputs have priority over figures and scores.
 TRAINING_WAITS, TWINS_WAIT = 2, 1
 MAX_TERRAINS_SHOWN = 4  # with single figures in Snakemake's report: about 12 MB per terrain
@@ -154,4 +158,4 @@ def complete(item):
     item.log_modifier = item.benchmark_modifier = workflow.modifier.path_modifier
     item.set_log(f"{folder}/logs/{stage}/{name}.log")
     item.benchmark = f"{folder}/benchmarks/{stage}/{name}.tsv"
-    item.set_params(code=script_digest(SCRIPTS / Path(item.script).name))
+    item.set_params(code=script_digest(RULES / item.script))

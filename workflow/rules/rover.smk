@@ -1,7 +1,7 @@
 """Drives over the digitised terrains: physics, images, detections on board, bags, tables and figures."""
 
 from polarsim.rover.cameras.options import rover_render
-from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.vehicle.camera_names import FRONT
 
 ROVER = CONFIG.rover
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import BaseModel, Field, PositiveFloat, field_validator, model_validator
 
 from polarsim.detect.options import PACKAGED, PACKAGED_ROVER
 from polarsim.render.options import Model, RenderOptions
-from polarsim.rover.vehicle.mounts import FRONT
-from polarsim.rover.vehicle.table import Vehicle
+from polarsim.rover.vehicle.camera_names import FRONT
 from polarsim.user_path import UserPath
+
+if TYPE_CHECKING:
+    from polarsim.rover.vehicle.table import Vehicle
 
 PAPER_VIEWS = (
     "CamBirdViewLeft", "CamBirdViewRight",

@@ -25,7 +25,8 @@ from polarsim.randomness import generator
 from polarsim.rover.cameras.layout import DETECTION_COLUMNS, POSE_COLUMNS, TRUTH_COLUMNS, picture_folder
 from polarsim.rover.drive.trace import CONTACTS, Trace, read_trace
 from polarsim.rover.export.options import BagOptions
-from polarsim.rover.vehicle.mounts import FOLLOWING, mount_of, pose_of_quaternion
+from polarsim.rover.vehicle.camera_names import FOLLOWING
+from polarsim.rover.vehicle.mounts import mount_of, pose_of_quaternion
 from polarsim.rover.vehicle.table import WHEELS, CameraPart, Vehicle
 
 STATE_HZ, IMU_HZ = 50.0, 100.0  # messages per second

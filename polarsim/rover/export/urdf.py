@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from polarsim.formats.files import write_text
 from polarsim.geometry.poses import Pose
-from polarsim.rover.vehicle.mounts import FOLLOWING, link_from_part, mount_of
+from polarsim.rover.vehicle.camera_names import FOLLOWING
+from polarsim.rover.vehicle.mounts import link_from_part, mount_of
 from polarsim.rover.vehicle.table import Vehicle, WheelPart, cube_inertia
 
 _FREE = 1e4  # N and rad/s where the table has no limit; URDF requires a value

@@ -28,7 +28,7 @@ from polarsim.rover.cameras.layout import BOX, DETECTION_COLUMNS, frame_files, p
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive.trace import read_trace
-from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.vehicle.camera_names import FRONT
 from polarsim.rover.vehicle.table import Vehicle
 from polarsim.run_files.picture_sets import exposure_name
 from polarsim.tone import to_8bit

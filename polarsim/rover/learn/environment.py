@@ -36,7 +36,8 @@ from polarsim.rover.perception.options import Mode, OnboardDetector
 from polarsim.rover.planning.contacts import REACH_M, body_touch, rock_surface_points
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.pilot import OBSERVATIONS_HZ
-from polarsim.rover.vehicle.mounts import FRONT, mount_of
+from polarsim.rover.vehicle.camera_names import FRONT
+from polarsim.rover.vehicle.mounts import mount_of
 from polarsim.rover.vehicle.table import WHEELS
 from polarsim.run_files.picture_sets import AUTO
 from polarsim.schemas.rover import HIGH_M

@@ -19,7 +19,7 @@ from polarsim.randomness import generator
 from polarsim.rover.cameras.layout import labels_folder
 from polarsim.rover.perception.detections import boxes_with_contrast
 from polarsim.rover.perception.options import DriveTuningOptions
-from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.vehicle.camera_names import FRONT
 from polarsim.run_files.picture_sets import PictureSet
 
 DOMAIN = "drives"  # domain of the data set

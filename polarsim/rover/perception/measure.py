@@ -26,7 +26,7 @@ from polarsim.rover.perception.detections import boxes_with_contrast
 from polarsim.rover.perception.ground_view import ground_below
 from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.perception.sightings import FrontCameraDrive
-from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.vehicle.camera_names import FRONT
 from polarsim.rover.vehicle.table import Vehicle
 
 TABLES = ("sightings", "stable", "map", "stops")

@@ -41,7 +41,8 @@ from polarsim.rover.perception.map_updates import (
     update_from_pixels,
 )
 from polarsim.rover.perception.options import MODES_WITH_DETECTOR, Mode, OnboardDetector
-from polarsim.rover.vehicle.mounts import FRONT, mount_of
+from polarsim.rover.vehicle.camera_names import FRONT
+from polarsim.rover.vehicle.mounts import mount_of
 from polarsim.rover.vehicle.table import Vehicle
 from polarsim.rover.world.surface import World
 from polarsim.run_files.instances import GROUND, ROCK_IDS

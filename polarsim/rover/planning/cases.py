@@ -15,12 +15,13 @@ from polarsim.render.options import Model
 from polarsim.rover.cameras.options import CameraSuiteOptions, ImagingCondition, lights_ahead
 from polarsim.rover.perception.options import MODES_WITH_DETECTOR, Mode
 from polarsim.rover.planning.options import ON, AutonomyOptions
-from polarsim.rover.vehicle.table import Vehicle
 from polarsim.run_files.picture_sets import AUTO, exposure_name
 from polarsim.schemas.rover import ANY
 
 if TYPE_CHECKING:
     import pandas as pd  # a plan imports this module, and pandas takes a third of a second
+
+    from polarsim.rover.vehicle.table import Vehicle
 
 AXES = ("mode", "sun", "exposure", "lights", "model", "detector")
 MODES_WITHOUT_PICTURES = ("truth", "blind")

@@ -13,10 +13,8 @@ import numpy as np
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, camera_pose
+from polarsim.rover.vehicle.camera_names import FOLLOWING
 from polarsim.rover.vehicle.table import CameraPart
-
-FRONT = "front_end_cam"
-FOLLOWING = ("CamBirdViewLeft", "CamBirdViewRight")  # do not roll with the rover
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.frames import render_frames
 from polarsim.rover.cameras.layout import labels_folder, picture_folder
 from polarsim.rover.drive.trace import write_trace
-from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.vehicle.camera_names import FRONT
 from tests.rover import driven
 from tests.rover.driven import options
 

@@ -11,7 +11,7 @@ from polarsim.rover.cameras.bodywork import body_of
 from polarsim.rover.cameras.lights import SUN_IN_BAND_W_M2, headlights, named_sun
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
-from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.vehicle.camera_names import FRONT
 from polarsim.rover.vehicle.table import LightPart
 from polarsim.run_files.instances import GROUND, ROCK_IDS, SHADOW_IDS
 from tests.rover import driven

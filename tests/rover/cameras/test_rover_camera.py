@@ -13,7 +13,8 @@ from polarsim.rover.drive.control import Command, ReferencePath
 from polarsim.rover.drive.state import RoverState
 from polarsim.rover.drive.trace import CONTACTS, WHEEL_COLUMNS, Trace
 from polarsim.rover.perception.observation import Perception
-from polarsim.rover.vehicle.mounts import FRONT, mount_of
+from polarsim.rover.vehicle.camera_names import FRONT
+from polarsim.rover.vehicle.mounts import mount_of
 from polarsim.rover.vehicle.table import WHEELS
 from tests.rover import driven
 

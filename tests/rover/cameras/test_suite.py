@@ -8,7 +8,7 @@ from polarsim.errors import ConfigError
 from polarsim.render.olat import NO_LAMP
 from polarsim.rover.cameras.options import PAPER_VIEWS
 from polarsim.rover.cameras.suite import CameraSuite
-from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.vehicle.camera_names import FRONT
 from polarsim.run_files.instances import BODY, GROUND, ROCK_IDS, SHADOW_IDS
 from tests.rover import driven
 from tests.rover.driven import options

@@ -24,7 +24,7 @@ from polarsim.rover.export.video import (
     write_videos,
 )
 from polarsim.rover.perception.detections import detection_table
-from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.vehicle.camera_names import FRONT
 from polarsim.tone import to_8bit
 from tests.rover import driven
 

@@ -6,7 +6,8 @@ import pandas as pd
 from polarsim.geometry.poses import Pose
 from polarsim.rover.perception.detections import detection_table
 from polarsim.rover.perception.sightings import FrontCameraDrive
-from polarsim.rover.vehicle.mounts import FRONT, mount_of
+from polarsim.rover.vehicle.camera_names import FRONT
+from polarsim.rover.vehicle.mounts import mount_of
 from tests.rover import driven
 
 CONFIDENCE = 0.3

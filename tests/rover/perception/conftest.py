@@ -3,7 +3,7 @@ import pytest
 from polarsim.rover.cameras.frames import render_frames
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.trace import write_trace
-from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.vehicle.camera_names import FRONT
 from tests.rover import driven
 
 

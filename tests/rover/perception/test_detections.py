@@ -11,7 +11,7 @@ from polarsim.rover.cameras.layout import DETECTION_COLUMNS, picture_folder
 from polarsim.rover.perception import detections
 from polarsim.rover.perception.detections import boxes_with_contrast, detect_drive
 from polarsim.rover.perception.options import OnboardDetector
-from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.vehicle.camera_names import FRONT
 from tests.rover import driven
 
 PICTURE = np.full((60, 80), 10, np.uint8)

@@ -13,7 +13,7 @@ from polarsim.formats import png, yolo
 from polarsim.rover.perception import fine_tuning
 from polarsim.rover.perception.fine_tuning import fine_tune, make_drive_dataset
 from polarsim.rover.perception.options import DriveTuningOptions
-from polarsim.rover.vehicle.mounts import FRONT
+from polarsim.rover.vehicle.camera_names import FRONT
 
 
 @pytest.fixture(autouse=True)

@@ -6,7 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from polarsim.geometry.poses import Pose
 from polarsim.render.views.cameras import pinhole
-from polarsim.rover.vehicle.mounts import FRONT, Mount, base_from_camera, levelled, mount_of, pose_of_quaternion
+from polarsim.rover.vehicle.camera_names import FRONT
+from polarsim.rover.vehicle.mounts import Mount, base_from_camera, levelled, mount_of, pose_of_quaternion
 from tests.rover import driven
 
 LENS = pinhole(44, 1936, 1216)
