@@ -3,7 +3,6 @@ import struct
 import threading
 import zlib
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -44,38 +43,6 @@ def test_images_read_back_exactly(tmp_path, rng, kind, shape):
     pixels = rng.integers(0, np.iinfo(kind).max, shape, dtype=kind, endpoint=True)
     png.write_png(tmp_path / "a.png", pixels)
     np.testing.assert_array_equal(png.read_png(tmp_path / "a.png"), pixels)
-
-
-@pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (16, 24)])
-@pytest.mark.parametrize("kind", ["uint8", "uint16"])
-def test_both_readers_return_the_pixels_of_written_grey_images(rng, kind, shape):
-    pixels = rng.integers(0, np.iinfo(kind).max, shape, dtype=kind, endpoint=True)
-    content = png.encode_png(pixels)
-    for read in (png._read_grey, lambda data: cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)):
-        np.testing.assert_array_equal(read(content), pixels)
-        assert read(content).dtype == kind
-
-
-def test_other_images_are_left_to_opencv(ramp, rng):
-    colours = rng.integers(0, 256, (16, 24, 3), np.uint8)
-    rows = b"".join(b"\1" + bytes(48) for _ in range(15)) + b"\2" + bytes(48)  # the last row has another filter
-    header = struct.pack(">IIBBBBB", 24, 16, 16, 0, 0, 0, 0)
-
-    def file(data: bytes, header: bytes = header, before: bytes = b"") -> bytes:
-        return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + before + chunk(b"IDAT", data) + chunk(b"IEND", b"")
-
-    others = {
-        "no filter": written_by_hand(ramp, 16, 0),
-        "colours": png.encode_png(colours),
-        "another filter": file(zlib.compress(rows)),
-        "too short": file(zlib.compress(rows[:-1])),
-        "damaged": file(b"no stream"),
-        "interlaced": file(zlib.compress(rows), header[:-1] + b"\1"),
-        "further chunk": file(
-            zlib.compress(b"".join(b"\1" + bytes(48) for _ in range(16))), before=chunk(b"gAMA", bytes(4))
-        ),
-    }
-    assert {name: png._read_grey(content) for name, content in others.items()} == dict.fromkeys(others)
 
 
 def repeated_rows(seed: int = 0) -> list[np.ndarray]:
