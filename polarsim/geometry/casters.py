@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from polarsim.errors import PolarsimError
 from polarsim.geometry.ray_engines import Device, RayEngine
 from polarsim.geometry.rays import Intersector, NumpyCaster
 from polarsim.geometry.rays_embree import EmbreeCaster
