@@ -529,6 +529,13 @@ class CoverPaths:
         self.evaluated = [*self.domains, CONTROL]
         self.folders_of_twins = {model: f"results/{run.run}/renders/{model}" for model in run.models}  # above terrains
         self.folders_of_twins[CONTROL] = f"results/{run.run}/covers/control/pictures"
+        # Figure of twins before and after fits to photos. Cover photos refine the ground of a release without scans.
+        self.refines_ground = config.rocks.ground_from_photos and not config.data_source.has_photos
+        self.model_before = next((model for model in run.models if not config.render.is_fitted(model)), run.models[0])
+        self.model_after = next(iter(config.render.fitted_domains), run.models[0])
+        self.title_before = (
+            f"{self.model_before}, ground through the rocks" if self.refines_ground else self.model_before
+        )
 
     @property
     def start(self) -> str:
@@ -563,6 +570,26 @@ class CoverPaths:
             for files in (cover_photos(root, terrain), label_files(root, terrain))
             for path in files.values()
         ]
+
+    def twins_before(self) -> list[str]:
+        """Return the folders of the twins before the fits to photos.
+
+        Raises
+        ------
+        ConfigError
+            The run fits nothing to photos.
+        """
+        if not self.refines_ground and self.model_before == self.model_after:
+            raise ConfigError(
+                "before_after compares twins before and after fits to photos, but the run has none; add fitted to "
+                "render.models, or set rocks.ground_from_photos"
+            )
+        folder = "covers/unrefined/pictures" if self.refines_ground else f"renders/{self.model_before}"
+        return [f"results/{self.run.run}/{folder}/Terrain{terrain}" for terrain in self.run.terrains]
+
+    def twins_after(self) -> list[str]:
+        """Return the folders of the twins after the fits to photos."""
+        return [f"results/{self.run.run}/renders/{self.model_after}/Terrain{terrain}" for terrain in self.run.terrains]
 
     def instead_of_photos(self, name: str) -> str | list[str]:
         """Return a folder of `covers` to compare twins with; empty if the source has photos, or no cover photos."""

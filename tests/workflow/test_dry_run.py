@@ -200,6 +200,23 @@ def test_a_target_of_cover_photos_needs_cover_photos_when_it_is_planned(dry_run,
     assert "Traceback" not in done.stderr
 
 
+def test_twins_before_a_fit_are_rendered_on_the_ground_before_it_was_refined(dry_run, release_with_covers):
+    files = ("--configfile", "config/release.yaml", "--config")
+    refined = dry_run(
+        "before_after", *files, "rocks={ground_from_photos: true}", POLAR_SIM_ROOT=str(release_with_covers)
+    )
+    jobs = planned(refined)
+    assert jobs["render_unrefined"] == jobs["refine_ground"] == jobs["render_twins"]
+    fitted = dry_run(
+        "before_after", *files, "render={models: [principled, fitted]}", POLAR_SIM_ROOT=str(release_with_covers)
+    )
+    assert planned(fitted)["draw_before_after"] == 1
+    assert "render_unrefined" not in planned(fitted)
+    nothing = dry_run("before_after", "--configfile", "config/config.yaml")
+    assert nothing.returncode == 1
+    assert sum(line.startswith("error: ") for line in nothing.stderr.splitlines()) == 1
+
+
 def test_tables_of_real_photos_are_not_part_of_a_complete_run(dry_run, release_with_covers):
     jobs = planned(dry_run("--configfile", "config/release.yaml", POLAR_SIM_ROOT=str(release_with_covers)))
     assert "pair_covers_with_twins" not in jobs

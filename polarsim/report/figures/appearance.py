@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,21 @@ from polarsim.report.figures.canvas import FIGURE_WIDTH, note, page, show_image
 from polarsim.report.figures.difference import TONES, TONES_MEANING, difference_bar, difference_of_tones
 from polarsim.run_files.pictures import pictures_at
 from polarsim.schemas.evaluation import APPEARANCE_PAIRS
-from polarsim.scoring.appearance import reduce_photo, reduce_picture, sandbox_part, tone_of_twin
+from polarsim.scoring.appearance import (
+    Appearance,
+    ReducedPhoto,
+    compare_reduced,
+    reduce_photo,
+    reduce_picture,
+    sandbox_part,
+    tone_of_twin,
+)
 from polarsim.scoring.twin_photos import ComparedPhoto, read_compared, read_in_size, subject_of, twin_of_same_view
 from polarsim.tone import display_white_level, to_8bit
 
 SHOWN = 4  # maximum number of photos
-_TITLE_PX = 72  # height of a title of two lines
-_BAR_PX = 110  # height of the colour bar
+TITLE_PX = 72  # height of a title of two lines
+BAR_PX = 110  # height of the colour bar
 
 
 def draw_appearance(
@@ -59,7 +68,7 @@ def draw_appearance(
         twins_of.get(folder.parent.name, {}).update(pictures_at(folder))
     shown = shown_photos(table)
     column = width // (1 + len(models))
-    height = 2 * len(shown) * (round(column * _aspect()) + _TITLE_PX) + _BAR_PX
+    height = 2 * len(shown) * (round(column * aspect()) + TITLE_PX) + BAR_PX
     with page(figure, width, height if shown else 300) as sheet:
         if not shown:
             note(sheet, "no photos for a comparison")
@@ -92,35 +101,59 @@ def _draw_photo(
     column: int,
 ) -> None:
     """Draw a photo and its twins in a row of axes, and the control and the differences in the row below."""
-    photo, drawn = read_compared(compared)
-    reduced = reduce_photo(photo, drawn)
-    used = photo if drawn is None or drawn.all() else photo[~drawn]
-    tones = _small(to_8bit(photo, display_white_level(used))[..., 0], column)
-    clear = np.ones(tones.shape, bool) if drawn is None else _small(drawn, column) == 0
-
-    def toned(path: Path) -> np.ndarray:
-        twin = read_in_size(path, photo.shape)
-        return tone_of_twin(reduced, reduce_picture(twin)).apply(_small(twin, column))
-
+    photo = ShownPhoto.read(compared, column)
     for axes in (*upper, *lower):
         axes.set_axis_off()
-    show_image(upper[0], _grey(tones), f"Photo {key}")
+    show_image(upper[0], as_grey(photo.tones), f"Photo {key}")
     for axes, below, (model, row) in zip(upper[1:], lower[1:], rows.iterrows(), strict=False):
-        twin = toned(twins[str(model)][key])
-        show_image(axes, _grey(twin), f"Twin, {subject_of(str(model), row['relation'])}\n{_scores(row)}")
-        show_image(below, difference_of_tones(tones / 255, twin / 255, clear), "")
+        twin, _ = photo.toned(twins[str(model)][key])
+        show_image(axes, as_grey(twin), f"Twin, {subject_of(str(model), row['relation'])}\n{_scores(row)}")
+        show_image(below, photo.difference(twin), "")
     model, row = str(rows.index[-1]), rows.iloc[-1]
     of_control = {other: path for other, path in twins[model].items() if other.terrain == row["control_terrain"]}
     control = twin_of_same_view(key, of_control)
     if control is not None:
         title = f"Control: terrain {control.terrain:02d}, {model}\n{_scores(row, 'control_')}"
-        show_image(lower[0], _grey(toned(of_control[control])), title)
+        show_image(lower[0], as_grey(photo.toned(of_control[control])[0]), title)
+
+
+@dataclass(frozen=True)
+class ShownPhoto:
+    """Compared part of a photo: at the size of the comparison, and at the size of a figure."""
+
+    shape: tuple[int, ...]  # of the photo, px
+    reduced: ReducedPhoto
+    tones: np.ndarray  # (h, w) float32, grey values of the displayed photo
+    clear: np.ndarray  # (h, w) bool, pixels without drawn lines
+
+    @classmethod
+    def read(cls, compared: ComparedPhoto, width: int) -> ShownPhoto:
+        """Read a photo for a figure in which it is `width` px wide."""
+        photo, drawn = read_compared(compared)
+        used = photo if drawn is None or drawn.all() else photo[~drawn]
+        tones = _small(to_8bit(photo, display_white_level(used))[..., 0], width)
+        clear = np.ones(tones.shape, bool) if drawn is None else _small(drawn, width) == 0
+        return cls(photo.shape, reduce_photo(photo, drawn), tones, clear)
+
+    def toned(self, path: Path) -> tuple[np.ndarray, Appearance]:
+        """Return a twin (h, w) float32 with the tone curve of the comparison, and its similarity to the photo."""
+        twin = read_in_size(path, self.shape)
+        reduced = reduce_picture(twin)
+        shown = tone_of_twin(self.reduced, reduced).apply(_small(twin, self.tones.shape[1]))
+        return shown, compare_reduced(self.reduced, reduced)
+
+    def difference(self, twin: np.ndarray) -> np.ndarray:
+        """Return the coloured difference (h, w, 3) of a twin from `toned` and the photo."""
+        return difference_of_tones(self.tones / 255, twin / 255, self.clear)
 
 
 def _scores(row: pd.Series, prefix: str = "") -> str:
+    return scores_text(*(row[f"{prefix}{name}"] for name in ("psnr_db", "ssim", "correlation")))
+
+
+def scores_text(psnr_db: float, ssim: float, correlation: float) -> str:
     """Return PSNR, SSIM and correlation as text."""
-    psnr, *others = (row[f"{prefix}{name}"] for name in ("psnr_db", "ssim", "correlation"))
-    return " / ".join([f"{psnr:.1f} dB", *(f"{value:.3f}" for value in others)])
+    return f"{psnr_db:.1f} dB / {ssim:.3f} / {correlation:.3f}"
 
 
 def _small(picture: np.ndarray, width: int) -> np.ndarray:
@@ -129,11 +162,12 @@ def _small(picture: np.ndarray, width: int) -> np.ndarray:
     return resize(part, (width, round(width * part.shape[0] / part.shape[1])))
 
 
-def _grey(tones: np.ndarray) -> np.ndarray:
+def as_grey(tones: np.ndarray) -> np.ndarray:
+    """Return an image (h, w, 3) uint8 of grey values (h, w)."""
     return np.repeat(np.clip(np.rint(tones), 0, 255).astype(np.uint8)[..., None], 3, axis=-1)
 
 
-def _aspect() -> float:
+def aspect() -> float:
     """Return the height of the compared part of a photo over its width."""
     height, width = sandbox_part(np.empty((HEIGHT, WIDTH), bool)).shape
     return height / width
