@@ -46,6 +46,9 @@ def fit_lamps(
     for azimuth, samples in sorted(edges.items()):
         points = samples.measured[np.isin(samples.side, measured)]
         if len(points) < MIN_SAMPLES:
+            if len(samples):
+                log.info("%s: %d wall shadow edges under lamp %s, fewer than %d; lamp not moved",
+                         name, len(points), azimuth, MIN_SAMPLES)  # fmt: skip
             continue
         start = suns[azimuth]
         sd = np.array([DISTANCE_SD, LEVEL_SD, HEIGHT_SD[azimuth in located]])

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-WINDOW_M = 0.22  # metres on both sides of an edge in which the profile is fitted
+WINDOW_M = 0.22  # metres on both sides of an edge in which the profile is fitted, unless the penumbra is wide
 BEYOND_M = 0.01  # metres outside the penumbra in which ground counts as fully lit or fully dark
+CLEAR_M = 0.06  # minimum width of lit ground and of dark ground in the window, metres
 FAINT = 0.3  # added to brightness relative to lit ground, so that glare and light of walls in deep shadow do not count
 MIN_RATIO = 1.6  # minimum ratio of the brightness of lit and dark ground
 MIN_KNOWN = 0.7  # minimum share of known points in the window
@@ -20,7 +21,7 @@ def segment_share(height: np.ndarray) -> np.ndarray:
     return np.asarray(0.5 + (u * np.sqrt(1 - u**2) + np.arcsin(u)) / np.pi)
 
 
-def shadow_edge_offsets(brightness: np.ndarray, penumbra: np.ndarray, step: float) -> np.ndarray:
+def shadow_edge_offsets(brightness: np.ndarray, penumbra: np.ndarray, step: float, reach: float) -> np.ndarray:
     """Return the offset (n,) of the shadow edge from the middle of profiles (n, k), metres; NaN without a clear edge.
 
     A disc lamp that rises above a straight edge is fitted: the edge is the point at which half of the disc is visible.
@@ -30,14 +31,20 @@ def shadow_edge_offsets(brightness: np.ndarray, penumbra: np.ndarray, step: floa
     `brightness`: linear, from the shadow to the light, NaN where unknown.
     `penumbra` (n,): half width of the penumbra, metres.
     `step`: distance between points, metres.
+    `reach`: maximum offset, metres; less if the profile is shorter than `reach` and the window of the penumbra.
     """
-    margin = round(WINDOW_M / step)
-    windows = np.lib.stride_tricks.sliding_window_view(brightness, 2 * margin + 1, axis=1)[:, ::COARSE]
-    middle = (brightness.shape[1] // 2 - margin) / COARSE  # number of the window around the middle
-    at = np.arange(-margin, margin + 1) * step
     offset = np.full(len(brightness), np.nan)
+    centre = brightness.shape[1] // 2
     for row, width in enumerate(penumbra):
-        unexplained = _unexplained(windows[row], at, max(float(width), step))
+        margin = round(max(WINDOW_M, width + CLEAR_M) / step)
+        half = min(round(reach / step) + margin, centre)
+        if half <= margin:
+            continue
+        profile = brightness[row, centre - half : centre + half + 1]
+        windows = np.lib.stride_tricks.sliding_window_view(profile, 2 * margin + 1)[::COARSE]
+        middle = (half - margin) / COARSE  # number of the window around the middle
+        at = np.arange(-margin, margin + 1) * step
+        unexplained = _unexplained(windows, at, max(float(width), step))
         best = int(unexplained.argmin())
         around = unexplained[best - 1 : best + 2] if 0 < best < len(unexplained) - 1 else np.full(3, np.inf)
         if np.isfinite(around).all() and around[1] < MAX_UNEXPLAINED:

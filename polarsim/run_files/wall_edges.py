@@ -21,7 +21,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.casters import make_caster
 from polarsim.geometry.patches import NEARER, between_pixels
 from polarsim.geometry.rays import Caster
-from polarsim.geometry.shadow_edges import WINDOW_M, shadow_edge_offsets
+from polarsim.geometry.shadow_edges import shadow_edge_offsets
 from polarsim.photo import NO_ROCK, SUNS, by_bracket
 from polarsim.run_files.brackets import read_rate
 from polarsim.run_files.pictures import pictures_at
@@ -33,6 +33,7 @@ ALONG_STEP = 0.01  # distance between rays along the top of a wall, metres
 AVERAGED = 20  # number of neighbouring profiles in a group, against the grain of the sand
 STEP = 0.0025  # distance between the points of a profile, metres
 REACH = 0.30  # maximum distance between predicted and measured edge, metres
+PROFILE = 0.65  # half length of profiles, metres: reach, half width of the widest penumbra, and ground beyond it
 LAMP_RADIUS = 0.045  # radius of the discs of NASA's lamps, metres; determines the width of the penumbra
 LIFT = 0.004  # metres: start of shadow rays above the mesh, which noise would otherwise shade in grazing light
 WALL_MARGIN = 0.04  # metres: folds of the cloth nearer to a wall, and height above the top of a near wall
@@ -99,7 +100,7 @@ class EdgeProfiles:
 
     def measure(self, rate: np.ndarray, camera: Camera) -> EdgeSamples:
         """Locate the edges in a linear photo (h, w); groups without a clear edge are omitted."""
-        offset = shadow_edge_offsets(self._brightness(rate, camera), self.penumbra, STEP)
+        offset = shadow_edge_offsets(self._brightness(rate, camera), self.penumbra, STEP, REACH)
         found = np.flatnonzero(np.isfinite(offset))
         count = self.points.shape[2]
         line = _nanmean(self.points[found])  # (m, k, 3)
@@ -140,7 +141,7 @@ def edge_profiles(ground: OpenGround, walls: Walls, lamp: np.ndarray) -> EdgePro
 
 def _profiles_of_side(ground: OpenGround, walls: Walls, side: Side, lamp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return points (n, AVERAGED, k, 3) and penumbra (n,) of the profiles of a wall; n is 0 for a lamp inside it."""
-    wall, half = walls.sides[side], round((REACH + WINDOW_M) / STEP)
+    wall, half = walls.sides[side], round(PROFILE / STEP)
     axis, sign = "xy".index(side[1]), -1.0 if side[0] == "-" else 1.0
     along = np.arange(wall.along_m[0], wall.along_m[-1], ALONG_STEP)
     groups = len(along) // AVERAGED if sign * lamp[axis] > wall.face_m else 0

@@ -15,7 +15,7 @@ def profile(edge: float, dark: float = 0.1, lit: float = 2.0, width: float = WID
 
 
 def fitted(*profiles: np.ndarray, width: float = WIDTH) -> np.ndarray:
-    return shadow_edge_offsets(np.array(profiles), np.full(len(profiles), width), STEP)
+    return shadow_edge_offsets(np.array(profiles), np.full(len(profiles), width), STEP, 0.3)
 
 
 def test_the_visible_share_of_a_disc_is_the_area_of_a_circular_segment():
@@ -28,6 +28,19 @@ def test_the_visible_share_of_a_disc_is_the_area_of_a_circular_segment():
 @pytest.mark.parametrize("edge", [-0.21, -0.0312, 0.0, 0.1, 0.25])
 def test_an_edge_is_located_to_a_fraction_of_the_step(edge):
     np.testing.assert_allclose(fitted(profile(edge), 7 * profile(edge)), edge, atol=0.001)
+
+
+@pytest.mark.parametrize("width", [0.19, 0.23, 0.28])
+def test_the_edge_of_a_wide_penumbra_is_located(width):
+    """Half widths under lamps at 8 to 10 degrees exceed the shortest window."""
+    for edge in (-0.05, 0.08):
+        np.testing.assert_allclose(fitted(profile(edge, width=width), width=width), edge, atol=0.002)
+
+
+def test_no_edge_is_located_beyond_the_reach_or_in_a_profile_shorter_than_the_penumbra():
+    short = profile(0.0)[100:-100]  # 0.25 m on both sides
+    assert np.isnan(shadow_edge_offsets(profile(0.2)[None], np.array([WIDTH]), STEP, 0.1)).all()
+    assert np.isnan(shadow_edge_offsets(short[None], np.array([0.25]), STEP, 0.3)).all()
 
 
 def test_grain_of_the_sand_moves_single_edges_by_two_centimetres_and_the_median_by_one(rng):
