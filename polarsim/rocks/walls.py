@@ -12,7 +12,7 @@ import numpy as np
 
 from polarsim.rocks.scans import MIN_WALL_HEIGHT, ScanPoints
 from polarsim.run_files.walls import SIDES, STRIP_M, Side, Wall, Walls, surveyed_walls, wall_strips
-from polarsim.survey import half_width, is_surveyed
+from polarsim.survey import half_width
 
 log = logging.getLogger("polarsim")
 MAX_OFFSET = 0.4  # maximum distance of a wall from its nominal line, metres
@@ -33,7 +33,7 @@ def measure_walls(terrain: int, scans: ScanPoints, level: float) -> Walls | None
     `level`: height of the sand, metres.
     """
     nominal = surveyed_walls(terrain, level)
-    if nominal is None or not is_surveyed(terrain):
+    if nominal is None:
         return None
     half = half_width(terrain)
     points = scans.points[scans.points[:, 2] > level + MIN_WALL_HEIGHT]

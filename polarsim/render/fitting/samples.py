@@ -20,14 +20,11 @@ from polarsim.render.optics import vignette
 from polarsim.render.options import CHRONO, Model, Parameters, RenderOptions
 from polarsim.render.surfaces import Surfaces
 from polarsim.run_files.instances import GROUND, ROCK_IDS
-from polarsim.run_files.walls import Walls
+from polarsim.run_files.walls import Origin, Walls
 
 _MIN_COSINE = 0.06  # minimum cosine of incidence: at grazing light small errors of normals have a large effect
-_WALL_ERROR_M = {
-    "scans": 0.03,
-    "photos": 0.06,
-    "survey": 0.15,
-}  # points that walls with this error could hide or shade are excluded
+# Points that walls with this error could hide or shade are excluded.
+_WALL_ERROR_M: dict[Origin, float] = {"scans": 0.03, "photos": 0.06, "survey": 0.15}
 STEP_PX = 2  # every second pixel of a row and of a column of the ground is a sample; every pixel of rocks
 BORDER_PX = 3  # pixels closer than this to the edge of an object or shadow are excluded: their light is mixed
 _NOISE = 0.2  # maximum relative noise (standard deviation) of a sample
@@ -171,7 +168,8 @@ def clear_of_walls(points: np.ndarray, towards: np.ndarray, walls: Walls | None)
     """Return which points (n,) are inside the sandbox and have a path to a point (3,) well above the walls."""
     if walls is None:
         return np.ones(len(points), bool)
-    margin = _WALL_ERROR_M[walls.origin]
+    nominal = any(wall.support == 0 for wall in walls.sides.values())  # scans of other sides do not help
+    margin = _WALL_ERROR_M["survey" if nominal else walls.origin]
     low, high = walls.bounds
     inside = ((points[:, :2] > low + margin) & (points[:, :2] < high - margin)).all(axis=1)
     return np.asarray(inside & (walls.clearance(points, towards) > margin))
