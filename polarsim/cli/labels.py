@@ -201,15 +201,25 @@ def masks(
         ),
     ],
 ) -> None:
-    """Convert polygons to class masks (grey levels) of 1936 x 1216 pixels. Rocks overwrite other classes."""
+    """Convert polygons to class masks (grey levels) of 1936 x 1216 pixels. Rocks overwrite other classes.
+
+    Writes a sheet of the first masks in colour next to the folder, `OUT_preview.png`.
+    """
     from polarsim.formats import png, release, yolo
+    from polarsim.formats.mask_sheet import MAX_TILES, tile_of_mask, write_mask_sheet
     from polarsim.geometry.polygons import paint
     from polarsim.progress import track
 
     files = release.polygon_sources(polygons)
+    tiles = {}
     for path in track(files, "class masks"):
-        png.write_png(out / f"{path.stem}.png", paint(yolo.read_polygons(path)))
-    typer.echo(f"{len(files)} class masks in {out}")
+        grey = paint(yolo.read_polygons(path))
+        png.write_png(out / f"{path.stem}.png", grey)
+        if len(tiles) < MAX_TILES:
+            tiles[path.stem] = tile_of_mask(grey)
+    preview = out.with_name(f"{out.name}_preview.png")
+    write_mask_sheet(preview, tiles)
+    typer.echo(f"{len(files)} class masks in {out}; in colour: {preview}")
 
 
 @command()

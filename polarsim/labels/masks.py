@@ -20,6 +20,7 @@ import pandas as pd
 
 from polarsim.formats import coco, png, tables, yolo
 from polarsim.formats.files import writing_folder
+from polarsim.formats.mask_sheet import tile_of_mask, write_mask_sheet
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.polygons import paint
@@ -162,12 +163,14 @@ def draw_masks(
     meshes: Path,
     polygons: Path,
     masks: Path,
+    preview: Path,
     annotations: Path,
 ) -> None:
-    """Write `polygons`/KEY.txt and `masks`/KEY.png for every key, and the COCO file `annotations`.
+    """Write `polygons`/KEY.txt and `masks`/KEY.png for every key, `preview`, and the COCO file `annotations`.
 
     All photos of an exposure bracket share the polygons and the grey map, which show the labels of the photo with the
-    most labels. The COCO file contains the labels of each photo and the file names of existing `photos`.
+    most labels. The preview is a sheet of the maps of all brackets in colour. The COCO file
+    contains the labels of each photo and the file names of existing `photos`.
     """
     labels = tables.read_parquet(table, tables.LABEL_COLUMNS)
     localised = rigs.read_all_localised(cameras)
@@ -176,6 +179,7 @@ def draw_masks(
     suns = lamps.read_suns(cameras, localised)
     world, bare = build_worlds(read_terrain(meshes, terrain, cameras=cameras), localised, suns)
     annotated: dict[PhotoKey, list[coco.Annotation]] = {}
+    tiles: dict[str, np.ndarray] = {}
     with writing_folder(polygons) as polygon_folder, writing_folder(masks) as mask_folder:
         selected = sorted((key for key in keys if key.position in localised), key=lambda key: (key.view, key))
         for (_, position, camera), members in groupby(selected, key=lambda key: key.view):
@@ -185,14 +189,17 @@ def draw_masks(
             of_photo = {str(name): rows for name, rows in in_view.groupby("key")}
             for _, bracket_keys in groupby(members, key=lambda key: key.bracket):
                 rows_of = {key: of_photo.get(str(key), in_view[:0]) for key in bracket_keys}
-                annotated |= _draw_bracket(outlines, rows_of, polygon_folder, mask_folder)
+                drawing, annotations_of = _draw_bracket(outlines, rows_of, polygon_folder, mask_folder)
+                annotated |= annotations_of
+                tiles[str(next(iter(rows_of)))] = tile_of_mask(drawing.grey)
+    write_mask_sheet(preview, tiles)
     coco.write_coco(annotations, annotated, pictures=pictures_at(photos))
 
 
 def _draw_bracket(
     outlines: ViewOutlines, rows_of: Mapping[PhotoKey, pd.DataFrame], polygon_folder: Path, mask_folder: Path
-) -> dict[PhotoKey, list[coco.Annotation]]:
-    """Write the polygons and grey map of an exposure bracket; return the annotations of each photo."""
+) -> tuple[BracketOutlines, dict[PhotoKey, list[coco.Annotation]]]:
+    """Write the polygons and grey map of an exposure bracket; return the outlines and each photo's annotations."""
     light, azimuth = next((key.light, key.azimuth) for key in rows_of)
     # Most labels, then longest exposure.
     fullest = max(rows_of.items(), key=lambda item: (len(item[1]), item[0].exposure_ms))[1]
@@ -205,7 +212,7 @@ def _draw_bracket(
         if not drawing.parts.keys() >= set(things):  # the photo has different boxes: corrections of one exposure
             photo_drawing = outlines.drawing(light, azimuth, pd.concat([rows, _unseen(fullest, rows)]))
         annotations[key] = _annotations(rows, things, boxes, photo_drawing)
-    return annotations
+    return drawing, annotations
 
 
 def _unseen(fullest: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:

@@ -11,7 +11,7 @@ from polarsim.formats.coco import read_coco
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, write_parquet
 from polarsim.geometry.polygons import paint, rasterised, signed_area
 from polarsim.labels.masks import BOX_COLUMNS, draw_masks
-from polarsim.photo import BOX_CLASSES, GREY_VALUES, SHADOW, PhotoKey, photo_grid
+from polarsim.photo import BOX_CLASSES, COLOURS, GREY_VALUES, SHADOW, PhotoKey, photo_grid
 from polarsim.run_files import lamps
 
 from .conftest import BLOCKS, TERRAIN, block, localised
@@ -54,6 +54,7 @@ def draw_table(scene, out, keys):
         meshes=scene.meshes,
         polygons=out / "polygons",
         masks=out / "masks",
+        preview=out / "preview.png",
         annotations=out / "coco.json",
     )
     return out
@@ -66,6 +67,11 @@ def annotated(untouched_scene, tmp_path_factory):
 
 def grey(annotated, name):
     return png.read_png(annotated / "masks" / f"{name}.png")
+
+
+def test_the_preview_shows_rocks_and_shadows_in_colour(annotated):
+    pixels = png.read_png(annotated / "preview.png")[40:]  # without the legend
+    assert all((pixels == colour).all(axis=-1).sum() > 20 for colour in COLOURS.values())
 
 
 def test_grey_maps_are_the_painted_polygons_and_show_the_scene(untouched_scene, annotated):

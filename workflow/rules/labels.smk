@@ -45,6 +45,7 @@ rule draw_masks:
     output:
         polygons=directory("results/{run}/labels/polygons/Terrain{terrain}"),
         masks=directory("results/{run}/labels/masks/Terrain{terrain}"),
+        preview="results/{run}/labels/masks/Terrain{terrain}_preview.png",
         annotations="results/{run}/labels/coco/Terrain{terrain}.json",
     resources:
         mem_mb=memory_per_attempt(2000),

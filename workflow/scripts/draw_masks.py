@@ -20,5 +20,6 @@ with reporting(log=snakemake.log[0]):
         meshes=Path(snakemake.input.meshes),
         polygons=Path(snakemake.output.polygons),
         masks=Path(snakemake.output.masks),
+        preview=Path(snakemake.output.preview),
         annotations=Path(snakemake.output.annotations),
     )
