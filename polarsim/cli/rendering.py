@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -13,6 +14,9 @@ from polarsim.cli.application import commands_of
 from polarsim.photo import REFERENCE_EXPOSURE_MS
 from polarsim.render.models import Model
 
+if TYPE_CHECKING:
+    import numpy as np
+
 command = commands_of("Rendering")
 
 
@@ -20,16 +24,25 @@ command = commands_of("Rendering")
 def render(
     context: typer.Context,
     meshes: Annotated[
-        Path,
+        Path | None,
         typer.Argument(
             metavar="MESHES|VIEWS.yaml",
             help="Folder of terrain meshes, results/<run>/meshes/TerrainNN; or a file of views for many images, for "
             "example config/views.yaml.",
         ),
-    ],
+    ] = None,
     out: Annotated[
-        Path, typer.Argument(help="16-bit PNG to write (12-bit values, black level 16); for a file of views: a folder.")
-    ],
+        Path | None,
+        typer.Argument(help="16-bit PNG to write (12-bit values, black level 16); for a file of views: a folder."),
+    ] = None,
+    demo: Annotated[
+        bool,
+        typer.Option(
+            "--demo",
+            help="Render a generated rock scene, without a run: both models under four Suns, to the folder of the "
+            "first argument (default: render_demo).",
+        ),
+    ] = False,
     terrain: Annotated[
         int | None, typer.Option(min=1, max=13, help="Terrain number; default: from the meshes.")
     ] = None,
@@ -81,19 +94,25 @@ def render(
     threads: Annotated[int, typer.Option(min=1, help="Number of threads. Does not affect the output.")] = 1,
     limit: Annotated[int | None, typer.Option(min=1, help="For a file of views: maximum number of images.")] = None,
     scale: Annotated[
-        float, typer.Option(min=0.01, max=4, help="For a file of views: image size relative to the lens.")
+        float, typer.Option(min=0.01, max=4, help="For a file of views and --demo: image size relative to the lens.")
     ] = 1.0,
 ) -> None:
-    """Render one image of a terrain, or the labelled images of a file of views.
+    """Render one image of a terrain, or the labelled images of a file of views or of the demonstration (--demo).
 
     Writes a JSON file with the parameters next to each image.
     """
+    if demo:
+        _refuse_others(context, {"demo", "meshes", "scale", "threads"})
+        _render_demo(writes_folder(meshes or Path("render_demo")), scale, threads)
+        return
+    if meshes is None or out is None:
+        raise typer.BadParameter("expected MESHES|VIEWS.yaml and OUT, or --demo")
     if meshes.suffix in (".yaml", ".yml"):
         _refuse_others(context, {"meshes", "out", "limit", "scale", "threads", "preview"})
         writes_folder(out)
         _render_views(meshes, out, limit, scale, preview, threads)
         return
-    _refuse_others(context, set(context.params) - {"limit", "scale"})
+    _refuse_others(context, set(context.params) - {"limit", "scale", "demo"})
     import numpy as np
 
     from polarsim.config import render_options
@@ -172,16 +191,30 @@ def brdf(
         typer.echo(str(plot))
 
 
-def _render_views(file: Path, out: Path, limit: int | None, scale: float, preview: bool, threads: int) -> None:
+def _render_demo(out: Path, scale: float, threads: int) -> None:
+    from polarsim.cli.demo_views import render_demo
+
+    count, sheet = render_demo(out, tone=_same_white(), scale=scale, threads=threads)
+    typer.echo(f"{sheet}: {count} images of one scene with labels; image files: {out / 'views/images'}")
+    typer.echo(f"next:  polarsim render {out / 'meshes'} mine.png --sun 60 5 --preview   (your own Sun)")
+    typer.echo("       make demo   (the whole pipeline: photos, meshes, labels, twins, detectors)")
+
+
+def _same_white() -> Callable[[np.ndarray], np.ndarray]:
+    """Return the conversion to 8 bits with the same white level for all images, which keeps exposures comparable."""
     from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
-    from polarsim.render.views.options import read_views
-    from polarsim.render.views.run import render_views
     from polarsim.tone import to_8bit
 
-    tone = partial(
-        to_8bit, white=WHITE_LEVEL - BLACK_LEVEL
-    )  # the same white level for all images keeps exposures comparable
-    count = render_views(read_views(file), out, tone=tone, limit=limit, scale=scale, preview=preview, threads=threads)
+    return partial(to_8bit, white=WHITE_LEVEL - BLACK_LEVEL)
+
+
+def _render_views(file: Path, out: Path, limit: int | None, scale: float, preview: bool, threads: int) -> None:
+    from polarsim.render.views.options import read_views
+    from polarsim.render.views.run import render_views
+
+    count = render_views(
+        read_views(file), out, tone=_same_white(), limit=limit, scale=scale, preview=preview, threads=threads
+    )
     typer.echo(f"{count} labelled pictures in {out}; overview: {out / 'contact.jpg'}")
 
 
@@ -190,5 +223,5 @@ def _refuse_others(context: typer.Context, known: set[str]) -> None:
     for name in context.params:
         source = context.get_parameter_source(name)
         if name not in known and source is not None and source.name == "COMMANDLINE":
-            form = "one picture" if "limit" not in known else "a file of views"
+            form = "--demo" if "demo" in known else "one picture" if "limit" not in known else "a file of views"
             raise typer.BadParameter(f"--{name.replace('_', '-')} does not apply to {form}")
