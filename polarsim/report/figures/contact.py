@@ -42,6 +42,7 @@ GREYS, SHADES = (96, 48, 24), 16  # palette: greys (the first number that meets 
 BLANK = 90  # grey of a tile without photo and twin
 SHEET_WIDTH = 2400  # px; ids are legible with four tiles per row
 _GAP = 6  # pixels between tiles
+_COMPRESSION = 6  # of zlib; level 9 takes four times as long and saves 2 %
 _CODE = np.array([1 << 16, 1 << 8, 1])  # converts an RGB colour to an integer
 
 
@@ -143,10 +144,13 @@ def _tile_pixels(tile: Tile, width: int, doubtful_below: float) -> np.ndarray:
 def _write(path: Path, sheet: Any) -> None:
     """Write the sheet as a PNG with a palette of greys and label colours, a third of the size of an RGB PNG."""
     pixels = np.asarray(sheet, np.int32)
-    codes, indices = np.unique(pixels @ _CODE, return_inverse=True)  # integers: five times as fast as RGB rows
-    colours = codes[:, None] // _CODE % 256
+    coded = pixels @ _CODE
+    used = np.zeros(256 * _CODE[0], bool)
+    used[coded] = True
+    indices = (np.cumsum(used, dtype=np.int32) - 1)[coded]  # a tenth of the time of `np.unique`
+    colours = np.flatnonzero(used)[:, None] // _CODE % 256
     for greys in GREYS:
-        content = _coded(colours, indices.reshape(pixels.shape[:2]), _palette(greys))
+        content = _coded(colours, indices, _palette(greys))
         if len(content) <= MAX_BYTES:
             break
     with writing(path) as temporary:
@@ -160,7 +164,7 @@ def _coded(colours: np.ndarray, indices: np.ndarray, palette: np.ndarray) -> byt
     _, nearest = cKDTree(palette).query(colours)
     picture, content = Image.fromarray(np.asarray(nearest, np.uint8)[indices]), BytesIO()
     picture.putpalette(palette.ravel().tolist())
-    picture.save(content, "PNG", optimize=True)
+    picture.save(content, "PNG", compress_level=_COMPRESSION)
     return content.getvalue()
 
 
