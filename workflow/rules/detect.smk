@@ -12,6 +12,9 @@ EVALUATED = [  # tables of `evaluate`
 ]
 
 
+TABLES_WAIT = 1  # predictions and evaluations: the last steps of a run depend on them, figures of stages do not
+
+
 wildcard_constraints:
     other=one_of(OTHERS),
 
@@ -135,6 +138,7 @@ rule predict:
             "results/{{run}}/detect/{{split}}/seed{{seed}}/predictions/{{trained}}_on_{evaluated}.parquet",
             evaluated=DOMAINS,
         ),
+    priority: TABLES_WAIT
     resources:
         mem_mb=memory_per_attempt(2000),
         runtime=240,
@@ -165,6 +169,7 @@ rule evaluate:
         rocks="results/{run}/detect/{split}/seed{seed}/rocks.parquet",
         instances="results/{run}/detect/{split}/seed{seed}/instances.parquet",
         differences="results/{run}/detect/{split}/seed{seed}/differences.parquet",
+    priority: TABLES_WAIT
     resources:
         mem_mb=memory_per_attempt(2000),
         runtime=60,
