@@ -27,9 +27,15 @@ def foot_cells(grid: FloorGrid, feet: Sequence[np.ndarray]) -> list[np.ndarray]:
 
 
 def foot_offset(grid: FloorGrid, offset: np.ndarray, known: np.ndarray, feet: Sequence[np.ndarray]) -> float:
-    """Return the common offset of the ground from a surface through the feet: the median over rocks, at most 0.
+    """Return the common offset of the ground from a surface through the feet: the median over rocks, at most 0."""
+    offsets = foot_offsets(grid, offset, known, feet)
+    return float(np.clip(np.median(offsets), -MAX_CUT_M, 0.0)) if len(offsets) >= MIN_ROCKS else 0.0
 
-    `offset`, `known`: (rows, columns) offset of the ground from this surface, and whether it is measured.
+
+def foot_offsets(grid: FloorGrid, offset: np.ndarray, known: np.ndarray, feet: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the median offset (n,) of the measured ground around each foot, metres; feet without it are omitted.
+
+    `offset`, `known`: (rows, columns) offset of the ground from a surface through the feet, and whether it is measured.
     """
     centres, values = grid.centres()[known], offset[known]
     medians = []
@@ -38,7 +44,7 @@ def foot_offset(grid: FloorGrid, offset: np.ndarray, known: np.ndarray, feet: Se
         near = ((centres > low) & (centres < high)).all(axis=1)
         if near.sum() * grid.cell**2 > NEAR_M**2:
             medians.append(float(np.median(values[near])))
-    return float(np.clip(np.median(medians), -MAX_CUT_M, 0.0)) if len(medians) >= MIN_ROCKS else 0.0
+    return np.array(medians)
 
 
 def continued_down(rock: Mesh, grid: FloorGrid, height_m: np.ndarray) -> Mesh:

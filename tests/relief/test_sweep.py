@@ -73,6 +73,20 @@ def test_inverted_patterns_agree_with_a_negative_sign(views):
         swept([views[0], inverted])
 
 
+@pytest.mark.parametrize(("start_m", "side"), [(0.0, None), (0.07, "below"), (-0.07, "above")])
+def test_ground_far_from_the_feet_of_rocks_is_refused(views, start_m, side):
+    angle = np.linspace(0, 2 * np.pi, 20)
+    ring = 0.08 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    feet = [ring + np.array([x, y, start_m]) for x, y in ((0.4, -0.4), (-0.4, 0.4), (0.0, 0.4))]
+    start = replace(level(), height_m=level().height_m + start_m)
+    scene = SweptScene(views, comparable_groups(views), NO_MESH, NO_MESH, feet)
+    if side is None:
+        assert (sweep_ground(start, scene).kind == MEASURED).mean() > 0.9
+    else:
+        with pytest.raises(ReconstructionError, match=f"{side} the feet"):
+            sweep_ground(start, scene)
+
+
 def test_photos_of_other_scenes_are_refused(views):
     other = view("C", "L", "30", texture(1))
     with pytest.raises(ReconstructionError, match="agree"):
