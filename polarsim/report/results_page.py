@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from polarsim.run_files.pictures import STRIP_TEXT
 _TEMPLATE = Path(__file__).with_name("results_page.html.jinja")
 WIDE, PANEL, THUMBNAIL = 1100, 480, 320  # widths of figures in the text, panels of a strip and thumbnails, px
 _FORMS = (".csv", ".parquet", ".md", ".tex")
+_INTERVAL = re.compile(r"\[[^\[\]<>]*\]")
 PARTS = ("train", "val", "test")
 
 
@@ -148,8 +150,12 @@ class _PageContent:
 
 
 def _html(text: str) -> Markup:
-    """Convert Markdown (tables, captions, notes) to HTML; raw HTML is escaped."""
+    """Convert Markdown (tables, captions, notes) to HTML; raw HTML is escaped.
+
+    Cells may break before an interval but not inside, so that wide tables fit the page.
+    """
     shown = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
+    shown = _INTERVAL.sub(lambda found: found[0].replace(" ", "\N{NO-BREAK SPACE}"), shown)
     return Markup(f'<div class="table">{shown}</div>')  # noqa: S704  the parser escapes raw HTML
 
 

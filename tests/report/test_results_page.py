@@ -13,7 +13,7 @@ from polarsim.errors import PolarsimError
 from polarsim.formats import png
 from polarsim.formats.files import write_json, write_text
 from polarsim.formats.tables import write_csv, write_parquet
-from polarsim.report.results_page import picture_counts, write_results_page
+from polarsim.report.results_page import _html, picture_counts, write_results_page
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 SCORES = pd.DataFrame(
@@ -128,3 +128,8 @@ def test_a_missing_data_set_is_named_and_no_page_is_written(tmp_path, run):
     with pytest.raises(PolarsimError, match=r"dataset\.json"):
         written(tmp_path, run)
     assert not (tmp_path / "results.html").exists()
+
+
+def test_a_cell_breaks_before_an_interval_but_not_inside():
+    shown = _html("| a |\n|---|\n| 0.5 [0.4, 0.6] / 0.7 [0.6, 0.8] |\n")
+    assert "0.5 [0.4,\N{NO-BREAK SPACE}0.6] / 0.7 [0.6,\N{NO-BREAK SPACE}0.8]" in shown

@@ -12,7 +12,7 @@ from polarsim.annotate.show import rows_of
 from polarsim.formats import png
 from polarsim.formats.files import write_json, writing_folder
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
-from polarsim.photo import COLOURS, PhotoKey
+from polarsim.photo import COLOURS, ROCK, PhotoKey
 from polarsim.report import paper
 from polarsim.report.figures.canvas import boxed
 from polarsim.report.figures.difference import STOPS, difference_of_photo
@@ -22,6 +22,7 @@ from polarsim.tone import display_white_level, to_8bit
 
 PANEL_WIDTH = 960  # px
 CONFIDENCE = 0.25  # minimum confidence of shown predictions
+KINDS = "yellow: rocks, blue: shadows"
 RED = f"red: twin too bright (saturated at {STOPS:g} stops), blue: too dark, grey: excluded (dark or clipped)"
 
 
@@ -50,12 +51,12 @@ def draw_strip(
             panels["difference"] = (f"log2(twin / photo); {RED}", draw_labels(difference, table[:0], PANEL_WIDTH))
         background = next(iter(shown.values()))
         panels["labels"] = (
-            "Propagated labels; yellow: rocks, blue: shadows",
+            f"Propagated labels; {KINDS}",
             draw_labels(background, rows_of(table, key), PANEL_WIDTH, _MARKS),
         )
         if predicted is not None and str(key) in set(predicted["key"]):
             name = paper.domain_title(trained)
-            label = f"Predictions of the detector trained on {name}, confidence of at least {CONFIDENCE:g}"
+            label = f"Predictions of the detector trained on {name}, confidence of at least {CONFIDENCE:g}; {KINDS}"
             panels["detections"] = (label, _with_predictions(background, predicted[predicted["key"] == str(key)]))
     with writing_folder(strip) as folder:
         for name, (_, image) in panels.items():
@@ -72,19 +73,20 @@ def shown_key(
 ) -> PhotoKey | None:
     """Return the photo of the strip, or None without images.
 
-    Preferred are photos with predictions, a twin, a Sun lamp, the rover light off, a usual exposure, and many labels.
+    Preferred are photos with predictions, a twin, a Sun lamp, the rover light off, a usual exposure, and large labels.
     """
     tested = set() if predicted is None else set(predicted["key"])
-    counts = labels["key"].value_counts()
+    sides = (labels["x1"] - labels["x0"]) * (labels["y1"] - labels["y0"])
+    areas = sides[labels["kind"] == ROCK].groupby(labels["key"]).sum()
 
-    def rank(key: PhotoKey) -> tuple[bool, bool, bool, bool, float, int, PhotoKey]:
+    def rank(key: PhotoKey) -> tuple[bool, bool, bool, bool, float, float, PhotoKey]:
         return (
             bool(tested) and str(key) not in tested,
             key not in twins,
             key.azimuth == "no",
             key.light == "on",
             key.stops_off_usual,
-            -int(counts.get(str(key), 0)),
+            -float(areas.get(str(key), 0.0)),
             key,
         )
 
