@@ -17,6 +17,7 @@ NARROWEST = 0.15  # minimum width of an image relative to the figure
 BLOCK = 16  # px
 ALIKE = 0.9  # minimum correlation of an image with its copy under labels; other photos reach 0.8
 WHITE = 253  # minimum grey value of the background; the brightest matrix cell has 251
+AZIMUTHS = ("30", "350", "270", "180", "no")  # preferred first, in the background of residuals
 NOTE = 0.05  # maximum inked share of a figure that contains only a note
 GREYS = 24  # minimum distinct greys in a block of an image; lines, text and uniform areas have fewer
 
@@ -75,7 +76,8 @@ def shown_pictures(results: Path, terrain: str, position: str) -> dict[str, list
     brackets = {key.bracket: key for key in sorted(keys, key=lambda key: -key.stops_off_usual)}  # the usual exposures
     twin = next((results / "renders").glob(f"*/Terrain{terrain}/{usual}.png"))
     seeds = (PhotoKey.parse(path.stem) for path in sorted((results / f"acquire/Terrain{terrain}/seeds").glob("*.txt")))
-    seed = next(key for key in seeds if (key.camera, key.position) == ("L", position))
+    of_position = [key for key in seeds if (key.camera, key.position) == ("L", position)]
+    seed = min(of_position, key=lambda key: (AZIMUTHS.index(key.azimuth), key.light == "on", key))
     return {
         f"contact_Terrain{terrain}_Pos{position}.png": [photos[key] for key in brackets.values()],
         f"comparison_Terrain{terrain}_Pos{position}.png": [photos[usual], twin],
