@@ -72,8 +72,10 @@ class DiscLamp:
         side = np.cross(self.axis, [0, 0, 1.0])
         side /= np.linalg.norm(side)
         up = np.cross(side, self.axis)
-        spread = unit_samples[..., :1] * side + unit_samples[..., 1:] * up
-        return (self.position + self.radius * spread).astype(np.float32)
+        points = np.empty((*unit_samples.shape[:-1], 3), np.float32)
+        for axis, (at, aside, above) in enumerate(zip(self.position, side, up, strict=True)):
+            points[..., axis] = at + self.radius * (unit_samples[..., 0] * aside + unit_samples[..., 1] * above)
+        return points
 
     def irradiance(self, to_lamp: np.ndarray, distance: np.ndarray) -> np.ndarray:
         """Return the irradiance (...) normal to the beam for unit vectors (..., 3) and distances (...) to the lamp."""

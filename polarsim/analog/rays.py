@@ -51,7 +51,9 @@ def grid_faces(rows: int, columns: int) -> np.ndarray:
 
 def rays_from(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """Return rays (..., 6) float32 from origins (broadcast) along directions (..., 3)."""
-    return np.concatenate([np.broadcast_to(origins, directions.shape), directions], axis=-1).astype(np.float32)
+    rays = np.empty((*directions.shape[:-1], 6), np.float32)
+    rays[..., :3], rays[..., 3:] = origins, directions
+    return rays
 
 
 def lengths(vectors: np.ndarray) -> np.ndarray:
