@@ -25,6 +25,7 @@ from polarsim.config import Config
 from polarsim.cover_photos.options import CARVED
 from polarsim.detect.options import PACKAGED, VIEWS, DetectorOptions, PredictionOptions
 from polarsim.errors import ConfigError
+from polarsim.formats.files import resolve_packaged
 from polarsim.formats.release import (
     COVERS,
     cover_photos,
@@ -35,6 +36,7 @@ from polarsim.formats.release import (
 )
 from polarsim.photo import positions
 from polarsim.rover.cameras.options import rover_render
+from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.planning.cases import MODES_WITHOUT_PICTURES, cases
 from polarsim.rover.vehicle.camera_names import FRONT
 from polarsim.schemas.covers import CONTROL, FINE_TUNED, RENDERED
@@ -67,8 +69,16 @@ class RunPaths:
     fitted_materials = "results/{run}/renders/materials/Terrain{terrain}"
     fitted_light = "results/{run}/renders/light/Terrain{terrain}.json"
 
-    def __init__(self, config: Config) -> None:
-        self.config = config
+    def __init__(self, config: Config, placed: Callable[[str], str] = str) -> None:
+        """Define the paths of a run.
+
+        Parameters
+        ----------
+        placed
+            Returns the place of a path below `results/`, which a module may have below a `prefix`. Snakemake places
+            inputs and outputs itself, but not paths in `params`.
+        """
+        self.config, self.placed = config, placed
         self.run = config.run
         self.terrains = [f"{terrain:02d}" for terrain in config.terrains]
         self.domains = list(config.domains)
@@ -136,7 +146,7 @@ class RunPaths:
     def override_file(self, wildcards: Wildcards) -> str | list[str]:
         """Return the file of a terrain's cuboids that a person entered, if it exists."""
         path = Path(f"config/rocks/terrain{wildcards.terrain}.yaml")
-        return str(path) if path.exists() else []
+        return str(path if self.placed(str(path)) == str(path) else path.absolute()) if path.exists() else []
 
     def corrections(self, wildcards: Wildcards) -> list[str]:
         """Return the corrected label files of a terrain, so that an edit is a changed input."""
@@ -217,11 +227,11 @@ class RunPaths:
 
     def pictures_folder(self, wildcards: Wildcards) -> str:
         """Return the table of photos, the folder of novel views, or the folder above the terrains of twins."""
-        if wildcards.domain == self.config.photo_domain:
-            return f"results/{wildcards.run}/acquire/photos.parquet"
         if wildcards.domain == VIEWS:
             return str(self.config.detect.views)
-        return f"results/{wildcards.run}/renders/{wildcards.domain}"
+        is_photo = wildcards.domain == self.config.photo_domain
+        name = "acquire/photos.parquet" if is_photo else f"renders/{wildcards.domain}"
+        return self.placed(f"results/{wildcards.run}/{name}")
 
     def labels(self, domain: str) -> list[str]:
         """Return the table of the propagated labels of photos or the exact labels of twins."""
@@ -527,8 +537,8 @@ class CoverPaths:
         self.domains = [config.photo_domain, *run.models]
         self.trained = [config.photo_domain, *config.compared_models]
         self.evaluated = [*self.domains, CONTROL]
-        self.folders_of_twins = {model: f"results/{run.run}/renders/{model}" for model in run.models}  # above terrains
-        self.folders_of_twins[CONTROL] = f"results/{run.run}/covers/control/pictures"
+        twins = {model: f"renders/{model}" for model in run.models} | {CONTROL: "covers/control/pictures"}
+        self.folders_of_twins = {name: run.placed(f"results/{run.run}/{folder}") for name, folder in twins.items()}
         # Figure of twins before and after fits to photos. Cover photos refine the ground of a release without scans.
         self.refines_ground = config.rocks.ground_from_photos and not config.data_source.has_photos
         self.model_before = next((model for model in run.models if not config.render.is_fitted(model)), run.models[0])
@@ -710,6 +720,16 @@ class RoverPaths:
         self.has_gap = bool(set(rover.autonomy.detectors) & set(run.trained))
 
     @property
+    def vehicle(self) -> str:
+        """The table of the vehicle, in this folder or in the package."""
+        return str(resolve_packaged(self.rover.drive.vehicle))
+
+    @property
+    def soils(self) -> str:
+        """The table of soils, in this folder or in the package."""
+        return str(resolve_packaged(self.rover.soil.table))
+
+    @property
     def elevation_model(self) -> str | list[str]:
         """The file of the elevation model that is driven over; empty without a file."""
         dem = self.rover.world.dem
@@ -736,7 +756,7 @@ class RoverPaths:
 
     def detector_options(self) -> Options | None:
         """Return the options of the detector on board; None without a detector."""
-        return self.detector.model_dump(mode="json") if self.detector else None
+        return self._placed(self.detector)
 
     def validation_options(self) -> Options | None:
         """Return the options of the validation during the training on other drives; None without a detector."""
@@ -782,13 +802,16 @@ class RoverPaths:
 
     def detector_of_case(self, wildcards: Wildcards) -> Options | None:
         """Return the options of the detector of a case; None for a mode without detector."""
-        detector = self.deciding.get(self.cases[wildcards.case].detector)
-        return detector.model_dump(mode="json") if detector else None
+        return self._placed(self.deciding.get(self.cases[wildcards.case].detector))
 
     def weights_of_case(self, wildcards: Wildcards) -> str | list[str]:
         """Return the weights of the detector of a case; empty for a mode without detector."""
         detector = self.deciding.get(self.cases[wildcards.case].detector)
         return str(detector.weights) if detector else []
+
+    def _placed(self, detector: OnboardDetector | None) -> Options | None:
+        placed = {"weights": self.run.placed(str(detector.weights))} if detector else {}
+        return detector.model_dump(mode="json") | placed if detector else None
 
     def _is_unlit(self, wildcards: Wildcards) -> bool:
         return self.cases[wildcards.case].mode in MODES_WITHOUT_PICTURES

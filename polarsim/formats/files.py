@@ -94,8 +94,13 @@ def resolve_packaged(path: str | Path) -> Path:
     Configurations, vehicles and soils can therefore be used without a clone of the repository.
     """
     path = Path(path)
-    installed = _CONFIGS.joinpath(*path.parts[1:])
+    installed = packaged(path)
     return installed if path.parts[:1] == ("config",) and not path.exists() and installed.is_file() else path
+
+
+def packaged(path: str | Path) -> Path:
+    """Return the file of the installed package for a path below `config/`."""
+    return _CONFIGS.joinpath(*Path(path).parts[1:])
 
 
 def suffix_counts(folder: Path, max_suffixes: int = 6) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 
 from polarsim.config import Config, parse_assignment, parse_config
 from polarsim.errors import ConfigError, with_part
-from polarsim.formats.files import resolve_packaged, write_text
+from polarsim.formats.files import packaged, resolve_packaged, write_text
 from polarsim.formats.yaml_files import read_yaml
 
 BASE = Path("config/config.yaml")  # the configuration that overlays are applied to
@@ -42,6 +42,30 @@ def read_configs(files: Sequence[Path], settings: Sequence[str] = ()) -> Config:
     for part in (*map(_mapping, chosen), set_by_hand):
         _merge(content, part)
     return check_config(content, chosen, set_by_hand)
+
+
+def config_of_module(content: Mapping[str, Any], placed: Callable[[str], str]) -> Config:
+    """Validate the configuration that another workflow gives to polarsim as a module.
+
+    Without `source` it is an overlay of the packaged `BASE`: a file of this name in the folder is the other workflow's.
+    `placed` is the effect of the module's `prefix` on a path. Paths that it changes become absolute, because the prefix
+    is for results, not for the files that the configuration names.
+    """
+    whole: dict[str, Any] = {}
+    if "source" not in content:
+        _merge(whole, _mapping(packaged(BASE)))
+    _merge(whole, content)
+    try:
+        config = parse_config(whole)
+    except ConfigError as error:
+        error.reason = f"module polarsim, config: {error.reason}"
+        raise
+
+    def kept(path: Path) -> Path:
+        return path if placed(str(path)) == str(path) else resolve_packaged(path).absolute()
+
+    located: Config = _with_paths(config, kept)
+    return located
 
 
 def check_config(
@@ -100,18 +124,22 @@ def run_and_config(results: Path, run: str | None, files: Sequence[Path] = ()) -
     return folder, config_of_run(folder, files)
 
 
-def _located(part: Any, folder: Path) -> Any:
+def _located(config: Config, folder: Path) -> Config:
     """Convert paths relative to a folder to paths that are valid in the working folder."""
+    located: Config = _with_paths(config, lambda path: folder / path if (folder / path).exists() else path)
+    return config if folder == Path.cwd() else located
+
+
+def _with_paths(part: Any, change: Callable[[Path], Path]) -> Any:
+    """Return a part of a configuration with changed paths."""
     if isinstance(part, BaseModel):
-        found = {name: _located(getattr(part, name), folder) for name in type(part).model_fields}
+        found = {name: _with_paths(getattr(part, name), change) for name in type(part).model_fields}
         return part.model_copy(update={name: value for name, value in found.items() if value != getattr(part, name)})
     if isinstance(part, dict):
-        return {key: _located(value, folder) for key, value in part.items()}
+        return {key: _with_paths(value, change) for key, value in part.items()}
     if isinstance(part, tuple):
-        return tuple(_located(value, folder) for value in part)
-    if isinstance(part, Path) and folder != Path.cwd() and (folder / part).exists():
-        return folder / part
-    return part
+        return tuple(_with_paths(value, change) for value in part)
+    return change(part) if isinstance(part, Path) else part
 
 
 def _shown(path: Path) -> str:

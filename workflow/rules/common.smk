@@ -5,38 +5,46 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
-RULES = Path(workflow.current_basedir.get_path_or_uri(secret_free=True))
 if find_spec("polarsim") is None:  # a plan needs Snakemake alone: the package next to this workflow is read
-    sys.path.append(str(RULES.parents[1]))
+    sys.path.append(str(Path(workflow.current_basedir.get_path_or_uri(secret_free=True)).parents[1]))
 
 from polarsim.digest import script_digest
 from polarsim.errors import PolarsimError
+from polarsim.formats.files import resolve_packaged
 from polarsim.formats.yaml_files import read_yaml
 from polarsim.paths import CoverPaths, GapPaths, RoverPaths, RunPaths, memory_per_attempt
-from polarsim.running.configuration import base_configuration, check_config, store_config
+from polarsim.running.configuration import base_configuration, check_config, config_of_module, store_config
 from polarsim.running.inputs import check_paths
 
-CONFIG_FILES = workflow.config_settings.configfiles
+IS_MODULE = not workflow.modifier.is_main_snakefile()
+CONFIG_FILES = workflow.config_settings.configfiles  # in a module: of the other workflow
 try:
-    BASE_FILES = base_configuration(CONFIG_FILES)
+    BASE_FILES = [] if IS_MODULE else base_configuration(CONFIG_FILES)
 except PolarsimError as error:
     sys.exit(f"error: {error}")
 
 if BASE_FILES:  # overlays only, or no file: applied to the configuration of the demo
 
-    configfile: "config/config.yaml"
+    configfile: str(resolve_packaged(BASE_FILES[0]))
 
+
+# Returns a path below the `prefix` of a module, as Snakemake places inputs and outputs; after the parse, too, when
+# `workflow.modifier` is that of the other workflow.
+placed = workflow.modifier.path_modifier.replace_prefix
 
 try:
-    for _file in workflow.configfiles:  # unlike Snakemake, `read_yaml` rejects repeated keys and octal numbers
-        read_yaml(_file)
-    CONFIG = check_config(config, [*BASE_FILES, *CONFIG_FILES], workflow.config_settings.config)
+    if IS_MODULE:
+        CONFIG = config_of_module(config, placed)
+    else:
+        for _file in workflow.configfiles:  # unlike Snakemake, `read_yaml` rejects repeated keys and octal numbers
+            read_yaml(_file)
+        CONFIG = check_config(config, [*BASE_FILES, *CONFIG_FILES], workflow.config_settings.config)
     if workflow.is_main_process:  # not repeated by jobs
         check_paths(CONFIG)
 except PolarsimError as error:
     sys.exit(f"error: {error}")
 
-PATHS = RunPaths(CONFIG)
+PATHS = RunPaths(CONFIG, placed)
 GAP, COVERS, DRIVES = GapPaths(PATHS), CoverPaths(PATHS), RoverPaths(PATHS)
 SOURCE = CONFIG.data_source
 RUN, TERRAINS, MODELS, ORIGIN = PATHS.run, PATHS.terrains, PATHS.models, PATHS.origin
@@ -142,20 +150,23 @@ def detector_figures(name, title):
     ]
 
 
-def complete(item):
-    """Add the items that all rules have.
+def complete(rule_name, item):
+    """Add the items that all rules have, unless a workflow that uses this one as a module has set them.
 
     - environment of `--sdm conda`; otherwise jobs use the environment of Snakemake
     - log and benchmark files, named by rule file, rule and wildcards of the output
     - `params.code`: digest of the script and the imported modules; Snakemake tracks only the script
     """
-    item.conda_env = "../envs/polarsim.yaml"
+    item.conda_env = item.conda_env or "../envs/polarsim.yaml"
     named = dict.fromkeys(re.findall(r"{(\w+)", " ".join(item.output[:1])))  # in the order of the first output
     wildcards = [name for name in named if name != "run"]
-    name = "_".join([item.name, *(f"seed{{{name}}}" if name == "seed" else f"{{{name}}}" for name in wildcards)])
+    name = "_".join([rule_name, *(f"seed{{{name}}}" if name == "seed" else f"{{{name}}}" for name in wildcards)])
     folder = "results/{run}" if "run" in item.wildcard_names else f"results/{RUN}"
     stage = Path(item.snakefile).stem
     item.log_modifier = item.benchmark_modifier = workflow.modifier.path_modifier
-    item.set_log(f"{folder}/logs/{stage}/{name}.log")
-    item.benchmark = f"{folder}/benchmarks/{stage}/{name}.tsv"
-    item.set_params(code=script_digest(RULES / item.script))
+    if not item.log:
+        item.set_log(f"{folder}/logs/{stage}/{name}.log")
+    if item.benchmark is None:
+        item.benchmark = f"{folder}/benchmarks/{stage}/{name}.tsv"
+    script = item.basedir.join(item.script)
+    item.set_params(code=script_digest(script if script.is_local else workflow.sourcecache.get_path(script)))

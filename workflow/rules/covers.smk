@@ -100,7 +100,7 @@ use rule train_detector as train_cover_detector with:
         options=COVERS.training,
         prediction=PATHS.validation_options(),
         imgsz=CONFIG.detect.pictures.imgsz,
-        work="results/{run}/covers/folds/{fold}/seed{seed}/work",
+        work=placed("results/{run}/covers/folds/{fold}/seed{seed}/work"),
 
 
 rule cut_windows:
@@ -154,7 +154,7 @@ use rule train_detector as fine_tune_cover_detector with:
         options=COVERS.fine_tuning(),
         prediction=PATHS.validation_options(),
         imgsz=CONFIG.detect.pictures.imgsz,
-        work="results/{run}/covers/folds/{fold}/seed{seed}/fine_tuning_work",
+        work=placed("results/{run}/covers/folds/{fold}/seed{seed}/fine_tuning_work"),
 
 
 rule predict_cover_photos:

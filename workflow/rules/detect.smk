@@ -119,7 +119,7 @@ rule train_detector:
         options=options("detect.training"),
         prediction=PATHS.validation_options(),
         imgsz=CONFIG.detect.pictures.imgsz,
-        work="results/{run}/detect/{split}/seed{seed}/work/{trained}",
+        work=placed("results/{run}/detect/{split}/seed{seed}/work/{trained}"),
         packaged=PATHS.packaged_digest(),
     script:
         "../scripts/train_detector.py"
@@ -253,7 +253,7 @@ use rule train_detector as train_other_detector with:
         options=PATHS.training_of_other,
         prediction=PATHS.validation_options(),
         imgsz=CONFIG.detect.pictures.imgsz,
-        work="results/{run}/detect/{split}/others/{other}/seed{seed}/work/{trained}",
+        work=placed("results/{run}/detect/{split}/others/{other}/seed{seed}/work/{trained}"),
         packaged=PATHS.packaged_of_other,
 
 

@@ -143,7 +143,7 @@ use rule train_detector as train_domain_detector with:
         options=COVERS.fine_tuning(),
         prediction=PATHS.validation_options(),
         imgsz=CONFIG.detect.pictures.imgsz,
-        work="results/{run}/covers/folds/{fold}/seed{seed}/domains_work/{cover_domain}",
+        work=placed("results/{run}/covers/folds/{fold}/seed{seed}/domains_work/{cover_domain}"),
 
 
 use rule predict as predict_domains with:

@@ -24,8 +24,8 @@ rule drive_rover:
     input:
         meshes=expand("results/{{run}}/meshes/Terrain{terrain}", terrain=DRIVES.terrains),
         dem=DRIVES.elevation_model,  # read through params.world
-        vehicle=str(ROVER.drive.vehicle),  # read through params.drive
-        soils=str(ROVER.soil.table),  # read through params.soil
+        vehicle=DRIVES.vehicle,  # read through params.drive
+        soils=DRIVES.soils,  # read through params.soil
     output:
         trace="results/{run}/rover/seed{seed}/trace.parquet",
         tracks="results/{run}/rover/seed{seed}/tracks.npz",  # written through trace
@@ -49,7 +49,7 @@ rule render_drive:
         trace="results/{run}/rover/seed{seed}/trace.parquet",
         tracks="results/{run}/rover/seed{seed}/tracks.npz",  # read through trace
         drive="results/{run}/rover/seed{seed}/drive.json",  # read through trace
-        vehicle=str(ROVER.drive.vehicle),
+        vehicle=DRIVES.vehicle,
     output:
         poses="results/{run}/rover/seed{seed}/{view}/poses.parquet",  # written through trace
         # written through trace
@@ -96,7 +96,7 @@ rule fine_tune_on_drives:
     params:
         options=options("rover.fine_tuning"),
         prediction=DRIVES.validation_options(),
-        work="results/{run}/rover/fine_tuning_work",
+        work=placed("results/{run}/rover/fine_tuning_work"),
     script:
         "../scripts/fine_tune_on_drives.py"
 
@@ -107,7 +107,7 @@ rule detect_drive:
         poses=f"results/{{run}}/rover/seed{{seed}}/{FRONT}/poses.parquet",
         # read through poses
         truth=expand(f"results/{{{{run}}}}/rover/seed{{{{seed}}}}/{FRONT}/{{sun}}_truth.parquet", sun=DRIVES.suns),
-        vehicle=str(ROVER.drive.vehicle),
+        vehicle=DRIVES.vehicle,
         weights=DRIVES.weights,  # read through params.detector
     output:
         detections=DRIVES.detections(),  # written through poses
@@ -127,7 +127,7 @@ rule measure_drive:
         poses=f"results/{{run}}/rover/seed{{seed}}/{FRONT}/poses.parquet",
         # read through poses
         truth=expand(f"results/{{{{run}}}}/rover/seed{{{{seed}}}}/{FRONT}/{{sun}}_truth.parquet", sun=DRIVES.suns),
-        vehicle=str(ROVER.drive.vehicle),
+        vehicle=DRIVES.vehicle,
         detections=DRIVES.detections(),  # read through poses
     output:
         # written through poses
@@ -149,7 +149,7 @@ rule film_drive:
     input:
         pictures=DRIVES.pictures_of_drive(),  # read through videos
         detections=DRIVES.detections(),  # read through videos
-        vehicle=str(ROVER.drive.vehicle),
+        vehicle=DRIVES.vehicle,
     output:
         videos=directory("results/{run}/rover/seed{seed}/videos"),
     threads: 2
@@ -169,7 +169,7 @@ rule write_bag:
         drive="results/{run}/rover/seed{seed}/drive.json",  # read through trace
         pictures=DRIVES.pictures_of_drive(),  # read through trace
         detections=DRIVES.detections(),  # read through trace
-        vehicle=str(ROVER.drive.vehicle),
+        vehicle=DRIVES.vehicle,
     output:
         bag="results/{run}/rover/seed{seed}/drive.mcap",
     resources:
@@ -184,7 +184,7 @@ rule write_bag:
 rule write_urdf:
     """URDF of the rover for other simulators."""
     input:
-        vehicle=str(ROVER.drive.vehicle),
+        vehicle=DRIVES.vehicle,
     output:
         urdf="results/{run}/rover/rover.urdf",
     resources:

@@ -15,8 +15,8 @@ rule drive_alone:
     input:
         meshes=expand("results/{{run}}/meshes/Terrain{terrain}", terrain=DRIVES.terrains),
         dem=DRIVES.elevation_model,  # read through params.world
-        vehicle=str(ROVER.drive.vehicle),  # read through params.drive_options
-        soils=str(ROVER.soil.table),  # read through params.soil
+        vehicle=DRIVES.vehicle,  # read through params.drive_options
+        soils=DRIVES.soils,  # read through params.soil
         weights=DRIVES.weights_of_case,  # read through params.detector
     output:
         figures="results/{run}/rover/autonomy/{case}/figures.parquet",

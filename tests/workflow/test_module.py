@@ -1,0 +1,88 @@
+"""The workflow as a module of another workflow in another folder: rules, places of results, configuration."""
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tests.workflow.conftest import CHECKOUT, SMALL, jobs_with, planned
+
+CALLER = """
+configfile: "config/config.yaml"
+
+rule count:
+    input: "{results}/small/renders/reflectance.csv"
+    output: "count.txt"
+    shell: "wc -l < {{input}} > {{output}}"
+
+module polarsim:
+    snakefile: "{checkout}/workflow/Snakefile"
+    config: config["lunar"]
+    {prefix}
+
+use rule * from polarsim as polarsim_*
+
+onstart:
+    polarsim.onstart()
+"""
+
+
+@pytest.fixture
+def caller(tmp_path: Path):
+    """Return a function that writes another workflow with the small configuration, and an unrelated `config.yaml`."""
+
+    def write(prefix: str = "", **lunar: object) -> Path:
+        (tmp_path / "config").mkdir()
+        content = {"lunar": SMALL | lunar, "unrelated": 1}
+        (tmp_path / "config/config.yaml").write_text(yaml.safe_dump(content))
+        line, results = (f'prefix: "{prefix}"', f"{prefix}/results") if prefix else ("", "results")
+        (tmp_path / "Snakefile").write_text(CALLER.format(checkout=CHECKOUT, prefix=line, results=results))
+        return tmp_path
+
+    return write
+
+
+def test_another_workflow_plans_all_stages_below_its_prefix(caller, snakemake):
+    rover = {"run": True, "seeds": [1], "detector": "mixed", "bags": False}
+    folder = caller("lunar", rover=rover | {"world": {"terrains": [1]}})
+    done = snakemake(folder, "polarsim_all", "polarsim_publish", "count", "--dry-run", "--printshellcmds")
+    jobs, text = planned(done), done.stdout + done.stderr
+    assert {name for name in jobs if not name.startswith("polarsim_")} == {"count", "total"}
+    own = {"generate_analog", "train_detector", "run_ablation", "publish_run", "detect_drive", "write_results_page"}
+    assert {f"polarsim_{name}" for name in own} <= set(jobs)
+    places = set(re.findall(r"[ ,](\S*)results/small/", text))
+    assert places == {"lunar/"}
+    assert f"output: {folder}/data/analog/receipts/Terrain01.json" in text  # named by the configuration
+    (job,) = jobs_with(text, "write_reflectance.tsv")
+    assert "benchmark: lunar/results/small/benchmarks/render/write_reflectance.tsv" in job
+    assert f"{CHECKOUT}/config/viper.yaml" in text.replace("polarsim/configs", "config")
+
+
+def test_another_workflow_runs_jobs_with_the_scripts_of_the_module(caller, snakemake):
+    folder = caller("lunar")
+    done = snakemake(folder, "count")
+    assert done.returncode == 0, done.stderr[-3000:]
+    curves = folder / "lunar/results/small/renders/reflectance.csv"
+    assert int((folder / "count.txt").read_text()) == len(curves.read_text().splitlines()) > 10
+    stored = yaml.safe_load((folder / "lunar/results/small/config.yaml").read_text())
+    assert stored["render"]["models"] == ["hapke"]
+    again = snakemake(folder, "count", "--dry-run")
+    assert "Nothing to be done" in again.stdout + again.stderr
+
+
+def test_a_module_without_source_is_an_overlay_of_the_demo(caller, snakemake):
+    folder = caller()
+    (folder / "config/config.yaml").write_text(yaml.safe_dump({"lunar": {"run": "small", "terrains": [3]}}))
+    done = snakemake(folder, "polarsim_acquire", "--dry-run")
+    assert planned(done)["polarsim_index_terrain"] == 1
+    assert "data/analog/receipts/Terrain03.json" in done.stdout + done.stderr
+
+
+def test_an_invalid_configuration_of_a_module_is_one_line(caller, snakemake):
+    done = snakemake(caller(terains=[1]), "--dry-run")
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("error:")]
+    assert done.returncode == 1
+    assert line.startswith("error: module polarsim, config: ")
+    assert "terains" in line
+    assert "Traceback" not in done.stderr
