@@ -3,6 +3,7 @@
 import re
 import sys
 from importlib.util import find_spec
+from os import PathLike
 from pathlib import Path
 
 if find_spec("polarsim") is None:  # a plan needs Snakemake alone: the package next to this workflow is read
@@ -162,11 +163,13 @@ def complete(rule_name, item):
     wildcards = [name for name in named if name != "run"]
     name = "_".join([rule_name, *(f"seed{{{name}}}" if name == "seed" else f"{{{name}}}" for name in wildcards)])
     folder = "results/{run}" if "run" in item.wildcard_names else f"results/{RUN}"
-    stage = Path(item.snakefile).stem
+    stage = re.search(r"([a-z_]+)\.smk", str(item.snakefile))[1]
     item.log_modifier = item.benchmark_modifier = workflow.modifier.path_modifier
     if not item.log:
         item.set_log(f"{folder}/logs/{stage}/{name}.log")
     if item.benchmark is None:
         item.benchmark = f"{folder}/benchmarks/{stage}/{name}.tsv"
     script = item.basedir.join(item.script)
-    item.set_params(code=script_digest(script if script.is_local else workflow.sourcecache.get_path(script)))
+    item.set_params(
+        code=script_digest(script if isinstance(script, PathLike) else workflow.sourcecache.get_path(script))
+    )
