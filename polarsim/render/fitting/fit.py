@@ -53,7 +53,8 @@ def fit_materials(
     fields = {domain: sun_coefficients(light_fields.get(domain, {})) for domain in domains}
     fitted = None if found is None else fit(found[0], mesh, domains, engine, options.as_fitted(), fields, options)
     if fitted is None or found is None:
-        log.warning("terrain %02d: no photo shows lit surfaces; twins are rendered with constant materials", terrain)
+        log.warning("terrain %02d: no fitted photo shows lit surfaces (azimuth %s is held out); twins have "
+                    "constant materials", terrain, options.fitting.held_out)  # fmt: skip
         fitted = FittedMaterials({}, np.zeros(len(mesh.vertices), np.int64))
     else:
         fitted = replace(fitted, positions=tuple(dict.fromkeys(position for position, _ in found[1])))
@@ -84,7 +85,13 @@ def fit(
         if cells is None:
             return None
         start = options.parameters(model)
-        parameters = fitted_parameters(cells, Setting(model, start, engine, options))
+        if len(np.unique(cells.lamp)) > 1:
+            parameters = fitted_parameters(cells, Setting(model, start, engine, options))
+        else:
+            log.warning(
+                "%s: photos of a single lamp do not determine parameters, those of the options are used", domain
+            )
+            parameters = start
         after = Setting(model, parameters, engine, options)
         before = Setting(model, start, engine, plain or options)
         texels = texels_of(lit, after.radiance(lit), mesh.faces)

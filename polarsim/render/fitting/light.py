@@ -18,7 +18,7 @@ from polarsim.geometry.light_field import EVEN, POWERS, relative_irradiance, ter
 from polarsim.photo import NO_ROCK, SUNS
 from polarsim.render.fitting.exposures import read_published_photo
 from polarsim.render.fitting.samples import FitSamples, Setting
-from polarsim.render.fitting.terrain import LAMPS, samples_of_terrain
+from polarsim.render.fitting.terrain import LAMPS, median_stops, samples_of_terrain
 from polarsim.render.lamps import REFERENCE_DISTANCE
 from polarsim.render.models import Domain, model_of
 from polarsim.render.olat import reflectance_engine
@@ -49,11 +49,8 @@ class PhotoOverTwin:
     view: np.ndarray  # (n,)
 
     def stops(self, field: np.ndarray | float) -> float:
-        """Return the median |log2| of photo over twin around the median of each view; `field` (n,) is a logarithm."""
-        residual = self.ratio - field
-        for view in np.unique(self.view):
-            residual[self.view == view] -= np.median(residual[self.view == view])
-        return float(f"{np.median(np.abs(residual)) / np.log(2):.4g}")
+        """Return `median_stops` of photo over twin; `field` (n,): logarithm of the irradiance."""
+        return median_stops(self.ratio - field, self.view)
 
 
 def fit_light(
@@ -95,7 +92,8 @@ def fit_light(
         for terrain, of_terrain in light_fields(seen, set(light), held_out).items():
             fields[terrain][domain] = of_terrain
     if not any(fields[terrain].get(domain) for terrain in light for domain in domains):
-        log.warning("no light field: no photo shows lit sand; the light of lamps is even")
+        log.warning("no light field: no fitted photo shows lit sand (azimuth %s of a terrain is held out); lamps have "
+                    "even light", options.fitting.held_out)  # fmt: skip
     for terrain, path in light.items():
         write_light_fields(path, fields[terrain])
 

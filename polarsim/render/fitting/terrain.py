@@ -1,13 +1,15 @@
-"""Samples of all photos of a terrain, for the fits of light and materials."""
+"""Samples of all photos of a terrain, for the fits of light and materials, if they show the scene."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from polarsim.formats import png
+from polarsim.geometry.vectors import dot
 from polarsim.photo import SUNS, PhotoKey, PositionCamera
 from polarsim.progress import track
 from polarsim.render.fitting.exposures import Reader, single_lamps
@@ -19,7 +21,11 @@ from polarsim.run_files.lamps import read_suns
 from polarsim.run_files.rigs import read_all_localised
 from polarsim.run_files.scene import TerrainMesh
 
+log = logging.getLogger("polarsim.render")
 LAMPS = (*SUNS, ROVER)  # names of the lamps, indexed by `FitSamples.lamp`
+# Maximum difference between photos and a scene of constant albedo in even light (`median_stops`). Analog and published
+# photos have 0.25 to 0.63; photos of other terrains or under other lamps 0.45 to 1.8, more than 0.75 in 20 of 38 cases.
+MAX_STOPS = 0.75
 
 
 def samples_of_terrain(
@@ -33,6 +39,8 @@ def samples_of_terrain(
     read: Reader = png.read_photo,
 ) -> tuple[FitSamples, list[PositionCamera]] | None:
     """Return the samples of all views with a proven pose, and the views; None without samples.
+
+    Lamps whose photos do not show the scene are excluded with a warning.
 
     `photos`: photos of the run; those of other terrains are ignored. `scale`: scale of the photos from which the
     samples are selected. `read`: see `single_lamps`.
@@ -54,8 +62,41 @@ def samples_of_terrain(
         photos_of_lamp = {name: image.resized(small.lens) for name, image in images.items()}
         parts += samples_of_view(surfaces, number, small, lamps, photos_of_lamp, LAMPS, threads)
     parts = [part.part(part.face < len(mesh.faces)) for part in parts]  # excludes skirts
-    samples = FitSamples.joined(parts) if parts else None
+    samples = samples_of_scene(terrain, FitSamples.joined(parts)) if parts else None
     return (samples, views) if samples is not None and len(samples) else None
+
+
+def samples_of_scene(terrain: int, samples: FitSamples) -> FitSamples:
+    """Return the samples without those of Sun lamps whose photos differ too much from the scene (`MAX_STOPS`).
+
+    If the median over lamps is too large, no sample is left.
+    """
+    with np.errstate(divide="ignore"):
+        ratio = np.log(samples.rate / dot(samples.normal, samples.to_lamp))
+    found = {
+        number: median_stops(ratio[samples.lamp == number], samples.view[samples.lamp == number])
+        for number in np.unique(samples.lamp).tolist()
+        if LAMPS[number] in SUNS
+    }
+    text = ", ".join(f"{LAMPS[number]} {stops:.2f}" for number, stops in found.items())
+    if found and np.median(list(found.values())) > MAX_STOPS:
+        log.warning("terrain %02d: photos of another scene or of other lamps, not fitted: difference from the meshes "
+                    "%s stops (azimuth, median), expected at most %g", terrain, text, MAX_STOPS)  # fmt: skip
+        return samples.part(np.zeros(0, int))
+    refused = [number for number, stops in found.items() if stops > MAX_STOPS]
+    if refused:
+        names = ", ".join(LAMPS[number] for number in refused)
+        log.warning("terrain %02d: photos of azimuth %s are not fitted: photos differ from the meshes by %s stops "
+                    "(azimuth, median), expected at most %g", terrain, names, text, MAX_STOPS)  # fmt: skip
+    return samples.part(~np.isin(samples.lamp, refused))
+
+
+def median_stops(ratio: np.ndarray, view: np.ndarray) -> float:
+    """Return the median |log2| of photo over twin around the median of each view; `ratio` (n,): natural logarithm."""
+    residual = ratio.astype(float)
+    for number in np.unique(view):
+        residual[view == number] -= np.median(residual[view == number])
+    return float(f"{np.median(np.abs(residual)) / np.log(2):.4g}")
 
 
 def lamps_in(samples: FitSamples) -> tuple[str, ...]:
