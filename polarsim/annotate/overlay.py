@@ -18,34 +18,69 @@ Colour = tuple[int, int, int]
 LINK = (120, 245, 255)  # colour of lines from shadows to rocks: a brighter tone of the shadow boxes
 INK, PAPER = (32, 33, 36), (255, 255, 255)
 _FILL = 0.35  # opacity of masks
+_BOX_COST = 0.15  # cost of covered boxes relative to covered texts
+_FAR_COST = 0.2  # cost of a text away from its box, as share of the area of the text
+STATED_BELOW = 0.9  # labels of a lower confidence state it
 _SMALL = 0.75  # font size of shadow ids relative to rock ids
 
 
 class Tags:
-    """Text next to boxes, placed to avoid earlier texts; `line` is the line width and minimum distance, px."""
+    """Text next to boxes, placed to avoid earlier texts and `boxes`; `line`: line width and minimum distance, px."""
 
-    def __init__(self, pen: Any, size: tuple[int, int], line: int) -> None:
-        self._pen, self._size, self._line = pen, size, line
+    def __init__(self, pen: Any, size: tuple[int, int], line: int, boxes: Sequence[Rectangle] = ()) -> None:
+        self._pen, self._size, self._line, self._boxes = pen, size, line, boxes
         self._taken: list[Rectangle] = []
 
     def write(self, text: str, box: Sequence[float], colour: Colour, letters: Any) -> None:
-        """Write a text next to a box, at the first position with the minimum overlap with earlier texts."""
+        """Write a text next to a box, at the first position with the minimum overlap with earlier texts and boxes.
+
+        A text that does not touch its box is joined to it by a line.
+        """
         left, top, right, bottom = self._pen.textbbox((0, 0), text, font=letters)
-        candidates = self._candidates(right - left + 2 * self._line, bottom - top + 2 * self._line, box)
-        chosen = min(candidates, key=lambda place: sum(_common_area(place, taken) for taken in self._taken))
+        wide, high = right - left + 2 * self._line, bottom - top + 2 * self._line
+        near, far = self._candidates(wide, high, box, 0), self._candidates(wide, high, box, 1.2 * high)
+        chosen = min(near, key=self._cost)
+        if near_cost := self._cost(chosen):
+            farther = min(far, key=self._cost)
+            if self._cost(farther) + _FAR_COST * wide * high < near_cost:
+                chosen = farther
+                self._join(chosen, box, colour)
         self._taken.append(chosen)
         origin = (round(chosen[0]) + self._line - left, round(chosen[1]) + self._line - top)
         stroke = max(1, self._line)
         self._pen.text(origin, text, fill=colour, font=letters, stroke_width=stroke, stroke_fill=(0, 0, 0))
 
-    def _candidates(self, wide: float, high: float, box: Sequence[float]) -> list[Rectangle]:
-        """Return positions above and below the corners of a box, then left and right of the box, inside the image."""
-        gap, (left, top, right, bottom) = self._line, box
+    def _cost(self, place: Rectangle) -> float:
+        """Return the covered area of texts, and that of boxes with a lower weight."""
+        texts = sum(_common_area(place, taken) for taken in self._taken)
+        return texts + _BOX_COST * sum(_common_area(place, box) for box in self._boxes)
+
+    def _join(self, place: Rectangle, box: Sequence[float], colour: Colour) -> None:
+        """Draw a line from the point of a text that is nearest to the box's centre to the nearest point of the box."""
+        centre = (box[0] + box[2]) / 2, (box[1] + box[3]) / 2
+        start = _nearest_point(place, centre)
+        end = _nearest_point((box[0], box[1], box[2], box[3]), start)
+        self._pen.line([start, end], fill=(0, 0, 0), width=self._line + 2)
+        self._pen.line([start, end], fill=colour, width=max(1, self._line - 1))
+
+    def _candidates(self, wide: float, high: float, box: Sequence[float], off: float) -> list[Rectangle]:
+        """Return positions above and below the corners of a box, then left and right of the box, inside the image.
+
+        The positions are `off` pixels away from the box.
+        """
+        gap, (left, top, right, bottom) = self._line + off, box
         above, below, before, after = top - high - gap, bottom + gap, left - wide - gap, right + gap
         corners = [(left, above), (right - wide, above), (left, below), (right - wide, below)]
         corners += [(after, top), (before, top), (after, bottom - high), (before, bottom - high)]
+        if off:
+            corners += [(after, above), (before, above), (after, below), (before, below)]
         space = np.array(self._size) - (wide, high)
         return [(x, y, x + wide, y + high) for x, y in np.clip(corners, 0, np.maximum(space, 0)).tolist()]
+
+
+def _nearest_point(place: Rectangle, point: tuple[float, float]) -> tuple[float, float]:
+    """Return the point of a rectangle that is nearest to a point."""
+    return min(max(point[0], place[0]), place[2]), min(max(point[1], place[1]), place[3])
 
 
 def font(size: int) -> Any:
@@ -88,9 +123,9 @@ class _Label:
         return (self.box[0] + self.box[2]) / 2, (self.box[1] + self.box[3]) / 2
 
     def tag(self, marks: OverlayStyle) -> str:
-        """Return the rock id, followed by the confidence (.90) if it is below 1."""
+        """Return the rock id, followed by the confidence (.85) if it is below `STATED_BELOW`."""
         named = self.rock != NO_ROCK and (self.kind == ROCK or marks.shadow_ids)
-        doubted = marks.confidences and self.confidence < 0.995
+        doubted = marks.confidences and self.confidence < STATED_BELOW
         return " ".join([str(self.rock)] * named + [f"{self.confidence:.2f}".removeprefix("0")] * doubted)
 
 
@@ -128,7 +163,10 @@ def draw_labels(
         _draw_links(pen, shown, line)
     for label in shown:
         _draw_box(pen, label.box, COLOURS[label.kind], line, dashed=label.confidence < marks.doubtful_below)
-    tags, large = Tags(pen, size, line), marks.letter_px or max(10, round(width / 62))
+    tags, large = (
+        Tags(pen, size, line, [label.box for label in shown if label.kind == ROCK]),
+        marks.letter_px or max(10, round(width / 62)),
+    )
     letters = {ROCK: font(large), SHADOW: font(max(9, round(_SMALL * large)) if marks.shadow_ids else large)}
     for label in reversed(shown):  # rocks first, because the first texts get the best positions
         text = label.tag(marks)

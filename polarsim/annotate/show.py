@@ -79,7 +79,7 @@ def write_preview(
     masks: Mapping[str, np.ndarray] | None = None,
     title: str = "",
 ) -> None:
-    """Write a tone-mapped 8-bit image with boxes, lines from shadows to rocks, ids, confidences and a legend.
+    """Write a tone-mapped 8-bit image with boxes, lines from shadows to rocks, ids, low confidences and a legend.
 
     `picture` is a photo or twin (16 bits), or an 8-bit image of the photo at any size. Labels of other photos are
     ignored. `masks` (h, w) bool of the photo are filled. The default title is the photo key, and the file name of the

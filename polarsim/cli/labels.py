@@ -103,7 +103,10 @@ def show(
     kinds: Annotated[str, typer.Option(help="Classes to draw, comma-separated: rock, shadow.")] = "rock,shadow",
     scale: Annotated[float, typer.Option(min=0.04, max=8, help="Image size relative to the photo.")] = 1.0,
 ) -> None:
-    """Draw a photo or twin with labels: boxes, rock ids, confidence, lines from shadows to rocks. Writes a PNG."""
+    """Draw a photo or twin with labels: boxes, rock ids, confidences below 0.9, lines from shadows to rocks.
+
+    Writes a PNG.
+    """
     from polarsim.annotate.show import show_of_run
     from polarsim.photo import PhotoKey
     from polarsim.run_files.run import Run

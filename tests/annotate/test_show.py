@@ -162,3 +162,23 @@ def test_only_the_selected_kind_is_drawn(tmp_path):
     shown = png.read_png(tmp_path / "o.png")
     assert count(shown, "rock") == 0
     assert count(shown, "shadow") > 0
+
+
+def test_ids_in_a_crowd_stay_legible_and_off_the_rocks():
+    """The texts of nine small rocks in a square hide at most a few pixels of each other and of the boxes."""
+    rows = [
+        label(rock=100 + n, confidence=0.5, box=(x := 600 + 60 * (n % 3), y := 300 + 40 * (n // 3), x + 24, y + 16))
+        for n in range(9)
+    ]
+    black = np.zeros((1216, 1936, 3), np.uint8)
+    together = draw_labels(black, label_table(rows))
+    inked = (together == COLOURS["rock"]).all(axis=-1).sum()
+    alone = sum((draw_labels(black, label_table([row])) == COLOURS["rock"]).all(axis=-1).sum() for row in rows)
+    assert inked > 0.97 * alone
+
+
+@pytest.mark.parametrize(("confidence", "stated"), [(0.85, True), (0.95, False)])
+def test_only_low_confidences_are_stated(confidence, stated):
+    black = np.zeros((1216, 1936, 3), np.uint8)
+    drawn, certain = (draw_labels(black, label_table([label(confidence=c)])) for c in (confidence, 1.0))
+    assert (drawn != certain).any() == stated

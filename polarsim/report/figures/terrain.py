@@ -115,7 +115,8 @@ def _draw_crops(sheet: Any, name: str, table: pd.DataFrame, top: TopView, height
         axes.margins(x=0.01)
         axes.grid(visible=True, axis="y")
         if not len(rows):
-            axes.text(0.5, 0.5, "no rocks", transform=axes.transAxes, ha="center")
+            axes.text(0.5, 0.55, "no rocks", transform=axes.transAxes, ha="center")
+            axes.set_yticks([])
     panels["heights"].set_xlabel("rock id, largest rock first")
 
 
