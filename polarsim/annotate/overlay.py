@@ -28,8 +28,9 @@ class Tags:
     """Text next to boxes, placed to avoid earlier texts and `boxes`; `line`: line width and minimum distance, px."""
 
     def __init__(self, pen: Any, size: tuple[int, int], line: int, boxes: Sequence[Rectangle] = ()) -> None:
-        self._pen, self._size, self._line, self._boxes = pen, size, line, boxes
-        self._taken: list[Rectangle] = []
+        self._pen, self._size, self._line = pen, size, line
+        self._obstacles = [*boxes]
+        self._weights = [_BOX_COST] * len(self._obstacles)
 
     def write(self, text: str, box: Sequence[float], colour: Colour, letters: Any) -> None:
         """Write a text next to a box, at the first position with the minimum overlap with earlier texts and boxes.
@@ -38,22 +39,27 @@ class Tags:
         """
         left, top, right, bottom = self._pen.textbbox((0, 0), text, font=letters)
         wide, high = right - left + 2 * self._line, bottom - top + 2 * self._line
-        near, far = self._candidates(wide, high, box, 0), self._candidates(wide, high, box, 1.2 * high)
-        chosen = min(near, key=self._cost)
-        if near_cost := self._cost(chosen):
-            farther = min(far, key=self._cost)
-            if self._cost(farther) + _FAR_COST * wide * high < near_cost:
+        chosen, near_cost = self._cheapest(self._candidates(wide, high, box, 0))
+        if near_cost:
+            farther, cost = self._cheapest(self._candidates(wide, high, box, 1.2 * high))
+            if cost + _FAR_COST * wide * high < near_cost:
                 chosen = farther
                 self._join(chosen, box, colour)
-        self._taken.append(chosen)
+        self._obstacles.append(chosen)
+        self._weights.append(1.0)
         origin = (round(chosen[0]) + self._line - left, round(chosen[1]) + self._line - top)
         stroke = max(1, self._line)
         self._pen.text(origin, text, fill=colour, font=letters, stroke_width=stroke, stroke_fill=(0, 0, 0))
 
-    def _cost(self, place: Rectangle) -> float:
-        """Return the covered area of texts, and that of boxes with a lower weight."""
-        texts = sum(_common_area(place, taken) for taken in self._taken)
-        return texts + _BOX_COST * sum(_common_area(place, box) for box in self._boxes)
+    def _cheapest(self, places: Sequence[Rectangle]) -> tuple[Rectangle, float]:
+        """Return the first place with the minimum cost, and the cost: the area of covered texts, and less for boxes."""
+        if not self._obstacles:
+            return places[0], 0.0
+        place, obstacle = np.array(places)[:, None], np.array(self._obstacles)[None]
+        low, high = np.maximum(place[..., :2], obstacle[..., :2]), np.minimum(place[..., 2:], obstacle[..., 2:])
+        costs = (high - low).clip(0).prod(axis=-1) @ self._weights
+        best = int(costs.argmin())
+        return places[best], float(costs[best])
 
     def _join(self, place: Rectangle, box: Sequence[float], colour: Colour) -> None:
         """Draw a line from the point of a text that is nearest to the box's centre to the nearest point of the box."""
@@ -89,12 +95,6 @@ def font(size: int) -> Any:
     from PIL import ImageFont
 
     return ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), size)
-
-
-def _common_area(first: Rectangle, second: Rectangle) -> float:
-    wide = min(first[2], second[2]) - max(first[0], second[0])
-    high = min(first[3], second[3]) - max(first[1], second[1])
-    return max(wide, 0) * max(high, 0)
 
 
 @dataclass(frozen=True)
