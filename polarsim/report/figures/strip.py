@@ -73,19 +73,21 @@ def shown_key(
 ) -> PhotoKey | None:
     """Return the photo of the strip, or None without images.
 
-    Preferred are photos with predictions, a twin, a Sun lamp, the rover light off, a usual exposure, and large labels.
+    Preferred are photos with predictions, a twin, a Sun lamp, the rover light off, a usual exposure, Sun azimuth 30,
+    where sand is not clipped, and large rocks.
     """
     tested = set() if predicted is None else set(predicted["key"])
     sides = (labels["x1"] - labels["x0"]) * (labels["y1"] - labels["y0"])
     areas = sides[labels["kind"] == ROCK].groupby(labels["key"]).sum()
 
-    def rank(key: PhotoKey) -> tuple[bool, bool, bool, bool, float, float, PhotoKey]:
+    def rank(key: PhotoKey) -> tuple[bool, bool, bool, bool, float, bool, float, PhotoKey]:
         return (
             bool(tested) and str(key) not in tested,
             key not in twins,
             key.azimuth == "no",
             key.light == "on",
             key.stops_off_usual,
+            key.azimuth != "30",
             -float(areas.get(str(key), 0.0)),
             key,
         )
