@@ -158,9 +158,9 @@ def test_the_figure_shows_photo_twin_control_and_difference(tmp_path):
     figure = png.read_png(tmp_path / "figure.png")[..., :3].astype(int)
     coloured = np.ptp(figure, axis=-1) > 60
     rows = np.flatnonzero(coloured.any(axis=1))
-    assert rows.min() > 0.75 * figure.shape[0]  # only the bar has colour, since the twin equals the photo
+    assert rows.min() > 0.7 * figure.shape[0]  # only the bar has colour, since the twin equals the photo
     grey = figure.mean(axis=-1)
-    upper, lower = grey[: len(grey) // 2], grey[len(grey) // 2 : int(0.75 * len(grey))]
+    upper, lower = grey[: len(grey) // 2], grey[len(grey) // 2 : int(0.7 * len(grey))]
     assert min(part[:, :400].std() for part in (upper, lower)) > 20  # photo and control
     assert upper[:, 400:].std() > 20  # twin
-    assert (lower[40:, 420:780] > 250).mean() > 0.9  # white: no difference
+    assert (lower[40:, 420:780] > 245).mean() > 0.9  # white: no difference

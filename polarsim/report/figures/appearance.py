@@ -13,7 +13,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.images import resize
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
-from polarsim.report.figures.canvas import FIGURE_WIDTH, note, page, show_image
+from polarsim.report.figures.canvas import FIGURE_WIDTH, figure_title, note, page, show_image
 from polarsim.report.figures.difference import TONES, TONES_MEANING, difference_bar, difference_of_tones
 from polarsim.run_files.pictures import pictures_at
 from polarsim.schemas.evaluation import APPEARANCE_PAIRS
@@ -31,7 +31,7 @@ from polarsim.tone import display_white_level, to_8bit
 
 SHOWN = 4  # maximum number of photos
 TITLE_PX = 72  # height of a title of two lines
-BAR_PX = 110  # height of the colour bar
+BAR_PX = 150  # height of the title of the figure and of the colour bar
 
 
 def draw_appearance(
@@ -73,6 +73,7 @@ def draw_appearance(
         if not shown:
             note(sheet, "no photos for a comparison")
             return
+        figure_title(sheet, "Photos and twins with PSNR / SSIM / correlation; below: twin minus photo, and the control")
         grid = sheet.subplots(2 * len(shown), 1 + len(models), squeeze=False)
         for number, name in enumerate(shown):
             key = PhotoKey.parse(name)
