@@ -28,7 +28,7 @@ SPARE = 64 * 10**6  # free space required in addition to the bundle, bytes
 
 
 class Bundle:
-    """Folder of a format during the export; `on_file` is called after every file."""
+    """Folder of a format during the export; `on_file` is called after every file and every checksum."""
 
     def __init__(self, folder: Path, on_file: Callable[[], None] = lambda: None) -> None:
         self.folder = folder
@@ -57,8 +57,11 @@ class Bundle:
                 path.unlink()
             elif path.is_dir() and not any(path.iterdir()):
                 path.rmdir()
-        lines = "".join(f"{self.sha256(name)}  {name}\n" for name in sorted(self._names))
-        write_text(self.folder / SUMS, lines)
+        lines = []
+        for name in sorted(self._names):
+            lines.append(f"{self.sha256(name)}  {name}\n")
+            self._on_file()
+        write_text(self.folder / SUMS, "".join(lines))
         (self.folder / _UNFINISHED).replace(self.folder / RECEIPT)
 
     @property

@@ -135,14 +135,14 @@ def _write(name: str, catalogue: Catalogue, folder: Path, recipe: dict[str, Any]
 
 @contextmanager
 def _file_progress(text: str, pictures: int) -> Iterator[Callable[[], None]]:
-    """Show a progress bar; the number of files is estimated by the number of images."""
+    """Show a progress bar of files and their checksums; the number of files is estimated by the number of images."""
     with progress_bar(text) as update:
         files = 0
 
         def on_file() -> None:
             nonlocal files
             files += 1
-            update(min(0.99, files / max(1, pictures)))
+            update(min(0.99, files / max(1, 2 * pictures)))
 
         yield on_file
         update(1.0)
