@@ -88,11 +88,11 @@ durations: setup ## update the expected durations of jobs from a complete demo: 
 
 # Requires uv (pip install uv) and a CPU build of torch in UV_FIND_LINKS; otherwise the locks would pin CUDA packages. The
 # local version of this build is removed, so that the locks are valid on all machines. All of requirements.lock is in
-# requirements-dev.lock. uv drops the marker of Taichi, which has no wheels for Python 3.14.
+# requirements-dev.lock. uv drops markers: Taichi and backports-zstd have no wheels for Python 3.14.
 LOCKS := requirements.lock requirements-dev.lock
 WORKFLOW := --extra pipeline --extra detect --extra cluster
 lock: ## update requirements.lock and requirements-dev.lock from pyproject.toml
 	sed -i 's/^torch==[0-9.]*$$/&+cpu/' $(LOCKS)
 	uv pip compile pyproject.toml $(WORKFLOW) --extra taichi --extra rover --extra publish --extra dev --no-annotate --no-header -o requirements-dev.lock
 	uv pip compile pyproject.toml $(WORKFLOW) -c requirements-dev.lock --no-annotate --no-header -o requirements.lock
-	sed -i -e 's/^\(torch==[0-9.]*\)+.*$$/\1/' -e 's/^taichi==[0-9.]*$$/& ; python_version < "3.14"/' $(LOCKS)
+	sed -i -E -e 's/^(torch==[0-9.]*)[+].*$$/\1/' -e 's/^(taichi|backports-zstd)==[0-9.]*$$/& ; python_version < "3.14"/' $(LOCKS)

@@ -18,6 +18,9 @@ EXTRA_OF = {  # extra of each importable package outside the core
 class ExtraError(PolarsimError):
     """A package of an extra is not installed, or cannot be imported."""
 
+    def __str__(self) -> str:
+        return self.reason  # without the file that was being read
+
 
 def require(*packages: str) -> None:
     """Raise an `ExtraError` for the first package that is not installed, before work that would be lost."""

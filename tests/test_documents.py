@@ -34,7 +34,7 @@ DOCUMENTS = [
 ]
 SHELL = {"sh", "bash", "console", "shell"}
 QUICK = {"brdf", "rules", "schema"}  # commands of polarsim without input files that run within a second
-ELSEWHERE = {"pip", "source", "cd", "apptainer", "docker"}  # programs of other projects
+ELSEWHERE = {"pip", "uv", "source", "cd", "apptainer", "docker"}  # programs of other projects
 FILES = {".csv", ".json", ".md", ".parquet", ".png", ".smk", ".yaml"}
 PATH = re.compile(r"(docs|config|benchmarks|polarsim|workflow|tests)/[\w./*-]+")
 

@@ -6,8 +6,15 @@ from types import ModuleType
 
 from polarsim.kernels import NUMBA
 
-hit_kernels: ModuleType
-if NUMBA:
-    from polarsim.render import hit_kernels
-else:
-    from polarsim.render import hit_arrays as hit_kernels  # noqa: F401
+
+def _installed() -> ModuleType:
+    if NUMBA:
+        from polarsim.render import hit_kernels
+
+        return hit_kernels
+    from polarsim.render import hit_arrays
+
+    return hit_arrays
+
+
+hit_kernels = _installed()

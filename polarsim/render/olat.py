@@ -225,7 +225,7 @@ def write_ids(
 
 @cache
 def _warn_of_numpy() -> None:
-    log.warning("render.engine: Numba is not installed, NumPy is used (slower): pip install 'polarsim[pipeline]'")
+    log.warning("render.engine: Numba is not installed, NumPy is used: pip install 'polarsim[pipeline]'")
 
 
 def reflectance_engine(options: RenderOptions, threads: int) -> Reflectance:

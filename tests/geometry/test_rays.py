@@ -259,5 +259,5 @@ def test_a_caster_works_after_a_restart_of_taichi():
 
 def test_an_engine_that_cannot_be_loaded_is_an_error(monkeypatch):
     monkeypatch.setitem(sys.modules, "polarsim.geometry.rays_taichi", None)
-    with pytest.raises(PolarsimError):
+    with pytest.raises(ImportError):
         make_caster(*GROUND, "taichi")

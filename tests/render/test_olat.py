@@ -4,15 +4,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polarsim.errors import RenderError
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.stereo import default_rig
 from polarsim.photo import PhotoKey
+from polarsim.render import brdf
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp, lamps_of_rig, lamps_on
 from polarsim.render.maps import compute_maps
 from polarsim.render.materials import hemispherical_albedo
-from polarsim.render.olat import render_view
+from polarsim.render.olat import reflectance_engine, render_view
 from polarsim.render.options import CHRONO, HAPKE_SETS, LambertParameters, RenderOptions
 from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.rigs import LocalisedRig
@@ -174,5 +174,14 @@ def test_the_lamps_of_a_key():
 def test_an_engine_that_cannot_be_loaded_is_an_error(surfaces, camera, lens, plain, monkeypatch):
     monkeypatch.delattr("polarsim.render.brdf_taichi", raising=False)
     monkeypatch.setitem(sys.modules, "polarsim.render.brdf_taichi", None)
-    with pytest.raises(RenderError):
+    with pytest.raises(ImportError):
         olat_image(surfaces, camera, lens, LAMP, plain.model_copy(update={"engine": "taichi"}))
+
+
+def test_numpy_replaces_only_the_default_engine_where_numba_is_not_installed(monkeypatch):
+    monkeypatch.setattr("polarsim.render.olat.NUMBA", False)
+    assert reflectance_engine(RenderOptions(), 1) is brdf.reflectance
+    monkeypatch.setitem(sys.modules, "polarsim.render.brdf_numba", None)
+    monkeypatch.delattr("polarsim.render.brdf_numba", raising=False)
+    with pytest.raises(ImportError):
+        reflectance_engine(RenderOptions(engine="numba"), 1)
