@@ -76,8 +76,9 @@ picture: setup ## update the image of the README from a complete demo: docs/comp
 clean: ## remove results, manual and generated data
 	rm -rf results/demo results/release results/accuracy* data/analog* build/site .snakemake .pytest
 
-schema: setup ## update config/schema.json and config/views.schema.json
+schema: setup ## update config/schema.json, workflow/schemas/config.schema.yaml and config/views.schema.json
 	$(BIN)/polarsim schema > config/schema.json
+	$(BIN)/python -m polarsim.running.catalogue_schema > workflow/schemas/config.schema.yaml
 	$(BIN)/polarsim schema --views > config/views.schema.json
 
 columns: setup ## update the columns of tables in docs/tables.md and docs/formats.md

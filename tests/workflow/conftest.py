@@ -14,29 +14,7 @@ from filelock import FileLock
 from tests.workflow import forked
 
 CHECKOUT = Path(__file__).parent.parent.parent
-SMALL = {
-    "run": "small",
-    "terrains": [1],
-    "positions": ["A", "C"],
-    "source": {"kind": "analog", "root": "data/analog"},
-    "analog": {"ground_step_mm": 20, "rock_detail": 4, "scan_step_deg": 0.15},  # a quarter of the points of a scan
-    "rocks": {"rock_cell_mm": 8, "ground_mesh_cell_mm": 30},
-    "grid": {"azimuths": ["30", "180"], "lights": ["off"], "exposures_ms": [256]},
-    "render": {"models": ["hapke"]},
-    "detect": {
-        "training": {"model": "compact", "epochs": 1},  # starts ten times faster than a YOLO detector
-        "pictures": {"imgsz": 96},
-        "splits": ["position"],
-        "mixes": {"mixed": {"analog": 0.5, "hapke": 1}},
-        "comparison": {"resamples": 100},
-    },
-    "gap": {
-        "components": {
-            "scene": {"cameras": "truth", "lamps": "truth", "meshes": "truth"},
-            "labels": {"labels": "propagated"},
-        },
-    },
-}
+SMALL = yaml.safe_load((CHECKOUT / ".test/config/config.yaml").read_text())
 
 
 def planned(done: subprocess.CompletedProcess) -> dict[str, int]:

@@ -86,6 +86,23 @@ def test_condas_environment_holds_the_lock_as_the_virtual_one_does():
     assert len(wanted) == 5
 
 
+def test_condas_environment_is_installed_from_the_clone_of_the_workflow(tmp_path):
+    (tmp_path / "python").write_text('#!/bin/sh\necho "$PWD: $*" >> "$CALLS"\n')
+    (tmp_path / "python").chmod(0o755)
+    script, environment = ENVIRONMENT.with_suffix(".post-deploy.sh"), {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    refused = subprocess.run(["bash", script], cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert refused.returncode != 0
+    assert "no clone on this machine" in refused.stderr
+    environment |= {"CALLS": str(tmp_path / "calls"), "POLARSIM_CLONE": str(CHECKOUT)}
+    subprocess.run(["bash", script], cwd=tmp_path, env=environment, check=True)
+    calls = (tmp_path / "calls").read_text().splitlines()
+    assert all(call.startswith(f"{CHECKOUT}: -m pip install ") for call in calls)
+    assert {word for call in calls for word in call.split() if "==" in word} == {
+        line for line in (CHECKOUT / "requirements.lock").read_text().splitlines() if "==" in line
+    }
+    assert calls[-1].endswith("--no-deps --editable .")
+
+
 def test_with_conda_every_job_runs_in_that_one_environment(snakemake, checkout, tmp_path_factory):
     conda = tmp_path_factory.mktemp("bin") / "conda"
     conda.write_text(CONDA)

@@ -1,13 +1,15 @@
 """Validated configuration, wildcard constraints and helpers of rules. Computed paths: polarsim/paths.py."""
 
+import os
 import re
 import sys
 from importlib.util import find_spec
-from os import PathLike
 from pathlib import Path
 
-if find_spec("polarsim") is None:  # a plan needs Snakemake alone: the package next to this workflow is read
-    sys.path.append(str(Path(workflow.current_basedir.get_path_or_uri(secret_free=True)).parents[1]))
+if isinstance(workflow.current_basedir, os.PathLike):  # a clone, not a workflow at a hosting service
+    os.environ["POLARSIM_CLONE"] = str(Path(workflow.current_basedir).parents[1])  # for workflow/envs
+    if find_spec("polarsim") is None:  # a plan needs Snakemake alone
+        sys.path.append(os.environ["POLARSIM_CLONE"])
 
 from polarsim.digest import script_digest
 from polarsim.errors import PolarsimError
@@ -171,5 +173,5 @@ def complete(rule_name, item):
         item.benchmark = f"{folder}/benchmarks/{stage}/{name}.tsv"
     script = item.basedir.join(item.script)
     item.set_params(
-        code=script_digest(script if isinstance(script, PathLike) else workflow.sourcecache.get_path(script))
+        code=script_digest(script if isinstance(script, os.PathLike) else workflow.sourcecache.get_path(script))
     )
