@@ -18,20 +18,19 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.errors import ReconstructionError
+from polarsim.geometry.aggregation import aggregate, minima
 from polarsim.geometry.casters import make_caster
+from polarsim.geometry.contrast import blurred, local_contrast
 from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.geometry.rays import Caster
 from polarsim.photo import PhotoKey
-from polarsim.relief.aggregation import aggregate, minima
 from polarsim.relief.feet import MAX_CUT_M, foot_cells, foot_offset, foot_offsets
 from polarsim.relief.heights import INVENTED, MEASURED, HeightMap, PhotoView
 from polarsim.relief.pairs import Group
 from polarsim.relief.plate import plate_filled
 from polarsim.relief.views import (
     PixelsByHeight,
-    blurred,
     cell_points,
-    local_contrast,
     orthophoto,
     reduced,
     unobstructed,

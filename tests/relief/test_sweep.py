@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from polarsim.errors import ReconstructionError
+from polarsim.geometry.contrast import local_contrast
 from polarsim.geometry.meshes import Mesh
 from polarsim.relief.heights import INVENTED, MEASURED
 from polarsim.relief.pairs import Group, comparable_groups
 from polarsim.relief.sweep import SweptScene, sweep_ground
-from polarsim.relief.views import local_contrast
 from tests.relief.scenes import GRID, NO_MESH, level, relief, texture, view
 
 TRUE = relief(*np.moveaxis(GRID.centres(), -1, 0))

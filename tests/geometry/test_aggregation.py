@@ -1,6 +1,6 @@
 import numpy as np
 
-from polarsim.relief.aggregation import aggregate, minima
+from polarsim.geometry.aggregation import aggregate, minima
 
 SMALL, LARGE = 0.1, 1.0
 
