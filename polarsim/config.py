@@ -126,6 +126,10 @@ class Config(BaseModel, extra="forbid", frozen=True):
                 f"labels.seeds: {NO_SEEDS} requires scans for the localisation of cameras; source "
                 f"{self.source.kind!r} has no scans"
             )
+        if self.labels.seeds == NO_SEEDS and not self.source.scans:
+            raise ValueError(
+                f"labels.seeds: {NO_SEEDS} requires scans for the detection of rocks, expected source.scans: true"
+            )
         return self
 
     @model_validator(mode="after")

@@ -138,6 +138,22 @@ class RunPaths:
         return "results/{run}/acquire/Terrain{terrain}/photos.parquet" if has_photos else "results/{run}/covers/photos"
 
     @property
+    def measures_ranges(self) -> bool:
+        """Whether range maps are measured in stereo photos, because scans are not read."""
+        return not self.config.source.scans
+
+    @property
+    def inventory_of_ranges(self) -> str:
+        """The inventory of a terrain's range maps: scanned, or measured in photos."""
+        folder = "cameras/ranges" if self.measures_ranges else "acquire"
+        return f"results/{{run}}/{folder}/Terrain{{terrain}}/inventory.json"
+
+    @property
+    def calibration_of_rig(self) -> str:
+        """The stereo calibration of a terrain: as stated, or corrected by photos."""
+        return self.inventory_of_ranges.replace("inventory.json", "calibration.json")
+
+    @property
     def unrefined_meshes(self) -> str:
         """The folder of a terrain's meshes before the ground is refined by photos: the final folder if it is not."""
         refined = self.config.rocks.ground_from_photos

@@ -124,6 +124,8 @@ def mixes(**weights):
         (mixes(views={"analog": 1}), "detect.mixes:"),
         (mixes(one={"analog": 1}, two={"one": 1}), "detect.mixes.two:"),
         (RELEASE | {"labels": {"seeds": "none"}}, "labels.seeds:"),
+        (POLAR | {"source": POLAR["source"] | {"scans": False}, "labels": {"seeds": "none"}}, "labels.seeds:"),
+        (RELEASE | {"source": RELEASE["source"] | {"scans": False}}, "source: scans"),
         (POLAR | {"labels": {"seeds": "no"}}, "labels.seeds:"),
         (POLAR | {"labels": {"seeds": None}}, "labels.seeds:"),
         (POLAR | {"labels": {"seeds": {"azimuth": 30}}}, "labels.seeds.azimuth:"),

@@ -57,6 +57,16 @@ def test_labels_are_scored_against_truth_or_people(release):
     assert published.annotated_polygons(job(terrain="03")) == str(release / "SegmentationLabels/terrain03/labels")
 
 
+def test_cameras_and_rocks_read_range_maps_of_photos_without_scans():
+    scanned, photographed = paths(), paths(source={"kind": "analog", "root": "data", "scans": False})
+    assert scanned.inventory_of_ranges == "results/{run}/acquire/Terrain{terrain}/inventory.json"
+    assert scanned.calibration_of_rig == "results/{run}/acquire/Terrain{terrain}/calibration.json"
+    assert not scanned.measures_ranges
+    assert photographed.inventory_of_ranges == "results/{run}/cameras/ranges/Terrain{terrain}/inventory.json"
+    assert photographed.calibration_of_rig == "results/{run}/cameras/ranges/Terrain{terrain}/calibration.json"
+    assert photographed.measures_ranges
+
+
 def test_corrections_belong_to_their_terrain(tmp_path):
     for name in ("01_A_off_30_L_0256.txt", "03_A_off_30_L_0256.txt", "all.json"):
         (tmp_path / name).touch()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +83,8 @@ def index_terrain(
     data = SOURCES[source.kind]
     content = data.index(source.root, terrain, positions, grid or GridOptions())
     raw, table = content.inventory, index_photos(content.photos)
+    if not source.scans:
+        raw = replace(raw, range_maps={}, clouds={})
     if isinstance(seed_options, SeedOptions):
         root = seed_options.root or source.root
         chosen = _seeds(terrain, positions, raw, root, seed_options, log_strays=data.has_photos)

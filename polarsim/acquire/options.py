@@ -37,6 +37,10 @@ class SourceOptions(BaseModel, extra="forbid", frozen=True):
     root: UserPath = Field(
         default=Path("data/analog"), description="Folder of the raw data. Required for 'release' and 'polar'."
     )
+    scans: bool = Field(
+        default=True,
+        description="Read scans. False: cameras, rocks and ground are measured in stereo photos; requires photos.",
+    )
     urls: dict[str, str] = Field(
         default_factory=dict,
         description="Archives to download into the root: file name -> http(s) address. TerrainNN at the start of a "
@@ -61,6 +65,12 @@ class SourceOptions(BaseModel, extra="forbid", frozen=True):
         if kind not in SOURCES:
             raise ValueError(f"source {kind!r}, expected {', '.join(SOURCES)}")
         return kind
+
+    @model_validator(mode="after")
+    def _photos_without_scans(self) -> SourceOptions:
+        if not self.scans and not SOURCES[self.kind].has_photos:
+            raise ValueError(f"scans: false requires stereo photos, the source {self.kind!r} has none")
+        return self
 
     @model_validator(mode="after")
     def _root_is_stated(self) -> SourceOptions:

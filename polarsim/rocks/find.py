@@ -33,6 +33,7 @@ from polarsim.run_files import rigs
 from polarsim.run_files.inventory import Inventory, read_inventory
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scans import read_scan
+from polarsim.run_files.scene import PHOTOS, SCANNED
 from polarsim.run_files.walls import Walls, write_walls
 from polarsim.survey import half_width
 
@@ -56,11 +57,15 @@ def find_rocks(
     ids: Path,
     clouds: Path,
     options: RocksOptions,
+    from_photos: bool = False,
 ) -> None:
     """Separate rocks and ground in a terrain's scans; write the table, cuboids, positions by id, and clouds.
 
     Positions without a scan, or with a scan but without a pose, cause a warning. A terrain without scans has no rock
     and an empty ground cloud. Seeds with the name of another position are excluded with a warning.
+
+    `from_photos`: the range maps are measured in photos. Their noise resembles small rocks, so that rocks without a
+    seed box are excluded.
     """
     localised = rigs.read_all_localised(cameras)
     typed = read_overrides(overrides) if overrides is not None else Overrides()
@@ -85,13 +90,16 @@ def find_rocks(
     sand, regions = add_annotated_rocks(sand, find_regions(sand, limits, evidence, cut), limits, evidence)
     sand, regions = add_carved_rocks(sand, regions, limits, evidence)
     sand, regions = add_bumps(sand, regions, limits, evidence, bumps)
+    if from_photos:
+        regions = [region for region in regions if region.confirmed]
     sand, cropped = crop_rocks(sand, regions, typed, limits.foot)
     rock_of_point = rock_of_points(sand, cropped, scans, limits.foot)
     points = {rock: _by_scan(scans.select(rock_of_point == rock), localised) for rock in cropped}
     translations = {rock: alignment_translations(list(parts.values())) for rock, parts in points.items()}
     unlabelled = [rock for rock, crop in cropped.items() if not crop.region.confirmed]
     log.info("terrain %02d: %d rocks, without a seed box: %s", terrain, len(cropped), unlabelled or "none")
-    rows = [_row(rock, crop, points[rock], translations[rock]) for rock, crop in cropped.items()]
+    made_from = PHOTOS if from_photos else SCANNED
+    rows = [_row(rock, crop, points[rock], translations[rock], made_from) for rock, crop in cropped.items()]
     rock_clouds = {
         rock: surface_cloud(
             voxel_means(_apply_translations(points[rock], translations[rock]), options.rock_cell_mm / 1000)
@@ -155,7 +163,11 @@ def _apply_translations(parts: Mapping[str, ScanPoints], translations: np.ndarra
 
 
 def _row(
-    rock: int, cropped: CroppedRock, points: Mapping[str, ScanPoints], translations: np.ndarray | None
+    rock: int,
+    cropped: CroppedRock,
+    points: Mapping[str, ScanPoints],
+    translations: np.ndarray | None,
+    made_from: str,
 ) -> dict[str, object]:
     region = cropped.region
     return table.row(
@@ -167,7 +179,7 @@ def _row(
         points={position: len(part) for position, part in points.items()},
         visible_share=len(region.seen) / len(region.footprint),
         scan_translation=math.nan if translations is None else float(np.linalg.norm(translations, axis=1).max()),
-        source=cropped.source,
+        source=made_from if cropped.source == SCANNED else cropped.source,
         confirmed=region.confirmed,
     )
 

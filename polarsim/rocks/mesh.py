@@ -18,7 +18,7 @@ from polarsim.rocks.heights import FloorGrid, filled, mean_heights
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.surfaces import closed_rock, ground_surface
-from polarsim.run_files.scene import SCANNED
+from polarsim.run_files.scene import PHOTOS, SCANNED
 from polarsim.run_files.walls import read_walls
 from polarsim.survey import half_width
 
@@ -26,10 +26,13 @@ log = logging.getLogger("polarsim")
 WALL_REACH = 0.05  # width of the ground's mesh outside the surveyed sand, under the walls, metres
 
 
-def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options: RocksOptions) -> None:
+def mesh_rocks(
+    *, terrain: int, rocks: Path, clouds: Path, meshes: Path, options: RocksOptions, from_photos: bool = False
+) -> None:
     """Reconstruct every rock and the ground of a terrain; write OBJ files, decimated copies, tables, walls, glTF.
 
-    If the points of a rock define no surface, the rock is skipped with a warning.
+    If the points of a rock define no surface, the rock is skipped with a warning. `from_photos`: the points are from
+    photos instead of scans, which `meshes.csv` states.
     """
     table = tables.read_parquet(rocks, ["rock"])
     points = ply.read_ply(Path(clouds) / "ground.ply")
@@ -49,7 +52,7 @@ def mesh_rocks(*, terrain: int, rocks: Path, clouds: Path, meshes: Path, options
             log.warning("terrain %02d, rock %d has no mesh: %s", terrain, rock, error)
     cell = options.ground_mesh_cell_mm / 1000
     surface = ground_surface(grid, ground, cell)
-    sources = dict.fromkeys((NO_ROCK, *solids), SCANNED)
+    sources = dict.fromkeys((NO_ROCK, *solids), PHOTOS if from_photos else SCANNED)
     write_meshes(terrain, meshes, solids, surface, sources, scanned, read_walls(clouds))
 
 

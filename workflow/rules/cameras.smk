@@ -7,11 +7,31 @@ rule cameras:
         of_run("results/{run}/cameras/Terrain{terrain}", terrain=TERRAINS),
 
 
+if PATHS.measures_ranges:
+
+    rule measure_ranges:
+        """Range maps of the positions of a terrain from stereo photos, and a calibration corrected by the photos."""
+        input:
+            photos=PATHS.photos_of_terrain,
+            inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
+            calibration="results/{run}/acquire/Terrain{terrain}/calibration.json",
+        output:
+            inventory=PATHS.inventory_of_ranges,
+            calibration=PATHS.calibration_of_rig,
+            maps=directory("results/{run}/cameras/ranges/Terrain{terrain}/maps"),
+        priority: TRAINING_WAITS
+        resources:
+            mem_mb=memory_per_attempt(2500),
+            runtime=20,
+        script:
+            "../scripts/measure_ranges.py"
+
+
 rule locate_cameras:
-    """Rig poses of a terrain from scans, or from seed labels and published meshes if the source has no scans."""
+    """Rig poses of a terrain from range maps, or from seed labels and published meshes if the source has none."""
     input:
-        inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
-        calibration="results/{run}/acquire/Terrain{terrain}/calibration.json",
+        inventory=PATHS.inventory_of_ranges,
+        calibration=PATHS.calibration_of_rig,
         seeds="results/{run}/acquire/Terrain{terrain}/seeds",
     output:
         cameras=directory("results/{run}/cameras/located/Terrain{terrain}"),

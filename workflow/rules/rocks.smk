@@ -46,9 +46,9 @@ if not SOURCE.has_scans:
 else:
 
     rule find_rocks:
-        """Scans in the sandbox frame, segmented into rocks and ground."""
+        """Range maps in the sandbox frame, segmented into rocks and ground."""
         input:
-            inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
+            inventory=PATHS.inventory_of_ranges,
             cameras="results/{run}/cameras/located/Terrain{terrain}",
             seeds="results/{run}/acquire/Terrain{terrain}/seeds",
             overrides=PATHS.override_file,
@@ -63,6 +63,7 @@ else:
             runtime=20,
         params:
             options=options("rocks"),
+            from_photos=PATHS.measures_ranges,
         script:
             "../scripts/find_rocks.py"
 
@@ -79,6 +80,7 @@ else:
             runtime=20,
         params:
             options=options("rocks"),
+            from_photos=PATHS.measures_ranges,
         script:
             "../scripts/mesh_rocks.py"
 

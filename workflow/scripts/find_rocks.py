@@ -19,4 +19,5 @@ with reporting(log=snakemake.log[0]):
         ids=Path(snakemake.output.ids),
         clouds=Path(snakemake.output.clouds),
         options=RocksOptions(**snakemake.params.options),
+        from_photos=snakemake.params.from_photos,
     )

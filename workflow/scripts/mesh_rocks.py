@@ -13,4 +13,5 @@ with reporting(log=snakemake.log[0]):
         clouds=Path(snakemake.input.clouds),
         meshes=Path(snakemake.output.meshes),
         options=RocksOptions(**snakemake.params.options),
+        from_photos=snakemake.params.from_photos,
     )

@@ -1,0 +1,119 @@
+"""Points of the ground that two positions measure: windows of orthophotos under the same lamps, matched in plan."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.cameras.disparities import FLOOR, RangePoints
+from polarsim.cameras.self_calibration import Crossing, StereoPixels
+from polarsim.geometry.contrast import local_contrast
+from polarsim.geometry.poses import Pose
+from polarsim.geometry.stereo import StereoRig
+
+REACH = 2.1  # half width of the orthophotos, metres
+CONTRAST_CELLS = 4.0  # standard deviation of the window of local contrast
+HALF_WINDOW, STEP_CELLS = 10, 5  # half size of a matched window, and distance of neighbouring windows, cells
+MIN_CORRELATION = 0.45
+MIN_KNOWN = 0.6  # minimum share of a window that is known
+
+
+@dataclass(frozen=True)
+class Ortho:
+    """Maps of a position in the level frame, (rows along y, columns along x)."""
+
+    height: np.ndarray  # metres, NaN in empty cells
+    patterns: np.ndarray  # (rows, columns, lamps) float32
+
+
+def orthophotos(seen: RangePoints, level_from_left: Pose, cell: float) -> Ortho:
+    """Average heights and photos in the cells of a map."""
+    known = np.isfinite(seen.points_left[..., 2])
+    points = level_from_left.apply(seen.points_left[known])
+    side = 2 * round(REACH / cell)
+    column, row = np.floor((points[:, :2] + REACH) / cell).astype(int).T
+    inside = (column >= 0) & (column < side) & (row >= 0) & (row < side) & (np.abs(points[:, 2]) < 0.6)
+    number = (row * side + column)[inside]
+    count = np.bincount(number, minlength=side * side)
+
+    def mean(values: np.ndarray) -> np.ndarray:
+        total = np.bincount(number, values[inside], side * side)
+        return np.where(count > 0, total / np.maximum(count, 1), np.nan).reshape(side, side)
+
+    patterns = [local_contrast(mean(logs[known]).astype(np.float32), CONTRAST_CELLS, FLOOR) for logs in seen.logs]
+    return Ortho(mean(points[:, 2]), np.stack(patterns, axis=-1))
+
+
+def match_orthophotos(fixed: Ortho, moving: Ortho, cell: float, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the same points (n, 3) in both maps, level frame, metres.
+
+    `reach`: maximum displacement in plan, metres.
+    """
+    import cv2
+
+    search = round(reach / cell)
+    border = HALF_WINDOW + search
+    side = len(fixed.height)
+    shown = np.isfinite(fixed.height)
+    share = cv2.blur(shown.astype(np.float32), (2 * HALF_WINDOW + 1,) * 2)
+    firsts, seconds = [], []
+    lattice = [(row, column) for row in range(border, side - border, STEP_CELLS)
+               for column in range(border, side - border, STEP_CELLS) if share[row, column] > MIN_KNOWN]  # fmt: skip
+    for row, column in lattice:
+        area = _window(moving.patterns, row, column, border)
+        if not area.any():
+            continue
+        likeness = cv2.matchTemplate(area, _window(fixed.patterns, row, column, HALF_WINDOW), cv2.TM_CCORR_NORMED)
+        down, across = divmod(int(likeness.argmax()), likeness.shape[1])
+        if likeness[down, across] < MIN_CORRELATION or not (0 < down < 2 * search and 0 < across < 2 * search):
+            continue
+        right, up = _peak(likeness[down - 1 : down + 2, across - 1 : across + 2])
+        z = _height(fixed.height, row, column), _height(moving.height, row + down - search, column + across - search)
+        if np.isfinite(z).all():
+            x, y = (column + 0.5) * cell - REACH, (row + 0.5) * cell - REACH
+            firsts.append((x, y, z[0]))
+            seconds.append((x + (across - search + right) * cell, y + (down - search + up) * cell, z[1]))
+    return np.array(firsts).reshape(-1, 3), np.array(seconds).reshape(-1, 3)
+
+
+def _window(values: np.ndarray, row: int, column: int, half: int) -> np.ndarray:
+    return values[row - half : row + half + 1, column - half : column + half + 1]
+
+
+def _height(height: np.ndarray, row: int, column: int) -> float:
+    around = _window(height, row, column, 2)
+    return float(np.nanmedian(around)) if np.isfinite(around).sum() > 12 else float("nan")
+
+
+def _peak(around: np.ndarray) -> tuple[float, float]:
+    """Return the offset of the peak of a parabola through (3, 3) values from their centre, along columns and rows."""
+
+    def offset(left: float, middle: float, right: float) -> float:
+        bend = left + right - 2 * middle
+        return float(np.clip((left - right) / (2 * bend), -0.5, 0.5)) if bend < 0 else 0.0
+
+    return offset(*around[1].tolist()), offset(*around[:, 1].tolist())
+
+
+def find_crossing(
+    seen: Mapping[str, RangePoints],
+    pair: tuple[str, str],
+    rig: StereoRig,
+    poses: Mapping[str, Pose],
+    cell: float,
+    reach: float,
+) -> Crossing:
+    """Match the ground that two positions measure; return its pixels in all four photos.
+
+    `poses`: `level_from_left` by position. `cell`, `reach`: of `orthophotos` and `match_orthophotos`, metres.
+    """
+    maps = [orthophotos(seen[name], poses[name], cell) for name in pair]
+    points = match_orthophotos(*maps, cell, reach)
+    return Crossing(*(_pixels(rig, poses[name].inverse().apply(part)) for name, part in zip(pair, points, strict=True)))
+
+
+def _pixels(rig: StereoRig, points_left: np.ndarray) -> StereoPixels:
+    right = rig.right.project(rig.left_from_right.inverse().apply(points_left))
+    return StereoPixels(rig.left.project(points_left), right)

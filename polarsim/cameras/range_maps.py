@@ -1,0 +1,202 @@
+"""Range maps of a terrain without scans, from the stereo photos of each position.
+
+1. self_calibration: epipolar lines of features correct the stereo calibration.
+2. disparities: left and right photos under all Sun lamps are matched.
+3. scans: the range maps are registered as if they were scans.
+4. crossings, self_calibration: the same ground in the range maps of two positions corrects calibration and poses.
+5. disparities: the photos are matched again with the corrected calibration, at full resolution.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.cameras.crossings import find_crossing
+from polarsim.cameras.disparities import FULL, HALF, RangePoints, StereoPhotos, measure_points
+from polarsim.cameras.rounding import rounded_rig
+from polarsim.cameras.scans import register_scans
+from polarsim.cameras.self_calibration import StereoPixels, calibrate
+from polarsim.cameras.surveyed import stations
+from polarsim.errors import ReconstructionError, RegistrationError
+from polarsim.formats import nasa, png
+from polarsim.formats.files import writing_folder
+from polarsim.geometry.features import match_features, sift_features
+from polarsim.geometry.poses import Pose
+from polarsim.geometry.stereo import StereoRig, epipolar_distances, rectified_left, triangulated_depth
+from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
+from polarsim.progress import track
+from polarsim.run_files.best_photos import BestPhotos, best_pictures
+from polarsim.run_files.inventory import read_inventory, write_inventory
+from polarsim.run_files.rigs import read_rig, write_rig
+from polarsim.tone import to_8bit
+
+log = logging.getLogger("polarsim")
+MIN_MATCHED = 0.15  # minimum share of the pixels of a left photo that match the right photo; 0.65 to 0.75 is usual
+# Minimum number of features that match, and their minimum share of all matches. On the analog there are 5000 to 7400
+# at a position under four Suns, 99 % of all matches.
+MIN_FEATURES, MIN_FEATURE_SHARE = 100, 0.5
+MIN_CROSSINGS = 40  # minimum number of matched windows of two positions
+ROUNDS = ((0.010, 0.15), (0.008, 0.04))  # cell and maximum displacement of matched orthophotos, metres
+_CLIPPED = WHITE_LEVEL - 100  # grey values that may be clipped
+_FEATURE_SCALE, _MAX_FEATURES = 0.5, 4000
+_MAX_EPIPOLAR_PX = 6.0  # from the epipolar line of the uncorrected calibration
+_DEPTHS_M = (1.0, 10.0)  # range of matched features
+
+
+def measure_ranges(
+    *, terrain: int, photos: Path, calibration: Path, inventory: Path, corrected: Path, measured: Path, maps: Path
+) -> None:
+    """Write a range map per position to the folder `maps`, the corrected calibration, and an inventory with the maps.
+
+    Positions without pairs of photos that match are skipped with a warning.
+
+    Raises
+    ------
+    ReconstructionError
+        No position has left and right photos of the same scene under a Sun lamp.
+    """
+    rig = read_rig(calibration)
+    pictures = best_pictures(terrain, photos)
+    pairs = _read_pairs(terrain, pictures)
+    if not pairs:
+        raise ReconstructionError("no position has a left and a right photo under the same Sun lamp", path=photos)
+    features = {position: _matched_features(pictures, position, rig) for position in pairs}
+    for position in [position for position, pixels in features.items() if not len(pixels.left)]:
+        log.warning(
+            "terrain %02d, position %s: left and right photos share too few features, no range map: check that they "
+            "show the same scene", terrain, position,
+        )  # fmt: skip
+        del features[position], pairs[position]
+    by_features, _ = calibrate(rig, list(features.values()), {}, {})
+    seen = _measure(terrain, pairs, by_features)
+    if not seen:
+        raise ReconstructionError(
+            "no range map: left and right photos do not match, check that they show the same scene", path=photos
+        )
+    pairs = {position: pairs[position] for position in seen}
+    features = {position: features[position] for position in seen}
+    final = rounded_rig(_calibrated_by_ground(terrain, rig, by_features, pairs, features, seen))
+    grid = rectified_left(final)
+    paths = {}
+    with writing_folder(maps) as folder:
+        for position in track(sorted(pairs), f"range maps of terrain {terrain:02d}"):
+            points = measure_points(pairs[position], final, [HALF, FULL]).points_left
+            path = nasa.range_map_path(folder, position)
+            nasa.write_range_map(path, grid.left_from_rectified.inverse().apply(points))
+            paths[position] = (maps / path.name).as_posix()
+    write_rig(corrected, final, "photos")
+    write_inventory(measured, replace(read_inventory(inventory), range_maps=paths, clouds={}))
+
+
+def _read_pairs(terrain: int, pictures: BestPhotos) -> dict[str, StereoPhotos]:
+    """Return the photos of each position under the lamps of which left and right photos exist."""
+    pairs = {}
+    for position in sorted({view[0] for view in pictures}):
+        left, right = (pictures.get((position, camera), {}) for camera in "LR")
+        azimuths = sorted(set(left) & set(right))
+        if not azimuths:
+            log.warning("terrain %02d, position %s: no left and right photo of a Sun lamp", terrain, position)
+            continue
+        pairs[position] = StereoPhotos(*([_light(side[azimuth]) for azimuth in azimuths] for side in (left, right)))
+    return pairs
+
+
+def _light(path: Path) -> np.ndarray:
+    """Read a photo as light above black (h, w) float32, NaN where it may be clipped."""
+    grey = png.read_photo(path).astype(np.float32)
+    return np.where(grey < _CLIPPED, np.maximum(grey - BLACK_LEVEL, 0), np.nan).astype(np.float32)
+
+
+def _matched_features(pictures: BestPhotos, position: str, rig: StereoRig) -> StereoPixels:
+    """Match features of left and right photos of a position under each Sun lamp."""
+    import cv2
+
+    left, right = [np.empty((0, 2))], [np.empty((0, 2))]
+    for azimuth in sorted(set(pictures[position, "L"]) & set(pictures[position, "R"])):
+        found = []
+        for camera in "LR":
+            grey = to_8bit(png.read_photo(pictures[position, camera][azimuth]))[..., 0]
+            small = cv2.resize(grey, None, fx=_FEATURE_SCALE, fy=_FEATURE_SCALE, interpolation=cv2.INTER_AREA)
+            found.append(sift_features(small, _MAX_FEATURES))
+        first, second = match_features(*found)
+        left.append(found[0].pixels[first] / _FEATURE_SCALE)
+        right.append(found[1].pixels[second] / _FEATURE_SCALE)
+    return possible_matches(rig, StereoPixels(np.concatenate(left), np.concatenate(right)))
+
+
+def possible_matches(rig: StereoRig, pixels: StereoPixels) -> StereoPixels:
+    """Select the matches near epipolar lines and at depths of the sandbox; none if most matches contradict the rig.
+
+    Of the matches of photos of different scenes, few are near epipolar lines.
+    """
+    depth = triangulated_depth(rig, pixels.left, pixels.right)
+    likely = (depth > _DEPTHS_M[0]) & (depth < _DEPTHS_M[1])
+    likely &= epipolar_distances(rig, pixels.left, pixels.right) < _MAX_EPIPOLAR_PX
+    if likely.sum() < max(MIN_FEATURES, MIN_FEATURE_SHARE * len(likely)):
+        likely[:] = False
+    return StereoPixels(pixels.left[likely], pixels.right[likely])
+
+
+def _measure(terrain: int, pairs: Mapping[str, StereoPhotos], rig: StereoRig) -> dict[str, RangePoints]:
+    """Return the points of each position whose photos match."""
+    seen = {}
+    for position, photos in pairs.items():
+        measured = measure_points(photos, rig, [HALF])
+        share = float(np.isfinite(measured.points_left[..., 2]).mean())
+        if share < MIN_MATCHED:
+            log.warning(
+                "terrain %02d, position %s: left and right photos match at %.0f%% of the pixels, %.0f%% needed: "
+                "no range map", terrain, position, 100 * share, 100 * MIN_MATCHED,
+            )  # fmt: skip
+            continue
+        seen[position] = measured
+    return seen
+
+
+def _calibrated_by_ground(
+    terrain: int,
+    stated: StereoRig,
+    rig: StereoRig,
+    pairs: Mapping[str, StereoPhotos],
+    features: Mapping[str, StereoPixels],
+    seen: Mapping[str, RangePoints],
+) -> StereoRig:
+    """Return the rig corrected by the ground that pairs of positions measure; `rig` without such ground."""
+    poses = _registered(terrain, seen)
+    for number, (cell, reach) in enumerate(ROUNDS):
+        if number:
+            seen = {position: measure_points(pairs[position], rig, [HALF]) for position in seen}
+        crossings = {}
+        for pair in combinations(sorted(poses), 2):
+            crossing = find_crossing(seen, pair, rig, poses, cell, reach)
+            if len(crossing.fixed.left) >= MIN_CROSSINGS:
+                crossings[pair] = crossing
+        if not crossings:
+            log.warning(
+                "terrain %02d: no two positions show the same ground; only epipolar lines correct the calibration, and "
+                "distances may be off by 1%%", terrain,
+            )  # fmt: skip
+            return rig
+        rig, poses = calibrate(stated, list(features.values()), crossings, poses)
+        for pair, crossing in crossings.items():
+            log.info("terrain %02d: %d windows of positions %s and %s match", terrain, len(crossing.fixed.left), *pair)
+    return rig
+
+
+def _registered(terrain: int, seen: Mapping[str, RangePoints]) -> dict[str, Pose]:
+    """Return `level_from_left` of the positions whose range maps show the same terrain."""
+    scans = {name: points.points_left[np.isfinite(points.points_left[..., 2])] for name, points in seen.items()}
+    try:
+        network = register_scans(scans, stations(terrain))
+    except RegistrationError as error:
+        log.warning("terrain %02d: %s", terrain, error.reason)
+        return {}
+    for refusal in network.refused:
+        log.warning("terrain %02d: %s", terrain, refusal.reason)
+    return network.level_from_left

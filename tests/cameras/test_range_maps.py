@@ -1,0 +1,140 @@
+"""Range maps from stereo photos: a textured height field with known shape, calibration and poses."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from polarsim.acquire.index import photo_table
+from polarsim.cameras.crossings import Ortho, match_orthophotos
+from polarsim.cameras.disparities import FULL, HALF, StereoPhotos, measure_points
+from polarsim.cameras.range_maps import measure_ranges, possible_matches
+from polarsim.cameras.self_calibration import Crossing, StereoPixels, calibrate, triangulated
+from polarsim.errors import ReconstructionError
+from polarsim.formats import tables
+from polarsim.geometry.poses import Pose, angle_between
+from polarsim.geometry.stereo import StereoRig, default_rig
+from polarsim.run_files.inventory import Inventory, write_inventory
+from polarsim.run_files.rigs import write_rig
+from tests.relief.scenes import LENS, camera, photograph, relief, texture
+
+RIG = StereoRig(LENS, LENS, Pose(np.eye(3), np.array([0.3, 0.0, 0.0])))
+TRUE = default_rig()
+
+
+def pair(seeds, right_seeds=None):
+    """Return photos from A, one for each texture: as many lamps."""
+    sides = ((camera("A", "L"), seeds), (camera("A", "R"), right_seeds or seeds))
+    return StereoPhotos(*([photograph(at, relief, texture(seed)) for seed in chosen] for at, chosen in sides))
+
+
+def height_errors(points_left):
+    """Return the errors (n,) of the points near the centre of the sandbox, metres."""
+    points = camera("A", "L").world_from_camera.apply(points_left[np.isfinite(points_left[..., 2])])
+    near = (np.abs(points[:, :2]) < 0.7).all(axis=1)
+    return (points[:, 2] - relief(points[:, 0], points[:, 1]))[near]
+
+
+def test_two_lamps_measure_the_ground():
+    points = measure_points(pair((0, 1)), RIG, [HALF, FULL]).points_left
+    errors = height_errors(points)
+    assert np.isfinite(points[..., 2]).mean() > 0.3  # the ground fills a part of the photo
+    pixel = 0.027  # metres of height for a pixel of disparity, at 3 m with this lens
+    assert np.median(np.abs(errors)) < 0.2 * pixel
+    assert abs(np.median(errors)) < 0.05 * pixel
+
+
+def test_brightness_and_slow_light_of_a_photo_do_not_matter():
+    photos = pair((0,))
+    falloff = np.linspace(1, 3, LENS.width, dtype=np.float32)
+    changed = StereoPhotos(photos.left, [picture * falloff for picture in photos.right])
+    first, second = (measure_points(one, RIG, [HALF]).points_left[..., 2] for one in (photos, changed))
+    both = np.isfinite(first) & np.isfinite(second)
+    assert both.sum() > 0.9 * np.isfinite(first).sum()
+    assert np.median(np.abs(first - second)[both]) < 0.002
+
+
+def test_photos_of_different_scenes_match_at_fewer_pixels():
+    same, other = (measure_points(pair((0, 1), right), RIG, [HALF]).points_left for right in (None, (5, 6)))
+    assert np.isfinite(other[..., 2]).mean() < 0.3 * np.isfinite(same[..., 2]).mean()
+
+
+def test_matches_of_different_scenes_are_excluded(stations):
+    rng = np.random.default_rng(0)
+    points = rng.uniform([-1, -1, 0], [1, 1, 0.3], (300, 3))
+    pixels = stereo_pixels(TRUE, stations["A"], points)
+    wrong = rng.uniform([0, 0], [TRUE.right.width, TRUE.right.height], (300, 2))
+    a_third = StereoPixels(pixels.left, np.where(np.arange(300)[:, None] % 3 == 0, wrong, pixels.right))
+    assert 200 <= len(possible_matches(TRUE, a_third).left) < 215
+    assert len(possible_matches(TRUE, StereoPixels(pixels.left, wrong)).left) == 0
+
+
+@pytest.fixture
+def stations():
+    """Return `sandbox_from_left` of two positions."""
+    return {name: camera(name, "L").world_from_camera for name in "AC"}
+
+
+def stereo_pixels(rig, pose, points):
+    left = pose.inverse().apply(points)
+    return StereoPixels(rig.left.project(left), rig.right.project(rig.left_from_right.inverse().apply(left)))
+
+
+def test_ground_from_two_positions_corrects_principal_point_and_poses(stations):
+    rng = np.random.default_rng(0)
+    plan = rng.uniform(-1, 1, (300, 2))
+    points = np.column_stack([plan, 0.05 * np.sin(3 * plan[:, 0]) * plan[:, 1]])
+    pixels = {name: stereo_pixels(TRUE, pose, points) for name, pose in stations.items()}
+    stated = replace(TRUE, right=replace(TRUE.right, cx=TRUE.right.cx + 1.2, cy=TRUE.right.cy - 1.0))
+    started = {**stations, "C": stations["C"] @ Pose.from_rotvec(np.full(3, 0.004), np.full(3, 0.03))}
+    moved = triangulated(stated, pixels["A"]) - stations["A"].inverse().apply(points)
+    assert np.linalg.norm(moved, axis=1).min() > 0.005  # metres: the error of the calibration
+    rig, poses = calibrate(stated, list(pixels.values()), {("A", "C"): Crossing(*pixels.values())}, started)
+    left = triangulated(rig, pixels["A"]) - stations["A"].inverse().apply(points)
+    assert np.median(np.linalg.norm(left, axis=1)) < 0.002
+    relative, true = (of["A"].inverse() @ of["C"] for of in (poses, stations))
+    assert np.linalg.norm(relative.translation - true.translation) < 0.004
+    assert np.degrees(angle_between(relative, true)) < 0.06
+
+
+def test_epipolar_lines_correct_the_height_of_a_principal_point(stations):
+    points = np.random.default_rng(0).uniform([-1, -1, 0], [1, 1, 0.3], (300, 3))
+    pixels = stereo_pixels(TRUE, stations["A"], points)
+    stated = replace(TRUE, right=replace(TRUE.right, cy=TRUE.right.cy - 1.0))
+    rig, poses = calibrate(stated, [pixels], {}, stations)
+    assert poses == stations
+    off = (stereo_pixels(rig, stations["A"], points).right - pixels.right)[:, 1]
+    shared = (stereo_pixels(rig, stations["A"], points).left - pixels.left)[:, 1]
+    assert np.abs(off - shared).max() < 0.1  # of the pixel that the calibration was wrong by
+
+
+def test_windows_of_maps_are_found_at_their_displacement():
+    rng = np.random.default_rng(0)
+    pattern = rng.normal(size=(420, 420, 2)).astype(np.float32)
+    x = 0.01 * np.arange(420)
+    height = np.broadcast_to(0.02 * x, (420, 420))
+    fixed = Ortho(height, pattern)
+    moving = Ortho(height + 0.003, np.roll(pattern, (4, -3), axis=(0, 1)))
+    first, second = match_orthophotos(fixed, moving, 0.01, 0.06)
+    assert len(first) > 900
+    np.testing.assert_allclose((second - first)[:, :2], np.broadcast_to([-0.03, 0.04], (len(first), 2)), atol=0.003)
+    np.testing.assert_allclose((second - first)[:, 2], 0.003 - 0.02 * 0.03, atol=1e-6)
+
+
+def test_a_terrain_without_stereo_photos_is_an_error_with_the_table(tmp_path):
+    table = tmp_path / "photos.parquet"
+    tables.write_parquet(table, photo_table([]))
+    write_rig(tmp_path / "calibration.json", TRUE, "stated")
+    write_inventory(tmp_path / "inventory.json", Inventory(3, "polar"))
+    with pytest.raises(ReconstructionError) as caught:
+        measure_ranges(
+            terrain=3,
+            photos=table,
+            calibration=tmp_path / "calibration.json",
+            inventory=tmp_path / "inventory.json",
+            corrected=tmp_path / "corrected.json",
+            measured=tmp_path / "measured.json",
+            maps=tmp_path / "maps",
+        )
+    assert caught.value.path == table
+    assert not (tmp_path / "measured.json").exists()
