@@ -560,7 +560,7 @@ class CoverPaths:
         self.model_before = next((model for model in run.models if not config.render.is_fitted(model)), run.models[0])
         self.model_after = next(iter(config.render.fitted_domains), run.models[0])
         self.title_before = (
-            f"{self.model_before}, ground through the rocks" if self.refines_ground else self.model_before
+            f"{self.model_before}, smooth ground" if self.refines_ground else self.model_before
         )
 
     @property
