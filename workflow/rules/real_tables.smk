@@ -73,7 +73,7 @@ rule render_control:
         runtime=30,
         gpu=PATHS.gpus("render"),
     params:
-        model=MODELS[0],
+        model=(CONFIG.compared_models or MODELS)[0],  # a fitted twin needs fits to photos
         options=options("render"),
     script:
         "../scripts/render_control.py"
