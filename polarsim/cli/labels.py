@@ -214,7 +214,7 @@ def masks(
     from polarsim.progress import track
 
     files = release.polygon_sources(polygons)
-    tiles = {}
+    tiles: dict[str, Any] = {}
     for path in track(files, "class masks"):
         grey = paint(yolo.read_polygons(path))
         png.write_png(out / f"{path.stem}.png", grey)

@@ -103,7 +103,9 @@ def render(
     """
     if demo:
         _refuse_others(context, {"demo", "meshes", "scale", "threads"})
-        _render_demo(writes_folder(meshes or Path("render_demo")), scale, threads)
+        folder = meshes or Path("render_demo")
+        writes_folder(folder)
+        _render_demo(folder, scale, threads)
         return
     if meshes is None or out is None:
         raise typer.BadParameter("expected MESHES|VIEWS.yaml and OUT, or --demo")

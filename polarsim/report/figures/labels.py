@@ -155,7 +155,7 @@ def _draw_kind(axes: Any, bins: pd.DataFrame, sources: Sequence[str]) -> None:
         row += len(chosen) + 1.6
     lowest = float(bins[["confidence", "right_low"]].to_numpy(float).min()) if len(bins) else 0.0
     left = np.floor(10 * max(0.0, lowest - 0.02)) / 10
-    for at, (text, colour) in titles.items():
-        axes.text(left, at, text, va="center", color=colour)
+    for height, (text, colour) in titles.items():
+        axes.text(left, height, text, va="center", color=colour)
     axes.set(xlabel="confidence, share of correct labels", xlim=(left, 1.01), ylim=(row - 0.8, -1.8), yticks=[])
     axes.grid(visible=True, axis="x")

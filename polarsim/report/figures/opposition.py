@@ -143,7 +143,8 @@ def draw_opposition(
             _draw_row(axes, crops, domains, spot, key)
             shown.append((crops, spot, key))
     texts = [_caption(crops, domains, spot, key) for crops, spot, key in shown]
-    texts += _conclusion(*(crops for crops, *_ in shown), domains)
+    (near, *_), (far, *_) = shown
+    texts += _conclusion(near, far, domains)
     write_json(text, {"shown": True, "text": " ".join(texts).removesuffix(".")})
 
 
