@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 Item = TypeVar("Item")
 LINE_S = 30.0  # between lines of progress without a terminal
+MIN_SHARE = 0.02  # of the work for an estimate of the time left; the first item includes compilations
 _bars: list[Any] = []  # the bars that are shown
 log = logging.getLogger(__name__)  # commands print its messages, see `reporting`
 
@@ -39,7 +40,8 @@ def progress_bar(text: str) -> Iterator[Callable[[float], None]]:
         now = time.monotonic()
         if 0 < share < 1 and now - shown >= LINE_S:
             shown = now
-            log.info("%s: %d %%, %s left", text, 100 * share, about((now - start) * (1 - share) / share))
+            left = f", {about((now - start) * (1 - share) / share)} left" if share >= MIN_SHARE else ""
+            log.info("%s: %d %%%s", text, 100 * share, left)
 
     yield report
 

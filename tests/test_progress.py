@@ -37,6 +37,14 @@ def test_a_command_prints_a_line_every_30_seconds_and_a_job_logs_it(clock, tmp_p
     assert not has_log or log.read_text().splitlines() == [*expected, "INFO not progress", "WARNING a warning"]
 
 
+def test_the_time_left_is_not_estimated_from_the_first_items(clock, capsys, monkeypatch):
+    monkeypatch.setattr(logging.root, "handlers", [])
+    with reporting(), progress_bar("frames") as report:
+        for clock[0], share in ((40.0, 0.005), (80.0, 0.4)):
+            report(share)
+    assert capsys.readouterr().err.splitlines() == ["INFO frames: 0 %", "INFO frames: 40 %, about 2 min left"]
+
+
 def test_a_loop_yields_its_items_and_is_silent_if_it_is_short(clock, capsys):
     with reporting():
         assert list(track("abc", "letters")) == ["a", "b", "c"]

@@ -311,6 +311,8 @@ def test_the_terrain_is_drawn_in_every_colour(page, address):
     for colour in ("lit", "id", "error_mm", "support"):
         page.get_by_label("colour").select_option(colour)
         page.wait_for_selector(f"#scene[data-drawn^='3 {colour}']")
+        ids = {name for name in page.locator("#terrain .name").all_inner_texts() if name.isdigit()}
+        assert ids == ({"1", "2"} if colour == "id" else set())
         shades = page.evaluate(script)
         assert len(shades) > 20  # shades of waves, not one flat colour
         seen.add(tuple(shades))
@@ -340,6 +342,7 @@ def test_a_click_in_3d_selects_the_rock(page, address):
     assert float(address_of(page)["orbit"].split(",")[2]) > 3.3
     page.get_by_label("look through").select_option("AL")
     until(page, lambda: address_of(page).get("camera") == "AL")
+    until(page, "document.querySelectorAll('#terrain .name').length === 0")  # cameras and lamps hide the view
     page.get_by_role("button", name="from above").click()
 
 

@@ -79,7 +79,7 @@ async function load(terrain) {
     ...['vertices', 'faces'].map((name) => (run.about.meshes.includes(terrain) ? table(`data/terrain/${terrain}/${name}.arrow`) : null)),
   ]);
   if (shown) for (const buffer of shown.buffers) gl.deleteBuffer(buffer);
-  shown = { terrain, around, buffers: [], marks: [], table: vertices, count: 0 };
+  shown = { terrain, around, buffers: [], marks: [], rocks: vertices ? tops(vertices.columns) : [], table: vertices, count: 0 };
   if (vertices) {
     const { x, y, z, nx, ny, nz } = vertices.columns;
     const { a, b, c } = faces.columns;
@@ -96,6 +96,13 @@ async function load(terrain) {
   gl.bindVertexArray(null);
   message.textContent = vertices ? '' : 'This terrain has no meshes.';
   message.hidden = Boolean(vertices);
+}
+
+/** The highest vertex of each rock with the id. */
+function tops({ rock, x, y, z }) {
+  const highest = new Map();
+  for (let k = 0; k < rock.length; k += 1) if (rock[k] >= 0 && !(z[k] <= z[highest.get(rock[k])])) highest.set(rock[k], k);
+  return [...highest].map(([id, k]) => [[x[k], y[k], z[k]], String(id)]);
 }
 
 function buffer(kind, content) {
@@ -175,7 +182,7 @@ const known = (value) => mix([0, 34, 78], [253, 231, 55], value); // the ends of
 function drawLegend() {
   const strip = (make) => h('i', { style: `background:linear-gradient(90deg,${[0, 0.25, 0.5, 0.75, 1].map((t) => `rgb(${make(t)})`)})` });
   const legends = {
-    lit: ['Amber: the chosen rock.'], id: ['Every rock in a colour; neighbours may share one.'],
+    lit: ['Amber: the chosen rock.'], id: ['Rock ids; neighbours may share a colour.'],
     error_mm: [`inside the true surface by ${MOST_MM} mm`, strip((t) => off(2 * t - 1)), `outside by ${MOST_MM} mm; dark grey: not known`],
     support: ['interpolated', strip(known), 'scanned'],
   };
@@ -210,10 +217,12 @@ function drawNow() {
   canvas.height = Math.round(canvas.clientHeight * ratio);
   const matrixNow = view();
   drawInto(matrixNow, false);
-  names.replaceChildren(...shown.marks.flatMap(([at, text]) => {
+  const marks = [...(state.camera ? [] : shown.marks), ...(state.colour === 'id' ? shown.rocks : [])];
+  names.replaceChildren(...marks.flatMap(([at, text]) => {
     const [x, y, , w] = matrix.project(matrixNow, at);
     if (w <= 0 || Math.abs(x) > 1 || Math.abs(y) > 1) return [];
-    return [h('span', { class: 'name', text, style: `left:${50 + 50 * x}%;top:${50 - 50 * y}%` })];
+    const half = `${0.3 * text.length + 0.3}em`; // the text stays inside the view
+    return [h('span', { class: 'name', text, style: `left:clamp(${half}, ${50 + 50 * x}%, calc(100% - ${half}));top:max(2em, ${50 - 50 * y}%)` })];
   }));
   canvas.dataset.drawn = `${shown.terrain} ${state.colour} ${shown.count / 3}`;
 }
@@ -230,7 +239,7 @@ function drawInto(matrixNow, flat) {
     gl.bindVertexArray(shown.mesh);
     gl.drawElements(gl.TRIANGLES, shown.count, gl.UNSIGNED_INT, 0);
   }
-  if (!flat && shown.lines.count) {
+  if (!flat && !state.camera && shown.lines.count) {
     gl.uniform1f(gl.getUniformLocation(program, 'flat_'), 1);
     gl.bindVertexArray(shown.lines.array);
     gl.drawArrays(gl.LINES, 0, shown.lines.count);
