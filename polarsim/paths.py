@@ -557,11 +557,10 @@ class CoverPaths:
         self.folders_of_twins = {name: run.placed(f"results/{run.run}/{folder}") for name, folder in twins.items()}
         # Figure of twins before and after fits to photos. Cover photos refine the ground of a release without scans.
         self.refines_ground = config.rocks.ground_from_photos and not config.data_source.has_photos
-        self.model_before = next((model for model in run.models if not config.render.is_fitted(model)), run.models[0])
-        self.model_after = next(iter(config.render.fitted_domains), run.models[0])
-        self.title_before = (
-            f"{self.model_before}, smooth ground" if self.refines_ground else self.model_before
-        )
+        models = config.render.models
+        self.model_before = next((model for model in models if not config.render.is_fitted(model)), models[0])
+        self.model_after = next(iter(config.render.fitted_domains), models[0])
+        self.title_before = f"{self.model_before}, smooth ground" if self.refines_ground else self.model_before
 
     @property
     def start(self) -> str:

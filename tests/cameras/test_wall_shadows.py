@@ -6,15 +6,19 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from polarsim.cameras.options import RefinementOptions
+from polarsim.cameras.photos import refine_cameras
 from polarsim.cameras.wall_shadows import fit_lamps, fit_walls, refine_by_wall_shadows
-from polarsim.formats import png
+from polarsim.formats import obj, png
 from polarsim.geometry.images import resize
+from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
 from polarsim.geometry.stereo import default_rig
 from polarsim.photo import BLACK_LEVEL
-from polarsim.run_files.rigs import LocalisedRig
+from polarsim.run_files.lamps import surveyed_suns
+from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.run_files.wall_edges import EdgeSamples
-from polarsim.run_files.walls import SIDES, Wall, Walls, level_walls, wall_strips
+from polarsim.run_files.walls import SIDES, Wall, Walls, level_walls, read_walls, wall_strips
 from polarsim.survey import SUN_LAMPS
 from tests.support.wall_photos import level_sand, shaded_sand
 
@@ -151,10 +155,10 @@ def published(photographed, tmp_path_factory):
     return folder
 
 
-def wall_error(walls: Walls) -> float:
-    """Return the error of the edge of the shadow under lamp 30, metres of height at the wall."""
-    lamp = SUN_LAMPS["30"]
-    edge = np.array([[lamp[0] - (lamp[0] - 2.0) * lamp[2] / (lamp[2] - 0.31), 0.0, 0.0]])
+def wall_error(walls: Walls, lamp: np.ndarray = SUN_LAMPS["30"]) -> float:
+    """Return the error of the edge of the shadow in the photos under a lamp, metres of height at the wall."""
+    sun = SUN_LAMPS["30"]
+    edge = np.array([[sun[0] - (sun[0] - 2.0) * sun[2] / (sun[2] - 0.31), 0.0, 0.0]])
     return abs(float(walls.clearance(edge, lamp)[0]))
 
 
@@ -166,6 +170,22 @@ def test_walls_of_published_photos_replace_nominal_walls_whatever_the_tone_curve
     assert wall_error(NOMINAL) > 0.025
     assert wall_error(walls) < 0.005  # the square root moves the point of half brightness
     assert [side for side in SIDES if walls.sides[side].support > 0] == ["+x"]
+
+
+def test_a_terrain_without_own_photos_gets_the_walls_of_its_cover_photos(published, tmp_path):
+    ground = level_sand()
+    obj.write_obj(tmp_path / "meshes" / obj.ground_name(1), Mesh(ground.vertices, ground.faces), "ground")
+    write_localised(tmp_path / "located" / "PosA.json", RIG)
+    covers = {"covers": published / "photos", "drawn": published / "drawn"}
+    for name, given in (("fitted", covers), ("nominal", {})):
+        refine_cameras(
+            terrain=1, located=tmp_path / "located", meshes=tmp_path / "meshes", photos=None,
+            cameras=tmp_path / name, options=RefinementOptions(), **given,
+        )  # fmt: skip
+        assert (tmp_path / name / "PosA.json").read_bytes() == (tmp_path / "located" / "PosA.json").read_bytes()
+    lamp = surveyed_suns({"A": RIG})["30"]  # at the height that the rig implies
+    assert wall_error(read_walls(tmp_path / "fitted"), lamp) < 0.005
+    assert read_walls(tmp_path / "nominal") is None
 
 
 def test_published_photos_of_another_size_keep_the_nominal_walls(published, tmp_path, caplog):
