@@ -129,7 +129,7 @@ def test_covers_and_twins_become_the_tables_of_the_paper(checkout, snakemake, re
         vertices, faces, _ = box_mesh(np.zeros(3), np.array([0.2, 0.15, 0.1]))
         obj.write_obj(run / f"meshes/{name}/terrain{terrain:02d}_ground.obj", Mesh(vertices, faces), "ground")
         (run / f"cameras/located/{name}").mkdir(parents=True)  # without located positions
-        for twins in ("renders/principled", "renders/hapke", "covers/control/pictures"):
+        for twins in ("renders/principled", "renders/hapke", "renders/fitted", "covers/control/pictures"):
             twin = np.full((HEIGHT, WIDTH), 900, np.uint16)
             twin[500:620, 900:1000], twin[520:600, 1000:1200] = 3000, 20
             png.write_png(run / f"{twins}/{name}/{key}.png", twin)
@@ -151,13 +151,13 @@ def test_covers_and_twins_become_the_tables_of_the_paper(checkout, snakemake, re
     detection = pd.read_csv(run / "tables/real_detection.csv")
     domains = {"real", "principled", "hapke"}
     rocks = detection[detection["kind"] == "rock"]
-    evaluated = {*domains, "control"}
+    evaluated = {*domains, "fitted", "control"}
     assert set(zip(rocks["trained"], rocks["evaluated"], strict=True)) == {(a, b) for a in domains for b in evaluated}
     assert set(detection["images"]) == {2}
     assert set(detection["start"]) == {"carved rocks"}
     ipd = pd.read_csv(run / "tables/real_ipd.csv")
     assert set(ipd.loc[ipd["kind"] == "rock", "pairs"]) == {2}
-    assert ipd.groupby("trained").size().to_dict() == dict.fromkeys(domains, 12)  # six pairs of domains, two kinds
+    assert ipd.groupby("trained").size().to_dict() == dict.fromkeys(domains, 20)  # ten pairs of domains, two kinds
     assert set(pd.read_csv(run / "tables/real_photos.csv")["key"]) == set(keys)
     figures = [png.read_png(run / f"figures/real_{name}.png") for name in ("ipd", "pairs", "gap")]
     assert [figure.shape[1] for figure in figures] == [1600] * 3

@@ -241,7 +241,7 @@ def test_each_terrain_with_cover_photos_is_left_out_in_turn(dry_run, release_wit
         }
 
 
-def test_ground_from_photos_is_read_by_all_stages_after_the_cameras(checkout, snakemake, release_like):
+def test_ground_from_photos_is_read_by_all_stages_after_the_cameras(checkout, snakemake, release_with_covers):
     """The refined ground depends on the refined cameras, which depend on the unrefined ground."""
     done = snakemake(
         checkout,
@@ -251,7 +251,7 @@ def test_ground_from_photos_is_read_by_all_stages_after_the_cameras(checkout, sn
         "config/release.yaml",
         "--config",
         "rocks={ground_from_photos: true}",
-        POLAR_SIM_ROOT=str(release_like),
+        POLAR_SIM_ROOT=str(release_with_covers),
     )
     assert done.returncode == 0, done.stderr[-3000:]
     jobs = planned(done)

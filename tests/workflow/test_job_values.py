@@ -74,7 +74,7 @@ PLANS = (
     (ANALOG, ("all", "rover", "rover_autonomy", "publish")),
     (FITTED, ("all",)),
     (RELEASE, ("all", "real_tables")),
-    (FITTED_RELEASE, ("render",)),
+    (FITTED_RELEASE, ("render", "before_after")),
     (ONE_SEED, ("cover_photos",)),
     (POLAR, ("tables",)),
 )
