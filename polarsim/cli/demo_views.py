@@ -11,7 +11,7 @@ from polarsim.analog.rock_scene import TERRAIN, write_rock_scene
 from polarsim.formats.files import check_new_folder
 from polarsim.render.views.options import Views
 from polarsim.render.views.run import render_views
-from polarsim.report.figures.views import draw_views
+from polarsim.report.views_sheet import draw_views
 
 SEED = 8
 AZIMUTHS_DEG, ELEVATION_DEG = (30, 120, 200, 300), 9  # of the Suns; the camera looks towards azimuth 200
