@@ -27,8 +27,8 @@ from polarsim.provenance import digest
 from polarsim.schemas.detect import PREDICTIONS
 
 PREDICTION_COLUMNS = PREDICTIONS.columns
-BATCH = 8
-PART = 25 * BATCH  # number of images with predictions in memory
+BATCH = 4  # number of images in a call; features of more images do not stay in the cache of a processor
+PART = 50 * BATCH  # number of images with predictions in memory
 
 
 def predict_domains(
