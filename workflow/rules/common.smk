@@ -169,7 +169,7 @@ def complete(rule_name, item):
     item.log_modifier = item.benchmark_modifier = workflow.modifier.path_modifier
     if not item.log:
         item.set_log(f"{folder}/logs/{stage}/{name}.log")
-    if item.benchmark is None:
+    if item.benchmark is None and item.name not in (workflow.workflow_settings.cache or ()):  # not with `--cache RULE`
         item.benchmark = f"{folder}/benchmarks/{stage}/{name}.tsv"
     script = item.basedir.join(item.script)
     item.set_params(
