@@ -7,9 +7,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 if isinstance(workflow.current_basedir, os.PathLike):  # a clone, not a workflow at a hosting service
-    os.environ["POLARSIM_CLONE"] = str(Path(workflow.current_basedir).parents[1])  # for workflow/envs
+    CLONE = str(Path(workflow.current_basedir).parents[1])
+    os.environ.update(POLARSIM_CLONE=CLONE)  # for workflow/envs
     if find_spec("polarsim") is None:  # a plan needs Snakemake alone
-        sys.path.append(os.environ["POLARSIM_CLONE"])
+        sys.path.append(CLONE)
 
 from polarsim.digest import script_digest
 from polarsim.errors import PolarsimError
