@@ -586,7 +586,8 @@ class CoverPaths:
         if not self.terrains:
             raise ConfigError(
                 f"no cover photos of terrains {', '.join(map(str, self.config.terrains))}, expected "
-                f"{COVERS}/cover_photo_indexed_01_A.png; cover_photos, real_tables and rocks.ground_from_photos require the published release",
+                f"{COVERS}/cover_photo_indexed_01_A.png; cover_photos, real_tables and rocks.ground_from_photos "
+                "require the published release",
                 path=root,
             )
         return [

@@ -48,7 +48,9 @@ def test_the_schema_accepts_the_configurations_and_no_mistyped_key(path):
 
 def test_min_version_is_the_requirement_of_the_project():
     project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
-    (needed,) = [one for one in map(Requirement, project["dependencies"]) if one.name == "snakemake"]
+    (needed,) = [
+        one for one in map(Requirement, project["optional-dependencies"]["pipeline"]) if one.name == "snakemake"
+    ]
     (version,) = [
         line.split('"')[1]
         for line in (CHECKOUT / "workflow/Snakefile").read_text().splitlines()
