@@ -154,6 +154,11 @@ class RunPaths:
         return self.inventory_of_ranges.replace("inventory.json", "calibration.json")
 
     @property
+    def range_maps(self) -> str | list[str]:
+        """The folder of a terrain's range maps from photos; empty with scans."""
+        return "results/{run}/cameras/ranges/Terrain{terrain}/maps" if self.measures_ranges else []
+
+    @property
     def unrefined_meshes(self) -> str:
         """The folder of a terrain's meshes before the ground is refined by photos: the final folder if it is not."""
         refined = self.config.rocks.ground_from_photos

@@ -17,7 +17,7 @@ from polarsim.cameras.localisations import Localisations, localise_all, untransl
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.rounding import rounded, rounded_metrics
 from polarsim.cameras.sandbox_frame import SandboxFrame, find_sandbox_frame
-from polarsim.cameras.scans import Network, register_scans
+from polarsim.cameras.scans import Network, place_scans, register_scans
 from polarsim.cameras.small_box import small_box_frame
 from polarsim.cameras.surveyed import expected_survey_pose, stations
 from polarsim.cameras.translations import translation_table
@@ -30,7 +30,16 @@ from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
 from polarsim.geometry.stereo import StereoRig
 from polarsim.run_files.inventory import Inventory, read_inventory
-from polarsim.run_files.rigs import PITCH_SD, SURVEYED, UNCERTAIN_LABELS, LocalisedRig, read_rig, write_localised
+from polarsim.run_files.rigs import (
+    PITCH_SD,
+    STEREO,
+    SURVEYED,
+    UNCERTAIN_LABELS,
+    LocalisedRig,
+    read_all_localised,
+    read_rig,
+    write_localised,
+)
 from polarsim.run_files.rock_translations import FILE as TRANSLATION_FILE
 from polarsim.run_files.scans import read_scan
 from polarsim.schemas.stages import ALIGNMENT, MATCHES
@@ -58,16 +67,18 @@ def locate_cameras(
     seeds: Path,
     cameras: Path,
     options: LocalisationOptions,
+    ranges: Path | None = None,
 ) -> None:
     """Localise the rigs of a terrain and write the folder `cameras`: `PosX.json`, `colmap/` and tables of quality.
 
-    The seed labels of the left camera are used if there are no scans.
+    The seed labels of the left camera are used if there are no scans. `ranges`: folder of range maps from photos, with
+    the relative poses of positions that show the same ground.
     """
     source, rig = read_inventory(inventory), read_rig(calibration)
     scanned = [position for position in positions if position in source.scanned]
     with with_part(f"Terrain{terrain:02d}"):
         if scanned:
-            located = _locate_by_scans(source, scanned, rig)
+            located = _locate_by_scans(source, scanned, rig, ranges)
         else:
             located = _locate_by_labels(source, positions, rig, seeds, options)
         localised = _complete_positions(located, positions, rig, stations(source.terrain))
@@ -80,10 +91,16 @@ def locate_cameras(
             write(folder / name, table)
 
 
-def _locate_by_scans(source: Inventory, positions: list[str], rig: StereoRig) -> LocalisationResult:
+def _locate_by_scans(
+    source: Inventory, positions: list[str], rig: StereoRig, ranges: Path | None
+) -> LocalisationResult:
     scans = {position: read_scan(source, position, rig) for position in positions}
     surveyed = stations(source.terrain)
-    network = register_scans(scans, surveyed)
+    placed = {} if ranges is None else read_all_localised(ranges)
+    if set(scans) <= set(placed):
+        network = place_scans(scans, {position: placed[position].sandbox_from_left for position in scans})
+    else:
+        network = register_scans(scans, surveyed)
     for reason in network.refused:
         log.warning("%s; the scan is excluded", reason)
     frame = _frame(network, surveyed, half_width(source.terrain))
@@ -99,7 +116,8 @@ def _locate_by_scans(source: Inventory, positions: list[str], rig: StereoRig) ->
                 "agreement": max(pair.agreement for pair in mine),
                 **_formal_errors(network.covariances[position], level_from_left.translation),
             }
-        localised[position] = _rounded_rig(rig, position, pose, "scans", metrics, surveyed)
+        method = "scans" if ranges is None else STEREO
+        localised[position] = _rounded_rig(rig, position, pose, method, metrics, surveyed)
     rows = []
     for pair in network.pairs:
         alignment = pair.alignment

@@ -19,7 +19,7 @@ import numpy as np
 
 from polarsim.cameras.crossings import find_crossing
 from polarsim.cameras.disparities import FULL, HALF, RangePoints, StereoPhotos, measure_points
-from polarsim.cameras.rounding import rounded_rig
+from polarsim.cameras.rounding import rounded, rounded_rig
 from polarsim.cameras.scans import register_scans
 from polarsim.cameras.self_calibration import StereoPixels, calibrate
 from polarsim.cameras.surveyed import stations
@@ -33,7 +33,7 @@ from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 from polarsim.progress import track
 from polarsim.run_files.best_photos import BestPhotos, best_pictures
 from polarsim.run_files.inventory import read_inventory, write_inventory
-from polarsim.run_files.rigs import read_rig, write_rig
+from polarsim.run_files.rigs import STEREO, LocalisedRig, read_rig, write_localised, write_rig
 from polarsim.tone import to_8bit
 
 log = logging.getLogger("polarsim")
@@ -53,6 +53,8 @@ def measure_ranges(
     *, terrain: int, photos: Path, calibration: Path, inventory: Path, corrected: Path, measured: Path, maps: Path
 ) -> None:
     """Write a range map per position to the folder `maps`, the corrected calibration, and an inventory with the maps.
+
+    If positions show the same ground, `maps` also contains their poses, in a nearly level frame with any heading.
 
     Positions without pairs of photos that match are skipped with a warning.
 
@@ -81,7 +83,8 @@ def measure_ranges(
         )
     pairs = {position: pairs[position] for position in seen}
     features = {position: features[position] for position in seen}
-    final = rounded_rig(_calibrated_by_ground(terrain, rig, by_features, pairs, features, seen))
+    final, poses = _calibrated_by_ground(terrain, rig, by_features, pairs, features, seen)
+    final = rounded_rig(final)
     grid = rectified_left(final)
     paths = {}
     with writing_folder(maps) as folder:
@@ -90,6 +93,8 @@ def measure_ranges(
             path = nasa.range_map_path(folder, position)
             nasa.write_range_map(path, grid.left_from_rectified.inverse().apply(points))
             paths[position] = (maps / path.name).as_posix()
+        for position, pose in sorted(poses.items()):
+            write_localised(folder / f"Pos{position}.json", LocalisedRig(final, rounded(pose), STEREO))
     write_rig(corrected, final, "photos")
     write_inventory(measured, replace(read_inventory(inventory), range_maps=paths, clouds={}))
 
@@ -166,8 +171,11 @@ def _calibrated_by_ground(
     pairs: Mapping[str, StereoPhotos],
     features: Mapping[str, StereoPixels],
     seen: Mapping[str, RangePoints],
-) -> StereoRig:
-    """Return the rig corrected by the ground that pairs of positions measure; `rig` without such ground."""
+) -> tuple[StereoRig, Mapping[str, Pose]]:
+    """Return rig and `level_from_left` of positions, corrected by ground that pairs of positions measure.
+
+    Without such ground, return `rig` and no poses.
+    """
     poses = _registered(terrain, seen)
     for number, (cell, reach) in enumerate(ROUNDS):
         if number:
@@ -182,11 +190,11 @@ def _calibrated_by_ground(
                 "terrain %02d: no two positions show the same ground; only epipolar lines correct the calibration, and "
                 "distances may be off by 1%%", terrain,
             )  # fmt: skip
-            return rig
+            return rig, {}
         rig, poses = calibrate(stated, list(features.values()), crossings, poses)
         for pair, crossing in crossings.items():
             log.info("terrain %02d: %d windows of positions %s and %s match", terrain, len(crossing.fixed.left), *pair)
-    return rig
+    return rig, poses
 
 
 def _registered(terrain: int, seen: Mapping[str, RangePoints]) -> dict[str, Pose]:

@@ -88,7 +88,25 @@ def register_scans(scans: Mapping[str, np.ndarray], stations: Mapping[str, Pose]
     reference, start, strange = _find_majority(levelled)
     levelled = {position: scan for position, scan in levelled.items() if position in start}
     sands = {position: scan.sand() for position, scan in levelled.items()}
-    moves = icp.align_jointly(sands, start, reference)
+    return _network(levelled, sands, icp.align_jointly(sands, start, reference), [*sandless, *strange])
+
+
+def place_scans(scans: Mapping[str, np.ndarray], level_from_left: Mapping[str, Pose]) -> Network:
+    """Return the scans (n, 3) of positions with known poses in a nearly level frame; arguments as `register_scans`."""
+    levelled = {position: _level_scan(position, points, level_from_left) for position, points in sorted(scans.items())}
+    moves = {
+        position: level_from_left[position] @ scan.level_from_left.inverse() for position, scan in levelled.items()
+    }
+    return _network(levelled, {position: scan.sand() for position, scan in levelled.items()}, moves, [])
+
+
+def _network(
+    levelled: Mapping[str, _Levelled],
+    sands: Mapping[str, icp.ScanSurface],
+    moves: Mapping[str, Pose],
+    refused: list[RegistrationError],
+) -> Network:
+    """Return the network of scans; `moves`: common frame from the frame of each levelled scan."""
     pairs = [
         _measure_pair(fixed, moving, moves[fixed].inverse() @ moves[moving], levelled)
         for fixed, moving in combinations(levelled, 2)
@@ -99,7 +117,7 @@ def register_scans(scans: Mapping[str, np.ndarray], stations: Mapping[str, Pose]
         icp.covariances(sands, moves),
         {position: moves[position].apply(scan.fine.points) for position, scan in levelled.items()},
         {position: moves[position].rotate(scan.fine.normals) for position, scan in levelled.items()},
-        [*sandless, *strange],
+        refused,
     )
 
 

@@ -23,6 +23,7 @@ SURVEYED = "survey"  # method of a rig that is placed at the surveyed pose
 PITCH_SD = "pitch_sd_deg"  # metric of a surveyed rig: standard deviation of the pitch
 KNOWN_PITCH_DEG = 1.5  # maximum standard deviation of a known pitch
 UNCERTAIN_LABELS = "labels, unsure"  # method of a rig with an uncertain pose from labels
+STEREO = "stereo"  # method of a rig that is localised by range maps from stereo photos
 FEATURES = "features"  # method of a rig that is localised by features of photos from other positions
 
 
@@ -32,7 +33,9 @@ class LocalisedRig:
 
     rig: StereoRig
     sandbox_from_left: Pose
-    method: str = ""  # "scans", "labels", FEATURES, UNSURE or SURVEYED, followed by ", photos" after a refinement
+    method: str = (
+        ""  # "scans", STEREO, "labels", FEATURES, UNSURE or SURVEYED, followed by ", photos" after a refinement
+    )
     metrics: dict[str, float] = field(default_factory=dict)  # metrics of the fit; keys carry their units
 
     @property

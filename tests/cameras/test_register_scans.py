@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 from polarsim.cameras.heightmaps import agreement, correlate_rotations, height_map, relief_correlation
 from polarsim.cameras.icp import ScanSurface, align_jointly, covariances, measure, thin_to_planes
 from polarsim.cameras.sandbox_frame import find_sandbox_frame
-from polarsim.cameras.scans import level_pose, register_scans
+from polarsim.cameras.scans import level_pose, place_scans, register_scans
 from polarsim.cameras.surveyed import stations
 from polarsim.errors import RegistrationError
 from polarsim.geometry.poses import Pose, angle_between, camera_pose
@@ -32,6 +32,18 @@ def test_scans_are_registered(network, true_poses):
     assert np.linalg.norm(found.translation - true.translation) < 0.002
     assert np.degrees(angle_between(found, true)) < 0.03
     assert network.pairs[0].agreement > 0.9
+
+
+def test_scans_with_known_poses_keep_their_relative_pose(scans, network):
+    tilted = Pose.from_rotvec(np.array([0.004, -0.003, 0.1]), np.array([0.05, 0.0, 0.02]))
+    known = {position: tilted @ pose for position, pose in network.level_from_left.items()}
+    placed = place_scans(scans, known)
+    for position, pose in placed.level_from_left.items():
+        np.testing.assert_allclose(pose.matrix, known[position].matrix, atol=1e-9)
+        apart = network.level_from_left[position].inverse().apply(network.points[position])
+        again = known[position].inverse().apply(placed.points[position])
+        assert np.abs(np.median(apart, axis=0) - np.median(again, axis=0)).max() < 0.05
+    assert placed.pairs[0].agreement == pytest.approx(network.pairs[0].agreement, abs=0.02)
 
 
 FAR_OFF = Pose.from_rotvec(np.array([0, 0, 0.15]), np.array([-0.9, 0.9, 0.0]))

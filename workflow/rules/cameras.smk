@@ -18,7 +18,7 @@ if PATHS.measures_ranges:
         output:
             inventory=PATHS.inventory_of_ranges,
             calibration=PATHS.calibration_of_rig,
-            maps=directory("results/{run}/cameras/ranges/Terrain{terrain}/maps"),
+            maps=directory(PATHS.range_maps),
         priority: TRAINING_WAITS
         resources:
             mem_mb=memory_per_attempt(2500),
@@ -33,6 +33,7 @@ rule locate_cameras:
         inventory=PATHS.inventory_of_ranges,
         calibration=PATHS.calibration_of_rig,
         seeds="results/{run}/acquire/Terrain{terrain}/seeds",
+        ranges=PATHS.range_maps,
     output:
         cameras=directory("results/{run}/cameras/located/Terrain{terrain}"),
     priority: TRAINING_WAITS

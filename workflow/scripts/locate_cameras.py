@@ -4,6 +4,7 @@ from pathlib import Path
 
 from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.options import LocalisationOptions
+from polarsim.job_files import optional_path
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
@@ -15,4 +16,5 @@ with reporting(log=snakemake.log[0]):
         seeds=Path(snakemake.input.seeds),
         cameras=Path(snakemake.output.cameras),
         options=LocalisationOptions(**snakemake.params.options),
+        ranges=optional_path(snakemake.input.ranges),
     )
