@@ -109,8 +109,8 @@ def find_crossing(
 
     `poses`: `level_from_left` by position. `cell`, `reach`: of `orthophotos` and `match_orthophotos`, metres.
     """
-    maps = [orthophotos(seen[name], poses[name], cell) for name in pair]
-    points = match_orthophotos(*maps, cell, reach)
+    fixed, moving = (orthophotos(seen[name], poses[name], cell) for name in pair)
+    points = match_orthophotos(fixed, moving, cell, reach)
     return Crossing(*(_pixels(rig, poses[name].inverse().apply(part)) for name, part in zip(pair, points, strict=True)))
 
 

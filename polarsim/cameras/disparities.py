@@ -28,15 +28,15 @@ COARSE_SCALE = 0.25  # of the photos in which all depths are tried
 
 
 @dataclass(frozen=True)
-class Level:
-    """Refinement of disparities."""
+class Refinement:
+    """Scale and candidates of a refinement of disparities."""
 
     scale: float  # of the photos
     reach_px: float  # maximum change of the disparity, pixels of this scale
     step_px: float  # between candidates
 
 
-HALF, FULL = Level(0.5, 4.0, 0.5), Level(1.0, 2.0, 0.5)
+HALF, FULL = Refinement(0.5, 4.0, 0.5), Refinement(1.0, 2.0, 0.5)
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class RangePoints:
     logs: Sequence[np.ndarray]  # (h, w) float32, logarithm of the rectified left photo under each lamp
 
 
-def measure_points(photos: StereoPhotos, rig: StereoRig, levels: Sequence[Level]) -> RangePoints:
+def measure_points(photos: StereoPhotos, rig: StereoRig, levels: Sequence[Refinement]) -> RangePoints:
     """Match the photos of a position."""
     scale = COARSE_SCALE
     _, left, right = _patterns(photos, rig, scale)
@@ -84,11 +84,10 @@ def _patterns(
     photos: StereoPhotos, rig: StereoRig, scale: float
 ) -> tuple[list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
     """Return the logarithms of rectified left photos, and the patterns of left and right photos."""
-    left, right = (
-        [_rectified_log(picture, rig, camera, scale) for picture in pictures]
-        for pictures, camera in ((photos.left, "L"), (photos.right, "R"))
-    )
-    return left, *([local_contrast(logs, CONTRAST_PX, FLOOR) for logs in side] for side in (left, right))
+    logs = [_rectified_log(picture, rig, "L", scale) for picture in photos.left]
+    left = [local_contrast(values, CONTRAST_PX, FLOOR) for values in logs]
+    right = [local_contrast(_rectified_log(picture, rig, "R", scale), CONTRAST_PX, FLOOR) for picture in photos.right]
+    return logs, left, right
 
 
 def _rectified_log(picture: np.ndarray, rig: StereoRig, camera: str, scale: float) -> np.ndarray:
@@ -124,7 +123,7 @@ def _searched(left: Sequence[np.ndarray], right: Sequence[np.ndarray], focal_bas
 
 
 def _refined(
-    left: Sequence[np.ndarray], right: Sequence[np.ndarray], base: np.ndarray, level: Level
+    left: Sequence[np.ndarray], right: Sequence[np.ndarray], base: np.ndarray, level: Refinement
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return disparities (h, w) of patterns near a base disparity, and whether the photos match."""
     import cv2

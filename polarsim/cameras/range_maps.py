@@ -21,7 +21,7 @@ from polarsim.cameras.crossings import find_crossing
 from polarsim.cameras.disparities import FULL, HALF, RangePoints, StereoPhotos, measure_points
 from polarsim.cameras.rounding import rounded, rounded_rig
 from polarsim.cameras.scans import register_scans
-from polarsim.cameras.self_calibration import StereoPixels, calibrate
+from polarsim.cameras.self_calibration import StereoPixels, correct_calibration
 from polarsim.cameras.surveyed import stations
 from polarsim.errors import ReconstructionError, RegistrationError
 from polarsim.formats import nasa, png
@@ -75,7 +75,7 @@ def measure_ranges(
             "show the same scene", terrain, position,
         )  # fmt: skip
         del features[position], pairs[position]
-    by_features, _ = calibrate(rig, list(features.values()), {}, {})
+    by_features, _ = correct_calibration(rig, list(features.values()), {}, {})
     seen = _measure(terrain, pairs, by_features)
     if not seen:
         raise ReconstructionError(
@@ -191,7 +191,7 @@ def _calibrated_by_ground(
                 "distances may be off by 1%%", terrain,
             )  # fmt: skip
             return rig, {}
-        rig, poses = calibrate(stated, list(features.values()), crossings, poses)
+        rig, poses = correct_calibration(stated, list(features.values()), crossings, poses)
         for pair, crossing in crossings.items():
             log.info("terrain %02d: %d windows of positions %s and %s match", terrain, len(crossing.fixed.left), *pair)
     return rig, poses

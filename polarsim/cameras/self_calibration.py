@@ -50,7 +50,7 @@ def triangulated(rig: StereoRig, pixels: StereoPixels) -> np.ndarray:
     return rig.left.directions(pixels.left) * triangulated_depth(rig, pixels.left, pixels.right)[:, None]
 
 
-def calibrate(
+def correct_calibration(
     rig: StereoRig,
     features: Sequence[StereoPixels],
     crossings: Mapping[tuple[str, str], Crossing],

@@ -9,7 +9,7 @@ from polarsim.acquire.index import photo_table
 from polarsim.cameras.crossings import Ortho, match_orthophotos
 from polarsim.cameras.disparities import FULL, HALF, StereoPhotos, measure_points
 from polarsim.cameras.range_maps import measure_ranges, possible_matches
-from polarsim.cameras.self_calibration import Crossing, StereoPixels, calibrate, triangulated
+from polarsim.cameras.self_calibration import Crossing, StereoPixels, correct_calibration, triangulated
 from polarsim.errors import ReconstructionError
 from polarsim.formats import tables
 from polarsim.geometry.poses import Pose, angle_between
@@ -89,7 +89,7 @@ def test_ground_from_two_positions_corrects_principal_point_and_poses(stations):
     started = {**stations, "C": stations["C"] @ Pose.from_rotvec(np.full(3, 0.004), np.full(3, 0.03))}
     moved = triangulated(stated, pixels["A"]) - stations["A"].inverse().apply(points)
     assert np.linalg.norm(moved, axis=1).min() > 0.005  # metres: the error of the calibration
-    rig, poses = calibrate(stated, list(pixels.values()), {("A", "C"): Crossing(*pixels.values())}, started)
+    rig, poses = correct_calibration(stated, list(pixels.values()), {("A", "C"): Crossing(*pixels.values())}, started)
     left = triangulated(rig, pixels["A"]) - stations["A"].inverse().apply(points)
     assert np.median(np.linalg.norm(left, axis=1)) < 0.002
     relative, true = (of["A"].inverse() @ of["C"] for of in (poses, stations))
@@ -101,7 +101,7 @@ def test_epipolar_lines_correct_the_height_of_a_principal_point(stations):
     points = np.random.default_rng(0).uniform([-1, -1, 0], [1, 1, 0.3], (300, 3))
     pixels = stereo_pixels(TRUE, stations["A"], points)
     stated = replace(TRUE, right=replace(TRUE.right, cy=TRUE.right.cy - 1.0))
-    rig, poses = calibrate(stated, [pixels], {}, stations)
+    rig, poses = correct_calibration(stated, [pixels], {}, stations)
     assert poses == stations
     off = (stereo_pixels(rig, stations["A"], points).right - pixels.right)[:, 1]
     shared = (stereo_pixels(rig, stations["A"], points).left - pixels.left)[:, 1]
