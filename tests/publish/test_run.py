@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from polarsim import extras
 from polarsim.detect.tone import to_8_bits
 from polarsim.errors import ConfigError, FormatError, PolarsimError
 from polarsim.formats import png
@@ -136,8 +137,8 @@ def test_unknown_and_unavailable_formats_are_errors(run, tmp_path, forms):
 
 
 def test_a_missing_package_is_an_error(run, tmp_path, monkeypatch):
-    find = running.find_spec
-    monkeypatch.setattr(running, "find_spec", lambda name: None if name == "mlcroissant" else find(name))
+    find = extras.find_spec
+    monkeypatch.setattr(extras, "find_spec", lambda name: None if name == "mlcroissant" else find(name))
     with pytest.raises(ConfigError):
         publish_forms(run, tmp_path, ["croissant"])
 
