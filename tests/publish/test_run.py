@@ -139,7 +139,7 @@ def test_unknown_and_unavailable_formats_are_errors(run, tmp_path, forms):
 def test_a_missing_package_is_an_error(run, tmp_path, monkeypatch):
     find = extras.find_spec
     monkeypatch.setattr(extras, "find_spec", lambda name: None if name == "mlcroissant" else find(name))
-    with pytest.raises(ConfigError):
+    with pytest.raises(extras.ExtraError):
         publish_forms(run, tmp_path, ["croissant"])
 
 
