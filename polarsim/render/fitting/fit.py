@@ -13,7 +13,7 @@ import numpy as np
 from polarsim.randomness import generator
 from polarsim.render.fitting.samples import FitSamples, Setting, with_light_fields
 from polarsim.render.fitting.search import cells_of, fitted_parameters
-from polarsim.render.fitting.terrain import LAMPS, lamps_in, samples_of_terrain
+from polarsim.render.fitting.terrain import LAMPS, lamps_in, samples_of_scene, samples_of_terrain
 from polarsim.render.fitting.texels import Solution, Texels, solve, texels_of
 from polarsim.render.materials import Reflectance, between_corners
 from polarsim.render.models import Domain, model_of
@@ -51,7 +51,8 @@ def fit_materials(
     engine = reflectance_engine(options, threads)
     light_fields = read_light_fields(light) if light else {}
     fields = {domain: sun_coefficients(light_fields.get(domain, {})) for domain in domains}
-    fitted = None if found is None else fit(found[0], mesh, domains, engine, options.as_fitted(), fields, options)
+    samples = samples_of_scene(terrain, found[0]) if found else None
+    fitted = fit(samples, mesh, domains, engine, options.as_fitted(), fields, options) if samples else None
     if fitted is None or found is None:
         log.warning("terrain %02d: no fitted photo shows lit surfaces (azimuth %s is held out); twins have "
                     "constant materials", terrain, options.fitting.held_out)  # fmt: skip

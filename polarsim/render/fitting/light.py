@@ -18,7 +18,7 @@ from polarsim.geometry.light_field import EVEN, POWERS, relative_irradiance, ter
 from polarsim.photo import NO_ROCK, SUNS
 from polarsim.render.fitting.exposures import read_published_photo
 from polarsim.render.fitting.samples import FitSamples, Setting
-from polarsim.render.fitting.terrain import LAMPS, median_stops, samples_of_terrain
+from polarsim.render.fitting.terrain import LAMPS, median_stops, samples_of_scene, samples_of_terrain
 from polarsim.render.lamps import REFERENCE_DISTANCE
 from polarsim.render.models import Domain, model_of
 from polarsim.render.olat import reflectance_engine
@@ -83,7 +83,8 @@ def fit_light(
         mesh = read_terrain(meshes[terrain], terrain, cameras=cameras[terrain])
         samples = samples_of_terrain(terrain, cameras[terrain], mesh, paths, options, threads, _SCALE, read)
         if samples is not None:
-            found[terrain] = mesh, samples[0]
+            found[terrain] = mesh, samples[0] if published else samples_of_scene(terrain, samples[0])
+    found = {terrain: part for terrain, part in found.items() if len(part[1])}
     fields: dict[int, dict[str, dict[str, FittedField]]] = {terrain: {} for terrain in light}
     for domain in domains:
         model = model_of(domain)
