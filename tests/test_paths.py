@@ -61,7 +61,8 @@ def test_cameras_and_rocks_read_range_maps_of_photos_without_scans():
     scanned, photographed = paths(), paths(source={"kind": "analog", "root": "data", "scans": False})
     assert scanned.inventory_of_ranges == "results/{run}/acquire/Terrain{terrain}/inventory.json"
     assert scanned.calibration_of_rig == "results/{run}/acquire/Terrain{terrain}/calibration.json"
-    assert not scanned.measures_ranges and scanned.range_maps == []
+    assert not scanned.measures_ranges
+    assert scanned.range_maps == []
     assert photographed.inventory_of_ranges == "results/{run}/cameras/ranges/Terrain{terrain}/inventory.json"
     assert photographed.calibration_of_rig == "results/{run}/cameras/ranges/Terrain{terrain}/calibration.json"
     assert photographed.measures_ranges

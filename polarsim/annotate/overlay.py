@@ -20,7 +20,7 @@ INK, PAPER = (32, 33, 36), (255, 255, 255)
 _FILL = 0.35  # opacity of masks
 _BOX_COST = 0.15  # cost of covered boxes relative to covered texts
 _FAR_COST = 0.2  # cost of a text away from its box, as share of the area of the text
-STATED_BELOW = 0.9  # labels of a lower confidence state it
+STATED_BELOW = 0.9  # confidence of labels, by default
 _SMALL = 0.75  # font size of shadow ids relative to rock ids
 
 
@@ -104,7 +104,7 @@ class OverlayStyle:
     kinds: Sequence[str] = BOX_CLASSES
     links: bool = False
     shadow_ids: bool = False
-    confidences: bool = True
+    stated_below: float = STATED_BELOW  # labels with a lower confidence state it; 0: none
     doubtful_below: float = 0.0  # boxes with a lower confidence are dashed
     letter_px: int = 0  # font size of ids; 0: proportional to the image width, minimum 10
 
@@ -123,9 +123,9 @@ class _Label:
         return (self.box[0] + self.box[2]) / 2, (self.box[1] + self.box[3]) / 2
 
     def tag(self, marks: OverlayStyle) -> str:
-        """Return the rock id, followed by the confidence (.85) if it is below `STATED_BELOW`."""
+        """Return the rock id, followed by the confidence (.85) if it is below `stated_below`."""
         named = self.rock != NO_ROCK and (self.kind == ROCK or marks.shadow_ids)
-        doubted = marks.confidences and self.confidence < STATED_BELOW
+        doubted = self.confidence < marks.stated_below
         return " ".join([str(self.rock)] * named + [f"{self.confidence:.2f}".removeprefix("0")] * doubted)
 
 

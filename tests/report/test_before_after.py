@@ -34,12 +34,12 @@ def drawn_figure(tmp_path):
 
 
 def test_the_columns_are_photo_before_after_and_the_difference_of_the_latter(drawn_figure):
-    row = drawn_figure[80:-130]  # between title and bar
+    row = drawn_figure[135:-105]  # between titles and bar
     photo, before, after, difference = (row[:, start + 20 : start + 380].mean(axis=-1) for start in range(0, 1600, 400))
     assert photo.std() > 20
     assert np.corrcoef(photo[:80].ravel(), after[:80].ravel())[0, 1] > 0.7  # columns differ by some pixels
-    assert abs(np.corrcoef(photo[:80].ravel(), before[:80].ravel())[0, 1]) < 0.5
-    assert (difference[:80] > 250).mean() > 0.9
+    assert before[:80].std() < 1  # the tone curve of an unrelated twin is level
+    assert (difference[:80] > 240).mean() > 0.9  # the middle of the colours is light grey
 
 
 def test_shown_photos_are_spread_over_terrains_without_rover_light():

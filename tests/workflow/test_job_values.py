@@ -39,6 +39,7 @@ FITTED = SMALL | {
     "gap": {},
     "render": {"models": ["hapke", "lambert"], "materials_from_photos": True, "maps": ["depth"]},
 }
+WITHOUT_SCANS = SMALL | {"source": SMALL["source"] | {"scans": False}}
 COVERS = {
     "run": True,
     "publish": True,
@@ -73,6 +74,7 @@ POLAR = {
 PLANS = (
     (ANALOG, ("all", "rover", "rover_autonomy", "publish")),
     (FITTED, ("all",)),
+    (WITHOUT_SCANS, ("rocks",)),
     (RELEASE, ("all", "real_tables")),
     (FITTED_RELEASE, ("render", "before_after")),
     (ONE_SEED, ("cover_photos",)),

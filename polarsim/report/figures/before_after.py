@@ -11,7 +11,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import PhotoKey
 from polarsim.report.figures.appearance import BAR_PX, TITLE_PX, ShownPhoto, as_grey, aspect, scores_text
-from polarsim.report.figures.canvas import FIGURE_WIDTH, note, page, show_image
+from polarsim.report.figures.canvas import FIGURE_WIDTH, figure_title, note, page, show_image
 from polarsim.report.figures.difference import TONES, TONES_MEANING, difference_bar
 from polarsim.run_files.pictures import pictures_at
 from polarsim.schemas.evaluation import APPEARANCE_PAIRS
@@ -60,6 +60,7 @@ def draw_before_after(
         if not keys:
             note(sheet, "no photos for a comparison")
             return
+        figure_title(sheet, "Photos, and twins before and after fits, with PSNR / SSIM / correlation")
         grid = sheet.subplots(len(keys), _COLUMNS, squeeze=False)
         for row, key in zip(grid, keys, strict=True):
             photo = ShownPhoto.read(ComparedPhoto(paths[key], masks.get(key)), column)

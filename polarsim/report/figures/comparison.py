@@ -63,7 +63,7 @@ def draw_comparison(
     columns: list[list[Panel]] = []
     differences: dict[str, Panel] = {}
     column = width // max(2, has_photo + has_cover + len(pictured))
-    marks = OverlayStyle(confidences=False, letter_px=max(10, round(column / _LETTERS)))
+    marks = OverlayStyle(stated_below=0, letter_px=max(10, round(column / _LETTERS)))
     white = None
     if photo is not None and has_photo:
         pixels = png.read_png(photo)

@@ -136,7 +136,7 @@ def _tile_pixels(tile: Tile, width: int, doubtful_below: float) -> np.ndarray:
     else:
         pixels = np.full((HEIGHT, WIDTH, 3), BLANK, np.uint8)
     marks = OverlayStyle(
-        links=True, confidences=False, doubtful_below=doubtful_below, letter_px=max(10, round(width / 42))
+        links=True, stated_below=0, doubtful_below=doubtful_below, letter_px=max(10, round(width / 42))
     )
     return draw_labels(pixels, tile.labels, width, marks)
 

@@ -65,7 +65,7 @@ def draw_strip(
         write_json(folder / STRIP_TEXT, {"key": str(key or ""), "panels": [list(item) for item in captions.items()]})
 
 
-_MARKS = OverlayStyle(confidences=False)
+_MARKS = OverlayStyle(stated_below=0)
 
 
 def shown_key(
