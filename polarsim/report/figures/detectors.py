@@ -20,6 +20,7 @@ STYLES = ("-", ":")  # line styles of the IoU thresholds, in ascending order
 BINS = np.linspace(-1, 1, 41)
 TITLES = {"map50": "mAP@0.5", "map50_95": "mAP@[0.5:0.95]", "iou_mean": "IOU_mean"}
 _FULL_SIZE_NAMES = 12  # maximum number of pairs of domains whose names fit below the bars in full size
+_SMALL_NAMES = 24  # maximum number in small size; of more pairs, those with photos are shown
 
 
 def draw_detectors(
@@ -154,7 +155,8 @@ def draw_detection(*, detection: Path, figure: Path, origin: dict[str, str], wid
 def draw_ipd(*, ipd: Path, figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
     """Write bars of the IPD of rocks: a group per detector and pair of domains, a panel per split.
 
-    Bars are means over seeds; whiskers range from the minimum to the maximum of the 95 % intervals of all seeds.
+    Of many pairs, those of photos and twins are shown. Bars are means over seeds; whiskers range from the minimum to
+    the maximum of the 95 % intervals of all seeds.
     """
     table = ipd_table.tidy_ipd(read_parquet(ipd, IPD.columns), origin["source"])
     rocks = table[(table["kind"] == ROCK) & table["ipd"].notna()]
@@ -166,7 +168,10 @@ def draw_ipd(*, ipd: Path, figure: Path, origin: dict[str, str], width: int = FI
         title = f"IPD of rocks with 95 % intervals, source {origin['source']}{title_suffix(rocks)}"
         for axes, (split, part) in zip(sheet.subplots(len(parts), squeeze=False)[:, 0], parts, strict=True):
             axes.set_title(title if len(parts) == 1 else f"{title}, split by {split}")
-            _draw_bars(axes, seed_means(part, ("trained", "first", "second"), ("ipd", "ipd_abs")))
+            means = seed_means(part, ("trained", "first", "second"), ("ipd", "ipd_abs"))
+            photos = min(set(part["first"]) | set(part["second"]), key=paper.domain_rank)
+            with_photos = (means["first"] == photos) | (means["second"] == photos)
+            _draw_bars(axes, means[with_photos] if len(means) > _SMALL_NAMES else means)
         sheet.legend(*sheet.axes[0].get_legend_handles_labels(), ncols=3, loc="outside upper right")
 
 
