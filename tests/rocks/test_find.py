@@ -151,6 +151,14 @@ def test_a_second_run_writes_the_same_bytes(worked, tmp_path):
         assert (tmp_path / name).read_bytes() == (worked / name).read_bytes(), name
 
 
+def test_ranges_of_photos_give_no_walls_and_only_rocks_with_seed_boxes(worked, tmp_path, monkeypatch):
+    monkeypatch.setattr("polarsim.rocks.find.measure_walls", lambda *_: pytest.fail("walls were measured"))
+    outputs = ("rocks.parquet", "cuboids.yaml", "ids.yaml", "clouds")
+    find_rocks(**given(worked, **{name.split(".")[0]: tmp_path / name for name in outputs}, from_photos=True))
+    assert len(pd.read_parquet(tmp_path / "rocks.parquet")) == 0
+    assert {path.name for path in (tmp_path / "clouds").iterdir()} == {"ground.ply", "scanners.csv"}
+
+
 def test_a_terrain_without_scans_is_level_ground_without_rocks(tmp_path, caplog):
     (tmp_path / "seeds").mkdir()
     (tmp_path / "cameras").mkdir()
