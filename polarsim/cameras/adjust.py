@@ -9,6 +9,7 @@ import numpy as np
 
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
+from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import PositionCamera
 from polarsim.run_files.rigs import LocalisedRig
 
@@ -100,17 +101,24 @@ def _apply_changes(localised: Mapping[str, LocalisedRig], unknowns: np.ndarray) 
     for number, position in enumerate(sorted(localised)):
         start = localised[position]
         change = unknowns[_OF_POSE * number : _OF_POSE * (number + 1)]
-        rig = start.rig
-        if len(rest):
-            rig = replace(
-                rig,
-                left=_change_lens(rig.left, rest[_OF_RIG : _OF_RIG + _OF_LENS]),
-                right=_change_lens(rig.right, rest[_OF_RIG + _OF_LENS :]),
-                left_from_right=rig.left_from_right @ Pose.from_rotvec(rest[:3], rest[3:_OF_RIG]),
-            )
+        rig = changed_rig(start.rig, rest) if len(rest) else start.rig
         pose = start.sandbox_from_left @ Pose.from_rotvec(change[:3], change[3:])
         moved[position] = replace(start, rig=rig, sandbox_from_left=pose)
     return moved
+
+
+def changed_rig(rig: StereoRig, change: np.ndarray) -> StereoRig:
+    """Return a rig with a changed calibration.
+
+    `change` (14,): rotation, radians, and translation, metres, between the cameras; then focal length, principal point,
+    pixels, and k1 of the left and of the right lens.
+    """
+    return replace(
+        rig,
+        left=_change_lens(rig.left, change[_OF_RIG : _OF_RIG + _OF_LENS]),
+        right=_change_lens(rig.right, change[_OF_RIG + _OF_LENS :]),
+        left_from_right=rig.left_from_right @ Pose.from_rotvec(change[:3], change[3:_OF_RIG]),
+    )
 
 
 def _change_lens(lens: Lens, change: np.ndarray) -> Lens:

@@ -8,17 +8,16 @@ points of the ground that two positions measure determine both.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from polarsim.geometry.lens import Lens
+from polarsim.cameras.adjust import changed_rig
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig, epipolar_distances, triangulated_depth
 
-# Standard deviations of the calibration: rotation (radians) and translation (metres) between the cameras, then focal
-# length, principal point (pixels) and k1 of each lens.
+# Standard deviations of the calibration, in the order of `changed_rig`.
 _RIG_SD = [float(np.radians(0.02))] * 3 + [0.0005] * 3
 _LENS_SD = [1.5, 1.5, 1.5, 0.003]
 CALIBRATION_SD = np.array(_RIG_SD + 2 * _LENS_SD)
@@ -70,7 +69,7 @@ def correct_calibration(
         for number, name in enumerate(free):
             part = change[len(CALIBRATION_SD) + 6 * number :][:6]
             poses[name] = poses[name] @ Pose.from_rotvec(part[:3], part[3:])
-        return _changed(rig, change[: len(CALIBRATION_SD)]), poses
+        return changed_rig(rig, change[: len(CALIBRATION_SD)]), poses
 
     def residuals(unknowns: np.ndarray) -> np.ndarray:
         changed, poses = unpacked(unknowns)
@@ -110,19 +109,3 @@ def _differences(rig: StereoRig, crossing: Crossing, fixed: Pose, moving: Pose) 
         points.append(pose.apply(in_left))
     lower = np.linalg.cholesky(covariances[0] + covariances[1])
     return np.linalg.solve(lower, (points[0] - points[1])[..., None])[..., 0]
-
-
-def _changed(rig: StereoRig, change: np.ndarray) -> StereoRig:
-    return StereoRig(
-        _changed_lens(rig.left, change[6:10]),
-        _changed_lens(rig.right, change[10:14]),
-        rig.left_from_right @ Pose.from_rotvec(change[:3], change[3:6]),
-    )
-
-
-def _changed_lens(lens: Lens, change: np.ndarray) -> Lens:
-    focal, cx, cy, k1 = map(float, change)
-    return replace(
-        lens, fx=lens.fx + focal, fy=lens.fy + focal, cx=lens.cx + cx, cy=lens.cy + cy,
-        distortion=(lens.distortion[0] + k1, *lens.distortion[1:]),
-    )  # fmt: skip

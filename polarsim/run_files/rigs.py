@@ -33,9 +33,8 @@ class LocalisedRig:
 
     rig: StereoRig
     sandbox_from_left: Pose
-    method: str = (
-        ""  # "scans", STEREO, "labels", FEATURES, UNSURE or SURVEYED, followed by ", photos" after a refinement
-    )
+    # "scans", STEREO, "labels", FEATURES, UNSURE or SURVEYED, followed by ", photos" after a refinement
+    method: str = ""
     metrics: dict[str, float] = field(default_factory=dict)  # metrics of the fit; keys carry their units
 
     @property
