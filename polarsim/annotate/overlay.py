@@ -163,10 +163,8 @@ def draw_labels(
         _draw_links(pen, shown, line)
     for label in shown:
         _draw_box(pen, label.box, COLOURS[label.kind], line, dashed=label.confidence < marks.doubtful_below)
-    tags, large = (
-        Tags(pen, size, line, [label.box for label in shown if label.kind == ROCK]),
-        marks.letter_px or max(10, round(width / 62)),
-    )
+    tags = Tags(pen, size, line, [label.box for label in shown if label.kind == ROCK])
+    large = marks.letter_px or max(10, round(width / 62))
     letters = {ROCK: font(large), SHADOW: font(max(9, round(_SMALL * large)) if marks.shadow_ids else large)}
     for label in reversed(shown):  # rocks first, because the first texts get the best positions
         text = label.tag(marks)
