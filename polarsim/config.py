@@ -23,7 +23,7 @@ from polarsim.errors import ConfigError, with_path
 from polarsim.formats.yaml_files import describe_error, parse_yaml, read_yaml
 from polarsim.grid import GridOptions
 from polarsim.labels.options import LabelsOptions
-from polarsim.photo import TERRAINS, PhotoKey, positions
+from polarsim.photo import PhotoKey, Terrain, terrain_text
 from polarsim.publish.options import PublishOptions
 from polarsim.randomness import without_negative_zeros
 from polarsim.render.models import FITTED, Domain, model_of
@@ -33,6 +33,7 @@ from polarsim.rover.cameras.options import PACKAGED_FILES
 from polarsim.rover.options import RoverOptions
 from polarsim.rover.perception.options import FINE_TUNED, OnboardDetector
 from polarsim.scoring.options import ScoringOptions
+from polarsim.site import DEFAULT, Site, TerrainName, polar, read_site
 from polarsim.sources.registry import SOURCES
 from polarsim.sources.source import DataSource
 
@@ -68,14 +69,19 @@ class Config(BaseModel, extra="forbid", frozen=True):
         pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$",
         description="Name of the run. Results are written to results/<run>/.",
     )
-    terrains: tuple[int, ...] = Field(
-        (1, 3, 6, 11), min_length=1, description="Numbers of the terrains to process, 1 to 13."
+    site: Site = Field(
+        default_factory=polar,
+        description="Sandbox or test yard: the name of a site that polarsim ships (polar, polar-traverse), the path of "
+        "a site file, or its content.",
+    )
+    terrains: tuple[TerrainName, ...] = Field(
+        (1, 3, 6, 11), min_length=1, description="Terrains to process, of the site. Default of other sites: all."
     )
     positions: tuple[str, ...] = Field(
-        ("A", "B", "C"), min_length=1, description="Tripod positions whose photos are processed, A to G."
+        ("A", "B", "C"), min_length=1, description="Positions whose photos are processed. Default: those of the site."
     )
     source: SourceOptions = Field(description="Source of the raw data.")
-    grid: GridOptions = Field(GridOptions(), description="Part of NASA's photo grid to process.")
+    grid: GridOptions = Field(GridOptions(), description="Part of the photo grid to process.")
     analog: AnalogOptions = Field(AnalogOptions(), description="Simulated sandbox, generated with source.kind analog.")
     cameras: CamerasOptions = Field(CamerasOptions(), description="Localisation and refinement of the stereo rigs.")
     rocks: RocksOptions = Field(RocksOptions(), description="Segmentation of scans into rocks and ground, and meshing.")
@@ -94,29 +100,47 @@ class Config(BaseModel, extra="forbid", frozen=True):
     scoring: ScoringOptions = Field(ScoringOptions(), description="Scoring of the results.")
     publish: PublishOptions = Field(PublishOptions(), description="Formats in which the run is published.")
 
+    @model_validator(mode="before")
+    @classmethod
+    def _with_site(cls, content: Any) -> Any:
+        """Read the site, and select all that it has where the configuration selects nothing."""
+        if not isinstance(content, dict):
+            return content
+        given = content.get("site", DEFAULT)
+        site = read_site(given) if isinstance(given, str | Path) else Site.model_validate(given)
+        whole = {"positions": site.positions, **content, "site": site}
+        if site != polar():
+            whole = {"terrains": tuple(site.terrains), **whole}
+        chosen = {"lights": site.lights, "azimuths": site.azimuths, "cameras": site.cameras.sides}
+        whole["grid"] = _with_defaults(content.get("grid"), chosen)
+        labels = content.get("labels")
+        seeds = labels.get("seeds") if isinstance(labels, dict) else None
+        if seeds is None or isinstance(seeds, dict):
+            parts = {"seeds": _with_defaults(seeds, {"azimuths": site.suns})}
+            whole["labels"] = {**labels, **parts} if isinstance(labels, dict) else parts if labels is None else labels
+        return whole
+
     @field_validator("terrains")
     @classmethod
-    def _known_terrains(cls, values: tuple[int, ...]) -> tuple[int, ...]:
-        for value in values:
-            if value not in TERRAINS:
-                raise ValueError(f"terrain {value}, expected 1 to 13")
+    def _each_once(cls, values: tuple[Terrain, ...]) -> tuple[Terrain, ...]:
         if len(set(values)) < len(values):
             raise ValueError("a terrain is listed twice")
         return values
 
-    @field_validator("positions")
-    @classmethod
-    def _known_positions(cls, values: tuple[str, ...]) -> tuple[str, ...]:
-        for value in values:
-            if value not in positions(13):
-                raise ValueError(f"position {value!r}, expected A to G")
-        return values
-
     @model_validator(mode="after")
-    def _positions_of_terrains(self) -> Config:
+    def _of_site(self) -> Config:
         for terrain in self.terrains:
-            if not set(self.positions) & set(positions(terrain)):
-                raise ValueError(f"positions: terrain {terrain} has no position {' or '.join(self.positions)}")
+            if terrain not in self.site.terrains:
+                raise ValueError(f"terrains: terrain {terrain}, expected {self.site.terrains_text}")
+        for position in self.positions:
+            if position not in self.site.all_positions:
+                raise ValueError(f"positions: position {position!r}, expected {', '.join(self.site.all_positions)}")
+        for terrain in self.terrains:
+            if not set(self.positions) & set(self.site.positions_of(terrain)):
+                known = " or ".join(self.positions)
+                raise ValueError(f"positions: terrain {terrain_text(terrain)} has no position {known}")
+        if wrong := next(self.grid.wrong_values(self.site), None):
+            raise ValueError(f"grid.{wrong}")
         return self
 
     @model_validator(mode="after")
@@ -339,7 +363,18 @@ class Config(BaseModel, extra="forbid", frozen=True):
             "covers": {"publish"},
             "rover": {"bags": True, "cameras": {"videos"}},
         }
+        unused["site"] = self.site == polar()
         return {"run": True, "publish": True, **parts, **{name: True for name, without in unused.items() if without}}
+
+
+def _with_defaults(section: Any, values: Mapping[str, Any]) -> Any:
+    """Return a section of a configuration with values for keys that it does not set; other content is returned."""
+    if section is None:
+        return dict(values)
+    if not isinstance(section, dict):
+        return section
+    missing = {name: value for name, value in values.items() if section.get(name) is None}
+    return {**section, **missing}
 
 
 def _without_places(value: Any, key: str = "") -> Any:

@@ -1,12 +1,13 @@
-"""Selection of photos of NASA's photo grid."""
+"""Selection of photos of the photo grid of a site."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from pydantic import BaseModel, Field, field_validator
 
-from polarsim.photo import AZIMUTHS, CAMERAS, LIGHTS, Azimuth, CameraSide, Light, PhotoKey, is_exposure, photo_grid
+from polarsim.photo import NO_SUN, Azimuth, CameraSide, Light, PhotoKey, Terrain
+from polarsim.site import Site
 
 
 def text_values(value: object) -> object:
@@ -21,15 +22,17 @@ def text_values(value: object) -> object:
 class GridOptions(BaseModel, extra="forbid", frozen=True):
     """Selection of the photos to label, render and evaluate; default: all photos of the grid."""
 
-    lights: tuple[Light, ...] = Field(
-        default=LIGHTS,
-        description="States of the rover light: 'on', 'off' (in quotes, because YAML reads on as true).",
+    lights: tuple[Light, ...] | None = Field(
+        default=None,
+        description="States of the rig's lamp: 'on', 'off' (in quotes, because YAML reads on as true); null: all.",
     )
-    azimuths: tuple[Azimuth, ...] = Field(
-        default=AZIMUTHS,
-        description="Azimuths of the Sun lamp: 'no', '30', '180', '270', '350' (in quotes).",
+    azimuths: tuple[Azimuth, ...] | None = Field(
+        default=None,
+        description="Azimuths of the Sun lamp, such as 'no', '30', '180', '270', '350' (in quotes); null: all.",
     )
-    cameras: tuple[CameraSide, ...] = Field(default=CAMERAS, description="Cameras: 'L' (left), 'R' (right).")
+    cameras: tuple[CameraSide, ...] | None = Field(
+        default=None, description="Cameras: 'L' (left or only camera), 'R' (right); null: all."
+    )
     exposures_ms: tuple[int, ...] | None = Field(
         default=None, description="Exposures of photos with a Sun lamp, ms; null: all."
     )
@@ -42,31 +45,39 @@ class GridOptions(BaseModel, extra="forbid", frozen=True):
     def _words(cls, values: object) -> object:
         return text_values(values)
 
-    @field_validator("exposures_ms", "exposures_no_sun_ms")
-    @classmethod
-    def _known_exposures(cls, values: tuple[int, ...] | None) -> tuple[int, ...] | None:
-        for value in values or ():
-            if not is_exposure(value):
-                raise ValueError(f"exposure {value} ms, expected 16, 32, 64 ... 8192")
-        return values
+    def wrong_values(self, site: Site) -> Iterator[str]:
+        """Yield a message for each selected value that the site does not have."""
+        no_sun = site.exposures_no_sun_ms
+        with_sun = sorted({time for terrain in site.terrains for time in site.exposures_of(terrain, "")})
+        for name, values, known in (
+            ("lights", self.lights, site.lights),
+            ("azimuths", self.azimuths, site.azimuths),
+            ("cameras", self.cameras, site.cameras.sides),
+            ("exposures_ms", self.exposures_ms, with_sun),
+            ("exposures_no_sun_ms", self.exposures_no_sun_ms, no_sun),
+        ):
+            if unknown := [value for value in values or () if value not in known]:
+                yield f"{name}: {unknown[0]!r}, expected {', '.join(map(str, known)) or 'none'} of the site {site.name}"
 
 
-def selected_grid(terrain: int, positions: Sequence[str], grid: GridOptions) -> list[PhotoKey]:
+def selected_grid(site: Site, terrain: Terrain, positions: Sequence[str], grid: GridOptions) -> list[PhotoKey]:
     """Return the selected photos of a terrain in the order of the grid."""
 
     def wanted(key: PhotoKey) -> bool:
-        exposures = grid.exposures_no_sun_ms if key.azimuth == "no" else grid.exposures_ms
+        exposures = grid.exposures_no_sun_ms if key.azimuth == NO_SUN else grid.exposures_ms
         return (
             key.position in positions
-            and key.light in grid.lights
-            and key.azimuth in grid.azimuths
-            and key.camera in grid.cameras
+            and (grid.lights is None or key.light in grid.lights)
+            and (grid.azimuths is None or key.azimuth in grid.azimuths)
+            and (grid.cameras is None or key.camera in grid.cameras)
             and (exposures is None or key.exposure_ms in exposures)
         )
 
-    return [key for key in photo_grid(terrain) if wanted(key)]
+    return [key for key in site.photos_of(terrain) if wanted(key)]
 
 
-def selected_grids(terrains: Sequence[int], positions: Sequence[str], grid: GridOptions) -> list[PhotoKey]:
+def selected_grids(
+    site: Site, terrains: Sequence[Terrain], positions: Sequence[str], grid: GridOptions
+) -> list[PhotoKey]:
     """Return the selected photos of all terrains."""
-    return [key for terrain in terrains for key in selected_grid(terrain, positions, grid)]
+    return [key for terrain in terrains for key in selected_grid(site, terrain, positions, grid)]

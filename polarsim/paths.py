@@ -34,7 +34,7 @@ from polarsim.formats.release import (
     polygon_folder,
     released_meshes,
 )
-from polarsim.photo import positions
+from polarsim.photo import Terrain, parse_terrain, terrain_text
 from polarsim.rover.cameras.options import rover_render
 from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.planning.cases import MODES_WITHOUT_PICTURES, cases
@@ -80,7 +80,8 @@ class RunPaths:
         """
         self.config, self.placed = config, placed
         self.run = config.run
-        self.terrains = [f"{terrain:02d}" for terrain in config.terrains]
+        self.terrains = [terrain_text(terrain) for terrain in config.terrains]
+        self.site: Options = config.site.model_dump(mode="json")
         self.domains = list(config.domains)
         self.trained = list(config.training_domains)
         self.splits, self.seeds = list(config.detect.splits), list(config.detect.seeds)
@@ -112,12 +113,12 @@ class RunPaths:
 
     def positions(self, wildcards: Wildcards) -> list[str]:
         """Return the positions of the run that a terrain has."""
-        return self._positions(int(wildcards.terrain))
+        return self._positions(parse_terrain(wildcards.terrain))
 
     def raw_data(self, wildcards: Wildcards) -> list[str]:
         """Return the receipt of a generated or fetched terrain, or the files of a local one."""
         config = self.config
-        return [str(path) for path in raw_inputs(int(wildcards.terrain), config.source, config.labels.seeds)]
+        return [str(path) for path in raw_inputs(parse_terrain(wildcards.terrain), config.source, config.labels.seeds)]
 
     def raw_data_of_run(self, wildcards: Wildcards) -> list[str]:  # noqa: ARG002
         """Return the raw data of all terrains."""
@@ -178,7 +179,7 @@ class RunPaths:
 
     def truth(self, wildcards: Wildcards) -> str | None:
         """Return the folder of a terrain's ground truth; None without ground truth."""
-        found = self.config.data_source.truth(self.config.source.root, int(wildcards.terrain))
+        found = self.config.data_source.truth(self.config.source.root, parse_terrain(wildcards.terrain))
         return str(found) if found else None
 
     def true_labels(self, wildcards: Wildcards) -> str | None:
@@ -188,11 +189,11 @@ class RunPaths:
 
     def annotated_labels(self, wildcards: Wildcards) -> str | None:
         """Return the folder of a terrain's annotated boxes; None without it."""
-        return self._annotated(label_folder, int(wildcards.terrain))
+        return self._annotated(label_folder, parse_terrain(wildcards.terrain))
 
     def annotated_polygons(self, wildcards: Wildcards) -> str | list[str]:
         """Return the folder of a terrain's annotated polygons, if it exists."""
-        return self._annotated(polygon_folder, int(wildcards.terrain)) or []
+        return self._annotated(polygon_folder, parse_terrain(wildcards.terrain)) or []
 
     def annotated_polygons_of_covers(self) -> list[str]:
         """Return the folders of annotated polygons of terrains with cover photos; empty if detectors have no masks."""
@@ -291,7 +292,7 @@ class RunPaths:
         """Return the converted pictures that a detector is trained on."""
         return self.pictures_behind([wildcards.trained])
 
-    def sand(self, stage: str, terrains: Sequence[int] | None = None) -> list[str]:
+    def sand(self, stage: str, terrains: Sequence[Terrain] | None = None) -> list[str]:
         """Return the folders of `cameras` or `meshes` for masking the sand; empty if all detections are allowed.
 
         Default: all terrains of the run.
@@ -299,7 +300,7 @@ class RunPaths:
         if not self.config.detect.prediction.sand_only:
             return []
         chosen = self.config.terrains if terrains is None else terrains
-        return [f"results/{self.run}/{stage}/Terrain{terrain:02d}" for terrain in chosen]
+        return [f"results/{self.run}/{stage}/Terrain{terrain_text(terrain)}" for terrain in chosen]
 
     def validation_options(self, prediction: PredictionOptions | None = None) -> Options:
         """Return the options of predictions that a training's validation uses."""
@@ -362,7 +363,9 @@ class RunPaths:
         generated = self.config.data_source.is_generated
         compared = {
             "labels": self.scored_terrains,
-            "outlines": [terrain for terrain in self.terrains if self._annotated(polygon_folder, int(terrain))],
+            "outlines": [
+                terrain for terrain in self.terrains if self._annotated(polygon_folder, parse_terrain(terrain))
+            ],
             "materials": self.terrains if generated and self.materials_of_terrain else [],
         }
         return [
@@ -375,7 +378,7 @@ class RunPaths:
     def figures_of_terrains(self, name: str) -> list[str]:
         """Return a figure of every terrain, or of every position if the name contains `{position}`."""
         return [
-            f"results/{self.run}/figures/{name.format(terrain=f'{terrain:02d}', position=position)}.png"
+            f"results/{self.run}/figures/{name.format(terrain=terrain_text(terrain), position=position)}.png"
             for terrain in self.config.terrains
             for position in (self._positions(terrain) if "{position}" in name else [""])
         ]
@@ -433,16 +436,16 @@ class RunPaths:
     def _has_ablation(self) -> bool:
         return bool(self.config.gap.components and self.domains)
 
-    def _positions(self, terrain: int) -> list[str]:
-        return [position for position in positions(terrain) if position in self.config.positions]
+    def _positions(self, terrain: Terrain) -> list[str]:
+        return [name for name in self.config.site.positions_of(terrain) if name in self.config.positions]
 
-    def _annotated(self, folder_of: Callable[[Path, int], Path], terrain: int) -> str | None:
+    def _annotated(self, folder_of: Callable[[Path, Terrain], Path], terrain: Terrain) -> str | None:
         """Return a folder of annotations; None for the analog, whose annotations are generated."""
         folder = folder_of(self.config.annotated_root, terrain)
         return str(folder) if not self.config.data_source.is_generated and folder.is_dir() else None
 
     def _can_score_labels(self, terrain: str) -> bool:
-        return self.config.data_source.is_generated or self._annotated(label_folder, int(terrain)) is not None
+        return self.config.data_source.is_generated or self._annotated(label_folder, parse_terrain(terrain)) is not None
 
     def _tables(self, names: Sequence[str], ending: str) -> list[str]:
         return [f"results/{self.run}/tables/{name}.{ending}" for name in names]
@@ -544,7 +547,7 @@ class CoverPaths:
         has_scans, root = config.data_source.has_scans, config.source.root
         self.strewn = [terrain for terrain in config.terrains if has_scans or released_meshes(root, terrain)]
         self.folds = {
-            "_".join(f"{terrain:02d}" for terrain in fold): fold
+            "_".join(terrain_text(terrain) for terrain in fold): fold
             for fold in config.cover_folds
             if set(fold) & set(self.terrains)
         }
@@ -574,7 +577,7 @@ class CoverPaths:
 
     def rocks(self, wildcards: Wildcards) -> str:
         """Return the folder of a terrain's closed rocks: repaired ones of a release, else the run's meshes."""
-        if int(wildcards.terrain) == CARVED:
+        if parse_terrain(wildcards.terrain) == CARVED:
             return f"results/{wildcards.run}/covers/carved"
         kind = "meshes" if self.config.data_source.has_scans else "repaired"
         return f"results/{wildcards.run}/{kind}/Terrain{wildcards.terrain}"
@@ -633,7 +636,7 @@ class CoverPaths:
 
     def number_of_scenes(self, wildcards: Wildcards) -> int:
         """Return the number of scenes with a terrain's rocks."""
-        return self.covers.carved_scenes if int(wildcards.terrain) == CARVED else self.covers.scenes.number
+        return self.covers.carved_scenes if parse_terrain(wildcards.terrain) == CARVED else self.covers.scenes.number
 
     def tested_in(self, wildcards: Wildcards) -> Sequence[int]:
         """Return the terrains that a fold's detector is tested on."""
@@ -728,7 +731,7 @@ class RoverPaths:
         self.first = f"results/{{run}}/rover/seed{rover.seeds[0]}"  # folder of the drive that figures show
         self.views, self.suns = list(rover.cameras.views), list(rover.cameras.suns)
         self.picture_sets = list(rover.picture_sets)
-        self.terrains = [f"{terrain:02d}" for terrain in rover.world.terrains]  # from east to west
+        self.terrains = [terrain_text(terrain) for terrain in rover.world.terrains]  # from east to west
         self.tables = ["rover", "rover_drives", *(["rover_onboard"] if rover.onboard else [])]
         self.figures = ["rover_sequence", "rover_drive", *(["rover_front"] if rover.onboard else [])]
         self.detector = self.config.detector_on_board(folder)  # None: metrics on board use the ground truth only

@@ -12,10 +12,13 @@ from typing import Literal
 from polarsim.errors import LabelError
 
 Light = Literal["on", "off"]
-Azimuth = Literal["no", "30", "180", "270", "350"]
+Azimuth = str  # name of a lamp that stands in for the Sun, such as "30", or `NO_SUN`
 CameraSide = Literal["L", "R"]
+Terrain = int | str  # number or name; the terrains of a site are all numbers or all names
 PositionCamera = tuple[str, str]  # position and camera of one terrain
-Bracket = tuple[int, str, Light, Azimuth, CameraSide]  # fields of a key except the exposure
+Bracket = tuple[Terrain, str, Light, Azimuth, CameraSide]  # fields of a key except the exposure
+
+NO_SUN = "no"  # azimuth of photos without a lamp that stands in for the Sun
 
 TERRAINS = tuple(range(1, 14))
 LIGHTS: tuple[Light, ...] = ("off", "on")
@@ -42,24 +45,31 @@ GREY_VALUES = {"background": 0, "ground": 86, ROCK: 128, SHADOW: 43}  # of the c
 NO_ROCK = -1  # label or pixel without known rock
 FIRST_ID_WITHOUT_MESH = 901  # first id of labelled rocks without mesh; ids of meshed rocks are smaller
 
-_QUERY = re.compile(r"\?(?!d=).*", re.DOTALL)  # of an address; Label Studio's files are `?d=FOLDER/FILE`
-_ENDING = re.compile(r"(?:_[A-Za-z]{3,4}\.rf\.\w+)?(?:\.[A-Za-z]\w{1,4})?\Z")  # of Roboflow's KEY_png.rf.HASH.jpg
-# Fields of a photo key in order: name -> valid texts, and their description in messages.
-_FIELDS: dict[str, tuple[frozenset[str], str]] = {
-    "terrain": (frozenset(f"{terrain:02d}" for terrain in TERRAINS), "01 to 13"),
-    "position": (frozenset("ABCDEFG"), "A to G"),
-    "light": (frozenset(LIGHTS), "on or off"),
-    "azimuth": (frozenset(AZIMUTHS), "no, 30, 180, 270 or 350"),
-    "camera": (frozenset(CAMERAS), "L or R"),
-    "exposure": (frozenset(f"{2**n:04d}" for n in range(4, 14)), "0016, 0032, 0064 ... 8192"),
-}
+_NAME = "[A-Za-z0-9][A-Za-z0-9-]*"  # of a terrain, position or lamp
+_KEY = re.compile(
+    rf"(?P<terrain>{_NAME})_(?P<position>{_NAME})_(?P<light>on|off)_(?P<azimuth>{_NAME})_(?P<camera>[LR])"
+    r"_(?P<exposure>\d{4,5})"
+)
+
+
+def terrain_text(terrain: Terrain) -> str:
+    """Return a terrain as written in keys and paths: `01`, or a name."""
+    return f"{terrain:02d}" if isinstance(terrain, int) else terrain
+
+
+def parse_terrain(text: str) -> Terrain:
+    """Return the terrain of a text in a key, a path or a configuration: a number, or a name."""
+    return int(text) if text.isdecimal() else text
 
 
 @dataclass(frozen=True, order=True)
 class PhotoKey:
-    """Name of one photo, `01_A_off_180_L_0256`: terrain, position, light, azimuth, camera, exposure in ms."""
+    """Name of one photo, `01_A_off_180_L_0256`: terrain, position, light, azimuth, camera, exposure in ms.
 
-    terrain: int
+    `Site.key` also checks that a site has these terrains, positions, lamps and exposures.
+    """
+
+    terrain: Terrain
     position: str
     light: Light
     azimuth: Azimuth
@@ -67,42 +77,27 @@ class PhotoKey:
     exposure_ms: int
 
     def __str__(self) -> str:
-        return f"{self.terrain:02d}_{self.position}_{self.light}_{self.azimuth}_{self.camera}_{self.exposure_ms:04d}"
+        start = f"{terrain_text(self.terrain)}_{self.position}_{self.light}_{self.azimuth}"
+        return f"{start}_{self.camera}_{self.exposure_ms:04d}"
 
     @classmethod
     def parse(cls, text: str) -> PhotoKey:
         """Parse a key. The text must not contain anything else: `..._0256 copy` is rejected."""
-        fields = text.split("_")
-        if len(fields) != len(_FIELDS):
-            raise LabelError(f"{text!r} is not a photo key, for example 01_A_off_180_L_0256")
-        wrong = [_wrong_field(name, field) for name, field in zip(_FIELDS, fields, strict=True)]
-        if any(wrong):
-            raise LabelError(f"{text!r} is not a photo key: {'; '.join(filter(None, wrong))}")
-        terrain, position, light, azimuth, camera, exposure = fields
-        key = cls(int(terrain), position, light, azimuth, camera, int(exposure))  # type: ignore[arg-type]
-        if position not in (there := positions(key.terrain)):
-            raise LabelError(f"{text!r}: position {position}, expected {', '.join(there)} of terrain {terrain}")
-        if key.exposure_ms not in (times := exposures(key.terrain, key.azimuth)):
-            usual = f"{times[0]:04d} to {times[-1]:04d}"
-            raise LabelError(f"{text!r}: exposure {exposure}, expected {usual} of terrain {terrain}, azimuth {azimuth}")
-        return key
-
-    @classmethod
-    def of_picture(cls, name: str) -> PhotoKey:
-        """Parse the key in the name of an image, which may have folders, a suffix, and a prefix with a dash."""
-        base = re.split(r"[/\\=]", _QUERY.sub("", name))[-1]
-        try:
-            return cls.parse(_ENDING.sub("", base, count=1).rsplit("-", 1)[-1])
-        except LabelError as error:
-            raise LabelError(f"picture {name!r}: {error.reason}") from error
+        match = _KEY.fullmatch(text)
+        if match:
+            terrain, position, light, azimuth, camera, exposure = match.groups()
+            key = cls(parse_terrain(terrain), position, light, azimuth, camera, int(exposure))  # type: ignore[arg-type]
+            if str(key) == text and key.exposure_ms:
+                return key
+        raise LabelError(f"{text!r} is not a photo key, for example 01_A_off_180_L_0256")
 
     @property
-    def station(self) -> tuple[int, str]:
+    def station(self) -> tuple[Terrain, str]:
         """Terrain and position."""
         return self.terrain, self.position
 
     @property
-    def view(self) -> tuple[int, str, CameraSide]:
+    def view(self) -> tuple[Terrain, str, CameraSide]:
         """Terrain, position and camera."""
         return self.terrain, self.position, self.camera
 
@@ -110,6 +105,11 @@ class PhotoKey:
     def bracket(self) -> Bracket:
         """All fields except the exposure."""
         return self.terrain, self.position, self.light, self.azimuth, self.camera
+
+    @property
+    def has_sun(self) -> bool:
+        """Whether a lamp stands in for the Sun."""
+        return self.azimuth != NO_SUN
 
     @property
     def stops_off_usual(self) -> float:
@@ -123,12 +123,6 @@ class PhotoKey:
 
     def with_exposure(self, exposure_ms: int) -> PhotoKey:
         return replace(self, exposure_ms=exposure_ms)
-
-
-def _wrong_field(name: str, text: str) -> str | None:
-    """Return a description of an invalid field of a photo key; None for a valid field."""
-    possible, expected = _FIELDS[name]
-    return None if text in possible else f"{name} {text!r}, expected {expected}"
 
 
 def by_bracket(keys: Iterable[PhotoKey]) -> dict[Bracket, list[PhotoKey]]:

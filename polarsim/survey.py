@@ -10,6 +10,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from polarsim.photo import Terrain, terrain_text
+
 HEIGHT_OFFSET = 0.20  # zero level of survey heights above the sand; fits to labels yield 0.16 to 0.22
 
 # Left cameras. B and C are fitted to labels: the survey of B (x 5.5) contradicts "4000 mm from the edge", and on five
@@ -36,12 +38,12 @@ POSITION_DISTANCE_MM = {"A": 1500, "B": 4000, "C": 1500}  # from the edge of the
 SANDBOX_HALF_WIDTH = 2.0  # of the sand inside the walls
 # Terrain 13 is another box, about 1 m wide according to photos, with seven positions within decimetres. Its positions
 # and wall height were not surveyed.
-HALF_WIDTH_OF_OTHER_BOXES = {13: 0.5}  # terrain -> half width, metres
+HALF_WIDTH_OF_OTHER_BOXES: dict[Terrain, float] = {13: 0.5}  # terrain -> half width, metres
 WALL_HEIGHT = 0.30  # top of the walls above the sand; 0.29 to 0.36 in a photo of terrain 1
 # Safety margin for objects that must not exceed any wall: 1 cm for the lowest wall, 1 cm for the sand level (a median).
 WALL_MARGIN = 0.02
 SURELY_WALL = round(WALL_HEIGHT - WALL_MARGIN, 2)  # minimum height of all walls above the sand
-TERRAIN_NAMES = {1: "LargeOnly", 3: "MeanDistr", 6: "Smooth", 11: "FreshCrater", 12: "OldCrater"}
+TERRAIN_NAMES: dict[Terrain, str] = {1: "LargeOnly", 3: "MeanDistr", 6: "Smooth", 11: "FreshCrater", 12: "OldCrater"}
 
 
 def lamp_position(azimuth: str, lift: float = 0.0) -> np.ndarray:
@@ -69,17 +71,17 @@ def survey_lift(left: Mapping[str, np.ndarray]) -> float:
     return float(np.median(heights)) - usual if heights else 0.0
 
 
-def half_width(terrain: int) -> float:
+def half_width(terrain: Terrain) -> float:
     """Return half the width of the sand of a terrain inside the walls, metres."""
     return HALF_WIDTH_OF_OTHER_BOXES.get(terrain, SANDBOX_HALF_WIDTH)
 
 
-def is_surveyed(terrain: int) -> bool:
+def is_surveyed(terrain: Terrain) -> bool:
     """Return whether a terrain is in the sandbox with surveyed tripods, lamps and walls."""
     return terrain not in HALF_WIDTH_OF_OTHER_BOXES
 
 
-def wall_height(terrain: int, *, surely: bool = False) -> float:
+def wall_height(terrain: Terrain, *, surely: bool = False) -> float:
     """Return the height of the walls above the sand of a terrain, metres; 0 if it was not surveyed.
 
     With `surely`, the minimum height of all walls.
@@ -88,6 +90,6 @@ def wall_height(terrain: int, *, surely: bool = False) -> float:
     return stated if is_surveyed(terrain) else 0.0
 
 
-def terrain_folder(terrain: int) -> str:
+def terrain_folder(terrain: Terrain) -> str:
     """Return the folder name of a terrain: `Terrain01_LargeOnly`, or `Terrain02_Unnamed` without a known name."""
-    return f"Terrain{terrain:02d}_{TERRAIN_NAMES.get(terrain, 'Unnamed')}"
+    return f"Terrain{terrain_text(terrain)}_{TERRAIN_NAMES.get(terrain, 'Unnamed')}"

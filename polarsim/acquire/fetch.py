@@ -14,6 +14,7 @@ from polarsim.download import downloaded_file, exclusive_lock
 from polarsim.errors import ConfigError, FetchError, FormatError
 from polarsim.formats.files import read_json, write_json
 from polarsim.formats.readers import reader
+from polarsim.photo import Terrain, terrain_text
 from polarsim.sources.registry import SOURCES
 
 PINS = "checksums.json"  # archive name -> SHA-256, written after the first download
@@ -44,7 +45,7 @@ def fetch_archive(*, name: str, url: str | None, root: Path, limits: FetchLimits
     return path
 
 
-def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path, limits: FetchLimits = _DEFAULT) -> None:
+def fetch_terrain(*, terrain: Terrain, source: SourceOptions, done: Path, limits: FetchLimits = _DEFAULT) -> None:
     """Download and extract the folders of a terrain, and write a receipt of the used archives and files.
 
     Archives are those of the configuration and those in the root. Existing folders are not changed.
@@ -66,12 +67,12 @@ def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path, limits: Fe
     folders = data.folders(source.root, terrain)
     if not folders:
         raise FetchError(
-            f"no data of terrain {terrain:02d} in {len(used)} archives: expected {data.expected(terrain)}",
+            f"no data of terrain {terrain_text(terrain)} in {len(used)} archives: expected {data.expected(terrain)}",
             path=source.root,
         )
     files = sorted(path for folder in folders for path in folder.rglob("*") if path.is_file())
     if not files:
-        raise FetchError(f"no file of terrain {terrain:02d}", path=folders[0])
+        raise FetchError(f"no file of terrain {terrain_text(terrain)}", path=folders[0])
     data.check_fetched(source.root, terrain, files)
     write_json(
         done,
@@ -85,7 +86,7 @@ def fetch_terrain(*, terrain: int, source: SourceOptions, done: Path, limits: Fe
     )
 
 
-def archives_of(terrain: int, source: SourceOptions) -> list[str]:
+def archives_of(terrain: Terrain, source: SourceOptions) -> list[str]:
     """Return the archives that may have data of a terrain: with the number of the terrain, or without a number."""
     local = set[str]()
     if source.root.is_dir():

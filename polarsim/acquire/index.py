@@ -20,11 +20,12 @@ from polarsim.formats.readers import reader
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, read_parquet, write_parquet
 from polarsim.geometry.stereo import default_rig
 from polarsim.grid import GridOptions
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.rigs import write_rig
 from polarsim.schemas.photos import PHOTOS
+from polarsim.site import Site
 from polarsim.sources.registry import SOURCES
 
 PHOTO_BITS = 16  # of the files; values have 12 bits
@@ -64,7 +65,8 @@ def photo_table(rows: Sequence[Mapping[Any, Any]] | pd.DataFrame) -> pd.DataFram
 
 def index_terrain(
     *,
-    terrain: int,
+    site: Site,
+    terrain: Terrain,
     positions: Sequence[str],
     source: SourceOptions,
     seed_options: SeedChoice,
@@ -81,7 +83,7 @@ def index_terrain(
     if not source.root.is_dir():
         raise FormatError(f"no such folder, expected the root of the source {source.kind!r}", path=source.root)
     data = SOURCES[source.kind]
-    content = data.index(source.root, terrain, positions, grid or GridOptions())
+    content = data.index(site, source.root, terrain, positions, grid or GridOptions())
     raw, table = content.inventory, index_photos(content.photos)
     if not source.scans:
         raw = replace(raw, range_maps={}, clouds={})
@@ -105,17 +107,17 @@ def merge_photos(*, tables: list[Path], merged: Path) -> None:
     write_parquet(merged, photo_table(pd.concat([read_parquet(path, PHOTO_COLUMNS) for path in tables])))
 
 
-def _check_scanned(terrain: int, positions: Sequence[str], raw: Inventory, root: Path) -> None:
+def _check_scanned(terrain: Terrain, positions: Sequence[str], raw: Inventory, root: Path) -> None:
     """Check that a run without seeds has scans, from which rocks and cameras are estimated."""
     if not raw.scanned:
-        raise LabelError(f"no scan of terrain {terrain:02d}, required by labels.seeds: {NO_SEEDS}", path=root)
+        raise LabelError(f"no scan of terrain {terrain_text(terrain)}, required by labels.seeds: {NO_SEEDS}", path=root)
     unknown = set(positions) - set(raw.scanned)
     if unknown:
         log.warning("%s: no scan of position %s, and no seeds are read", root, ", ".join(sorted(unknown)))
 
 
 def _seeds(
-    terrain: int, positions: Sequence[str], raw: Inventory, root: Path, options: SeedOptions, *, log_strays: bool
+    terrain: Terrain, positions: Sequence[str], raw: Inventory, root: Path, options: SeedOptions, *, log_strays: bool
 ) -> list[tuple[PhotoKey, Path]]:
     files, folder = find_labels(root, terrain)
     if log_strays:  # the inventory of a release lists strays

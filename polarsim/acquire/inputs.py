@@ -7,10 +7,11 @@ from pathlib import Path
 from polarsim.acquire.fetch import archives_of
 from polarsim.acquire.options import SeedChoice, SeedOptions, SourceOptions
 from polarsim.acquire.seeds import find_labels
+from polarsim.photo import Terrain, terrain_text
 from polarsim.sources.registry import SOURCES
 
 
-def raw_inputs(terrain: int, source: SourceOptions, seeds: SeedChoice) -> list[Path]:
+def raw_inputs(terrain: Terrain, source: SourceOptions, seeds: SeedChoice) -> list[Path]:
     """Return the receipt of a generated or fetched terrain, or the files of a local one.
 
     Label files that cannot be seeds are not included, nor are photos, which are too many: after adding photos, run
@@ -18,7 +19,7 @@ def raw_inputs(terrain: int, source: SourceOptions, seeds: SeedChoice) -> list[P
     """
     data = SOURCES[source.kind]
     if data.is_generated or archives_of(terrain, source):
-        return [source.root / "receipts" / f"Terrain{terrain:02d}.json"]
+        return [source.root / "receipts" / f"Terrain{terrain_text(terrain)}.json"]
     files: list[Path] = []
     if isinstance(seeds, SeedOptions):
         labels, _ = find_labels(seeds.root or source.root, terrain)

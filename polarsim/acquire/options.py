@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, Field, field_validator, model_validator
+from pydantic import BaseModel, Field, PositiveInt, field_validator, model_validator
 
 from polarsim.grid import text_values
-from polarsim.photo import SUNS, Azimuth, Light, PhotoKey, is_exposure
+from polarsim.photo import Azimuth, Light, PhotoKey
 from polarsim.photo import CameraSide as Camera
 from polarsim.sources.registry import SOURCES
 from polarsim.user_path import UserPath
@@ -91,30 +91,24 @@ class SeedOptions(BaseModel, extra="forbid", frozen=True):
         description="Rover light of the seeds, 'on' or 'off'. Quote the value: YAML reads off as false.",
     )
     camera: Camera = Field(default="L", description="Camera of the seeds, L or R.")
-    azimuths: tuple[Azimuth, ...] = Field(
-        default=SUNS,
-        description="Azimuths of the Sun lamps of the seeds, degrees, quoted. Missing label files are allowed.",
+    azimuths: tuple[Azimuth, ...] | None = Field(
+        default=None,
+        description="Azimuths of the Sun lamps of the seeds, quoted. Missing label files are allowed. null: all lamps.",
     )
-    exposure: Literal["best"] | int = Field(
+    exposure: Literal["best"] | PositiveInt = Field(
         default="best",
         description="Exposure of the seeds, ms, or 'best': maximum number of boxes, then nearest to 256 ms.",
     )
 
     def allow(self, key: PhotoKey) -> bool:
         """Return whether a photo may be a seed, regardless of the exposure."""
-        return key.light == self.light and key.camera == self.camera and key.azimuth in self.azimuths
+        lamp = key.has_sun if self.azimuths is None else key.azimuth in self.azimuths
+        return lamp and key.light == self.light and key.camera == self.camera
 
     @field_validator("light", "azimuths", mode="before")
     @classmethod
     def _words(cls, value: object) -> object:
         return text_values(value)
-
-    @field_validator("exposure")
-    @classmethod
-    def _known_exposure(cls, value: str | int) -> str | int:
-        if isinstance(value, int) and not is_exposure(value):
-            raise ValueError(f"exposure {value} ms, expected 'best' or 16, 32, 64 ... 8192")
-        return value
 
 
 SeedChoice = SeedOptions | Literal["none"]
@@ -125,7 +119,8 @@ def describe_seeds(seeds: SeedChoice) -> str:
     if not isinstance(seeds, SeedOptions):
         return NO_SEEDS
     exposure = seeds.exposure if seeds.exposure == "best" else f"{seeds.exposure} ms"
-    return f"{seeds.camera}, rover light {seeds.light}, azimuths {' '.join(seeds.azimuths)}, exposure {exposure}"
+    azimuths = " ".join(seeds.azimuths or ["all"])
+    return f"{seeds.camera}, rover light {seeds.light}, azimuths {azimuths}, exposure {exposure}"
 
 
 def seed_choice(content: object) -> SeedChoice:

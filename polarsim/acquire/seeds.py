@@ -12,7 +12,7 @@ from polarsim.acquire.options import NO_SEEDS, SeedOptions
 from polarsim.errors import FormatError, LabelError
 from polarsim.formats import class_lists, release
 from polarsim.formats.files import writing_folder
-from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey, by_bracket
+from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey, Terrain, by_bracket, terrain_text
 
 if TYPE_CHECKING:
     import numpy as np  # a plan needs the paths of seeds only
@@ -29,7 +29,7 @@ def best_exposure(boxes: Mapping[PhotoKey, int]) -> PhotoKey:
     return max(boxes, key=rank)
 
 
-def find_labels(root: Path, terrain: int) -> tuple[dict[PhotoKey, Path], Path]:
+def find_labels(root: Path, terrain: Terrain) -> tuple[dict[PhotoKey, Path], Path]:
     """Return the label files of a terrain and their folder.
 
     Parameters
@@ -49,7 +49,7 @@ def find_labels(root: Path, terrain: int) -> tuple[dict[PhotoKey, Path], Path]:
     return boxes, release.label_folder(root, terrain)
 
 
-def no_seed_error(terrain: int, options: SeedOptions, files: Mapping[PhotoKey, Path], folder: Path) -> LabelError:
+def no_seed_error(terrain: Terrain, options: SeedOptions, files: Mapping[PhotoKey, Path], folder: Path) -> LabelError:
     """Return the error for a terrain without seeds.
 
     Parameters
@@ -60,10 +60,10 @@ def no_seed_error(terrain: int, options: SeedOptions, files: Mapping[PhotoKey, P
         Folder in which label files were searched.
     """
     selection = (
-        f"light {options.light}, azimuth {', '.join(options.azimuths)}, camera {options.camera}, "
+        f"light {options.light}, azimuth {', '.join(options.azimuths or ['any'])}, camera {options.camera}, "
         f"exposure {options.exposure}"
     )
-    reason = f"no seed of terrain {terrain:02d} ({selection}) among {len(files)} label files"
+    reason = f"no seed of terrain {terrain_text(terrain)} ({selection}) among {len(files)} label files"
     if stray := [path.name for path in release.key_files(folder).stray if path.suffix.lower() == ".txt"]:
         reason += f"; the names of {len(stray)} text files are no photo keys, such as {stray[0]!r}"
     return LabelError(f"{reason}; `labels.seeds: {NO_SEEDS}` runs without seeds", path=folder)

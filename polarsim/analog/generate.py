@@ -21,7 +21,7 @@ from polarsim.formats.files import write_json, writing_folder
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, camera_pose, yaw_pitch_roll
 from polarsim.geometry.stereo import RectifiedGrid, StereoRig, rectified_left
-from polarsim.photo import PhotoKey, positions
+from polarsim.photo import PhotoKey, Terrain, positions, terrain_text
 from polarsim.randomness import generator
 from polarsim.survey import terrain_folder
 
@@ -32,7 +32,7 @@ _CAMERA_FROM_UPRIGHT = Pose(np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]), np.
 
 
 def generate_terrain(
-    *, root: Path, receipt: Path, terrain: int, keys: Sequence[PhotoKey], options: AnalogOptions, threads: int
+    *, root: Path, receipt: Path, terrain: Terrain, keys: Sequence[PhotoKey], options: AnalogOptions, threads: int
 ) -> None:
     """Generate a terrain in the layout of docs/formats.md below `root`; the receipt is written last.
 
@@ -47,10 +47,10 @@ def generate_terrain(
         raise ConfigError(f"unknown terrain {terrain}, expected {min(PRESETS)} to {max(PRESETS)}")
     mismatched = [key for key in keys if key.terrain != terrain or key.position not in positions(terrain)]
     if mismatched:
-        raise ConfigError(f"{mismatched[0]}: not a photo of terrain {terrain:02d}")
+        raise ConfigError(f"{mismatched[0]}: not a photo of terrain {terrain_text(terrain)}")
     receipt.unlink(missing_ok=True)
     made = build_terrain(terrain, options)
-    name = f"Terrain{terrain:02d}"
+    name = f"Terrain{terrain_text(terrain)}"
     places = (terrain_folder(terrain), f"{nasa_layout.RANGE_FOLDER}/{name}", f"Labels/{name}", f"truth/{name}")
     with ExitStack() as stack:
         raw, ranges, seeds, truth = (stack.enter_context(writing_folder(root / place)) for place in places)
@@ -106,7 +106,7 @@ def _write_map(
     nasa.write_range_map(nasa.range_map_path(folder, position), points)
 
 
-def carve_rocks(*, number: int, terrain: int, seed: int, meshes: Path) -> None:
+def carve_rocks(*, number: int, terrain: Terrain, seed: int, meshes: Path) -> None:
     """Write a folder of closed rock meshes, metres, centred at the origin; each depends only on seed and number."""
     _, faces = icosphere(_CARVED_DETAIL)
     with writing_folder(meshes) as folder:

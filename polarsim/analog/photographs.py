@@ -23,7 +23,18 @@ from polarsim.analog.terrain import AnalogTerrain
 from polarsim.analog.truth import AlbedoMap
 from polarsim.analog.view import Textures, make_textures, render_gbuffer
 from polarsim.formats import nasa, png, tables, yolo
-from polarsim.photo import BLACK_LEVEL, CAMERAS, HEIGHT, ROCK, SHADOW, SHADOWS_ANNOTATED_FROM_MS, WIDTH, PhotoKey
+from polarsim.photo import (
+    BLACK_LEVEL,
+    CAMERAS,
+    HEIGHT,
+    ROCK,
+    SHADOW,
+    SHADOWS_ANNOTATED_FROM_MS,
+    WIDTH,
+    PhotoKey,
+    Terrain,
+    terrain_text,
+)
 from polarsim.progress import track
 from polarsim.randomness import generator
 from polarsim.survey import ROVER_LIGHT_SHARE
@@ -88,7 +99,7 @@ def take_photos(
     tokens = _tokens(keys, options.seed)
     rows: list[dict[str, object]] = []
     views = [(position, camera) for position in at for camera in CAMERAS]
-    for position, camera in track(views, f"views of terrain {made.terrain:02d}"):
+    for position, camera in track(views, f"views of terrain {terrain_text(made.terrain)}"):
         here = [key for key in keys if (key.position, key.camera) == (position, camera)]
         if not here:
             continue
@@ -109,7 +120,7 @@ def _lamps(stations: Stations, position: str) -> dict[str, DiscLamp]:
 
 
 @lru_cache(maxsize=1)
-def _textures(seed: int, terrain: int) -> Textures:
+def _textures(seed: int, terrain: Terrain) -> Textures:
     return make_textures(generator(seed, "textures", terrain))
 
 

@@ -12,7 +12,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.geometry.stereo import StereoRig, default_rig
-from polarsim.photo import SUNS, positions
+from polarsim.photo import SUNS, Terrain, positions
 from polarsim.randomness import generator
 from polarsim.survey import NOMINAL_YAW_DEG, ROVER_LIGHT_FROM_LEFT, SUN_LAMPS
 
@@ -45,7 +45,7 @@ class Stations:
         return {**{azimuth: self.lamps[azimuth] for azimuth in SUNS}, ROVER: self.lamps[f"{ROVER}_{position}"]}
 
 
-def make_stations(terrain: int, options: AnalogOptions) -> Stations:
+def make_stations(terrain: Terrain, options: AnalogOptions) -> Stations:
     """Generate the stations of a terrain."""
     rng = generator(options.seed, "set-up", terrain)
     rig = _true_rig(rng)
@@ -98,7 +98,7 @@ def _six_digits(values: np.ndarray) -> np.ndarray:
     return np.array([float(f"{value:.6g}") for value in np.ravel(values)]).reshape(np.shape(values))
 
 
-def _tripod(terrain: int, position: str, rng: np.random.Generator) -> Pose:
+def _tripod(terrain: Terrain, position: str, rng: np.random.Generator) -> Pose:
     reach = _TRIPOD_OFFSET
     if terrain == 13:  # seven nearly equal positions in front of a small box
         centre = np.array([2.0, -0.15, 1.25]) + rng.uniform(-1, 1, 3) * [reach, reach, reach / 2]

@@ -13,6 +13,7 @@ from polarsim.analog.presets import PRESETS
 from polarsim.analog.rays import RayCaster
 from polarsim.analog.sandbox import SandboxScene, build_scene
 from polarsim.analog.stations import Stations, make_stations
+from polarsim.photo import Terrain
 from polarsim.randomness import generator
 
 
@@ -20,13 +21,13 @@ from polarsim.randomness import generator
 class AnalogTerrain:
     """Scene, ray caster, tripod poses and lamps of a terrain."""
 
-    terrain: int
+    terrain: Terrain
     scene: SandboxScene
     caster: RayCaster
     stations: Stations
 
 
-def build_terrain(terrain: int, options: AnalogOptions) -> AnalogTerrain:
+def build_terrain(terrain: Terrain, options: AnalogOptions) -> AnalogTerrain:
     """Generate the sand, the rocks, the surrounding box, the tripod poses and the lamps of a terrain."""
     preset, seed = PRESETS[terrain], options.seed
     original = preset.like or terrain

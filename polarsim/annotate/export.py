@@ -17,7 +17,18 @@ from polarsim.formats import class_lists, coco, png, release, yolo
 from polarsim.formats.files import check_new_folder, write_json, write_text, writing_folder
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.geometry.boxes import clip
-from polarsim.photo import BOX_CLASSES, HEIGHT, HEX_COLOURS, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey
+from polarsim.photo import (
+    BOX_CLASSES,
+    HEIGHT,
+    HEX_COLOURS,
+    NO_ROCK,
+    ROCK,
+    SHADOW,
+    WIDTH,
+    PhotoKey,
+    Terrain,
+    terrain_text,
+)
 from polarsim.progress import track
 from polarsim.run_files.run import Run
 from polarsim.tone import to_8bit
@@ -29,7 +40,7 @@ _RECTANGLES, _IMAGE = "label", "image"  # names of elements of the labelling int
 
 
 def export_photos(
-    *, folder: Path, run: Path, terrains: Sequence[int] = (), pattern: str = "*", domain: str = "photo", tool: str
+    *, folder: Path, run: Path, terrains: Sequence[Terrain] = (), pattern: str = "*", domain: str = "photo", tool: str
 ) -> int:
     """Write the folder and return the number of images.
 
@@ -41,7 +52,10 @@ def export_photos(
     check_new_folder(folder)
     pictures = _chosen(run, terrains, pattern, domain)
     keys = list(pictures)
-    tables = [run / f"labels/tables/Terrain{terrain:02d}.parquet" for terrain in sorted({key.terrain for key in keys})]
+    tables = [
+        run / f"labels/tables/Terrain{terrain_text(terrain)}.parquet"
+        for terrain in sorted({key.terrain for key in keys})
+    ]
     labels = pd.concat([read_parquet(table, LABEL_COLUMNS) for table in tables])
     with writing_folder(folder) as temporary:
         folder_of_pictures = temporary if tool == "labelimg" else temporary / "images"
@@ -69,7 +83,7 @@ def opening(folder: Path, tool: str) -> str:
     }[tool]
 
 
-def _chosen(run: Path, terrains: Sequence[int], pattern: str, domain: str) -> dict[PhotoKey, Path]:
+def _chosen(run: Path, terrains: Sequence[Terrain], pattern: str, domain: str) -> dict[PhotoKey, Path]:
     """Return the images of the labelled photos that match, sorted by photo key."""
     labelled = [int(folder.name[-2:]) for folder in sorted((run / "labels" / "boxes").glob("Terrain[0-9][0-9]"))]
     if unknown := [str(terrain) for terrain in terrains if terrain not in labelled]:
@@ -77,7 +91,7 @@ def _chosen(run: Path, terrains: Sequence[int], pattern: str, domain: str) -> di
         raise LabelError(f"no labels of terrain {', '.join(unknown)}; terrains with labels: {known}", path=run)
     chosen = {}
     for terrain in terrains or labelled:
-        files = release.key_files(run / "labels" / "boxes" / f"Terrain{terrain:02d}").files
+        files = release.key_files(run / "labels" / "boxes" / f"Terrain{terrain_text(terrain)}").files
         keys = [key for key in files if fnmatchcase(str(key), pattern)]
         if keys:
             pictures = Run(run).pictures_of(domain, terrain)

@@ -15,7 +15,7 @@ from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.formats.yolo import read_polygons
 from polarsim.geometry.polygons import paint
-from polarsim.photo import BOX_CLASSES, GREY_VALUES, PhotoKey
+from polarsim.photo import BOX_CLASSES, GREY_VALUES, PhotoKey, terrain_text
 from polarsim.run_files.instances import read_kind_masks
 from polarsim.run_files.run import PHOTO, Run
 from polarsim.tone import to_8bit
@@ -43,7 +43,7 @@ def show_of_run(
     tables = run.folder / ("labels" if domain == PHOTO else "renders") / "tables"
     picture = run.pictures_of(domain, key.terrain).get(key)
     if domain == PHOTO and picture is None:
-        picture = next(iter(sorted(run.folder.glob(f"renders/*/Terrain{key.terrain:02d}/{key}.png"))), None)
+        picture = next(iter(sorted(run.folder.glob(f"renders/*/Terrain{terrain_text(key.terrain)}/{key}.png"))), None)
         log.warning("%s: no photo %s, using %s", run.folder, key, picture or "nothing, because there is no twin")
     if picture is None or not picture.exists():
         reason = f"no image {key} of the domain {domain}; domains of this run: {', '.join(run.domains)}"
@@ -51,7 +51,7 @@ def show_of_run(
     write_preview(
         key=key,
         picture=picture,
-        labels=read_parquet(tables / f"Terrain{key.terrain:02d}.parquet", LABEL_COLUMNS),
+        labels=read_parquet(tables / f"Terrain{terrain_text(key.terrain)}.parquet", LABEL_COLUMNS),
         out=out,
         scale=scale,
         kinds=kinds,

@@ -29,6 +29,7 @@ from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
 from polarsim.geometry.stereo import StereoRig
+from polarsim.photo import Terrain, terrain_text
 from polarsim.run_files.inventory import Inventory, read_inventory
 from polarsim.run_files.rigs import (
     PITCH_SD,
@@ -60,7 +61,7 @@ class LocalisationResult:
 
 def locate_cameras(
     *,
-    terrain: int,
+    terrain: Terrain,
     positions: Sequence[str],
     inventory: Path,
     calibration: Path,
@@ -76,7 +77,7 @@ def locate_cameras(
     """
     source, rig = read_inventory(inventory), read_rig(calibration)
     scanned = [position for position in positions if position in source.scanned]
-    with with_part(f"Terrain{terrain:02d}"):
+    with with_part(f"Terrain{terrain_text(terrain)}"):
         if scanned:
             located = _locate_by_scans(source, scanned, rig, ranges)
         else:

@@ -28,7 +28,7 @@ from polarsim.formats import colmap
 from polarsim.formats.files import relative_to, writing_folder
 from polarsim.geometry.patches import MatchingOptions, match_windows
 from polarsim.geometry.poses import angle_between
-from polarsim.photo import REFERENCE_EXPOSURE_MS, PositionCamera
+from polarsim.photo import REFERENCE_EXPOSURE_MS, PositionCamera, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.run_files import lamps
 from polarsim.run_files.best_photos import BestPhotos, ViewPhotos, best_pictures, read_all_resized
@@ -55,7 +55,7 @@ log = logging.getLogger("polarsim")
 
 def refine_cameras(
     *,
-    terrain: int,
+    terrain: Terrain,
     located: Path,
     meshes: Path,
     photos: Path | None,
@@ -78,7 +78,7 @@ def refine_cameras(
     suns: dict[str, np.ndarray] = {}
     walls: Walls | None = None
     if any(view[0] in localised and not localised[view[0]].unproven for view in pictures):
-        name, surface = f"terrain {terrain:02d}", surface_of(mesh)
+        name, surface = f"terrain {terrain_text(terrain)}", surface_of(mesh)
         localised = _add_by_features(name, localised, surface, pictures)
         shown = {view: of for view, of in pictures.items() if view[0] in localised and not localised[view[0]].unproven}
         localised, suns = _refine(name, localised, surface, shown, options)
@@ -87,7 +87,7 @@ def refine_cameras(
     elif covers is not None and mesh.walls is not None:
         lamp_positions = lamps.surveyed_suns(localised)
         _, walls = refine_by_wall_shadows(
-            f"terrain {terrain:02d}", terrain, mesh, covers, localised, lamp_positions, set(), drawn
+            f"terrain {terrain_text(terrain)}", terrain, mesh, covers, localised, lamp_positions, set(), drawn
         )
     with writing_folder(cameras) as folder:
         for path in located.iterdir():
@@ -205,7 +205,7 @@ def _refine_suns(
 
 def _refine_by_wall_shadows(
     name: str,
-    terrain: int,
+    terrain: Terrain,
     mesh: TerrainMesh,
     photos: Path,
     localised: Mapping[str, LocalisedRig],

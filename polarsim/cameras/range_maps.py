@@ -29,7 +29,7 @@ from polarsim.formats.files import writing_folder
 from polarsim.geometry.features import match_features, sift_features
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig, epipolar_distances, rectified_left, triangulated_depth
-from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
+from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.run_files.best_photos import BestPhotos, best_pictures
 from polarsim.run_files.inventory import read_inventory, write_inventory
@@ -50,7 +50,7 @@ _DEPTHS_M = (1.0, 10.0)  # range of matched features
 
 
 def measure_ranges(
-    *, terrain: int, photos: Path, calibration: Path, inventory: Path, corrected: Path, measured: Path, maps: Path
+    *, terrain: Terrain, photos: Path, calibration: Path, inventory: Path, corrected: Path, measured: Path, maps: Path
 ) -> None:
     """Write a range map per position to the folder `maps`, the corrected calibration, and an inventory with the maps.
 
@@ -88,7 +88,7 @@ def measure_ranges(
     grid = rectified_left(final)
     paths = {}
     with writing_folder(maps) as folder:
-        for position in track(sorted(pairs), f"range maps of terrain {terrain:02d}"):
+        for position in track(sorted(pairs), f"range maps of terrain {terrain_text(terrain)}"):
             points = measure_points(pairs[position], final, [HALF, FULL]).points_left
             path = nasa.range_map_path(folder, position)
             nasa.write_range_map(path, grid.left_from_rectified.inverse().apply(points))
@@ -99,7 +99,7 @@ def measure_ranges(
     write_inventory(measured, replace(read_inventory(inventory), range_maps=paths, clouds={}))
 
 
-def _read_pairs(terrain: int, pictures: BestPhotos) -> dict[str, StereoPhotos]:
+def _read_pairs(terrain: Terrain, pictures: BestPhotos) -> dict[str, StereoPhotos]:
     """Return the photos of each position under the lamps of which left and right photos exist."""
     pairs = {}
     for position in sorted({view[0] for view in pictures}):
@@ -148,7 +148,7 @@ def possible_matches(rig: StereoRig, pixels: StereoPixels) -> StereoPixels:
     return StereoPixels(pixels.left[likely], pixels.right[likely])
 
 
-def _measure(terrain: int, pairs: Mapping[str, StereoPhotos], rig: StereoRig) -> dict[str, RangePoints]:
+def _measure(terrain: Terrain, pairs: Mapping[str, StereoPhotos], rig: StereoRig) -> dict[str, RangePoints]:
     """Return the points of each position whose photos match."""
     seen = {}
     for position, photos in pairs.items():
@@ -165,7 +165,7 @@ def _measure(terrain: int, pairs: Mapping[str, StereoPhotos], rig: StereoRig) ->
 
 
 def _calibrated_by_ground(
-    terrain: int,
+    terrain: Terrain,
     stated: StereoRig,
     rig: StereoRig,
     pairs: Mapping[str, StereoPhotos],
@@ -197,7 +197,7 @@ def _calibrated_by_ground(
     return rig, poses
 
 
-def _registered(terrain: int, seen: Mapping[str, RangePoints]) -> dict[str, Pose]:
+def _registered(terrain: Terrain, seen: Mapping[str, RangePoints]) -> dict[str, Pose]:
     """Return `level_from_left` of the positions whose range maps show the same terrain."""
     scans = {name: points.points_left[np.isfinite(points.points_left[..., 2])] for name, points in seen.items()}
     try:

@@ -8,6 +8,7 @@ import numpy as np
 
 from polarsim import survey
 from polarsim.geometry.poses import Pose, camera_pose, surveyed_pose, yaw_pitch_roll
+from polarsim.photo import Terrain
 
 # The rig was tilted again for C, but only moved back from A to B: on six terrains the pitches of A and B, 21.8 to 28.4
 # degrees, differ by at most 1.1 degrees.
@@ -16,7 +17,7 @@ USUAL_PITCH_DEG, USUAL_PITCH_SD_DEG = 25.4, 2.3  # downwards, mean and standard 
 SHARED_PITCH_SD_DEG = 0.8  # of the difference between A and B
 
 
-def stations(terrain: int) -> dict[str, Pose]:
+def stations(terrain: Terrain) -> dict[str, Pose]:
     """Return `sandbox_from_left` of the nominal stations by position; empty for terrains without survey."""
     if not survey.is_surveyed(terrain):
         return {}

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from polarsim.cameras.lamps import across
+from polarsim.photo import Terrain
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.run_files.wall_edges import EdgeSamples, OpenGround, measure_edges
@@ -126,7 +127,7 @@ def _fit(residuals: Callable[[np.ndarray], np.ndarray], unknowns: int, count: in
 
 def refine_by_wall_shadows(
     name: str,
-    terrain: int,
+    terrain: Terrain,
     mesh: TerrainMesh,
     photos: Path,
     localised: Mapping[str, LocalisedRig],

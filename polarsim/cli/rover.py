@@ -9,6 +9,7 @@ import typer
 
 from polarsim.arguments import writes_folder
 from polarsim.cli.application import CONFIG_HELP, commands_of
+from polarsim.photo import terrain_text
 
 command = commands_of("Rover")
 
@@ -58,7 +59,7 @@ def drive(
         )
     meshes = run_folder / "meshes"
     for terrain in rover.world.terrains if rover.world.dem is None else ():
-        if not (there := meshes / f"Terrain{terrain:02d}").is_dir():
+        if not (there := meshes / f"Terrain{terrain_text(terrain)}").is_dir():
             raise PolarsimError("no such folder of meshes; create the meshes with polarsim run", path=there)
     folder = out or run_folder / f"rover/seed{number}"
     if folder.exists() and any(folder.iterdir()):

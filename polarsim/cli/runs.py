@@ -11,7 +11,7 @@ import typer
 from polarsim.arguments import refuse_existing_folder, run_folder, writes_file, writes_folder
 from polarsim.cli.application import ConfigFiles, Results, commands_of, core_count, print_table
 from polarsim.errors import PolarsimError
-from polarsim.photo import WIDTH
+from polarsim.photo import WIDTH, terrain_text
 
 command = commands_of("Runs of the pipeline")
 
@@ -217,7 +217,7 @@ def undo(
 
     key = PhotoKey.parse(drawing)
     folder, config = run_and_config(results, run, configfile or ())
-    terrain = f"Terrain{key.terrain:02d}"
+    terrain = f"Terrain{terrain_text(key.terrain)}"
     seeds = folder / "acquire" / terrain / "seeds"
     if not (seeds / f"{key}.txt").exists() and key not in read_corrections(config.labels.corrections, key.terrain):
         raise LabelError(f"no seed and no correction of {key}", path=seeds)
@@ -227,7 +227,7 @@ def undo(
         drawing=key,
         inputs=PropagationInputs(
             terrain=key.terrain,
-            keys=selected_grid(key.terrain, config.positions, config.grid),
+            keys=selected_grid(config.site, key.terrain, config.positions, config.grid),
             photos=folder / "acquire" / terrain / "photos.parquet",
             inventory=folder / "acquire" / terrain / "inventory.json",
             seeds=seeds,

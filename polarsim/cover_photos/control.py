@@ -11,7 +11,7 @@ from polarsim.formats import obj
 from polarsim.formats.files import share_file, writing_folder
 from polarsim.geometry.heightfields import rough_waves, sum_noise
 from polarsim.geometry.meshes import Mesh
-from polarsim.photo import NO_ROCK
+from polarsim.photo import NO_ROCK, Terrain
 from polarsim.randomness import generator
 from polarsim.run_files.scene import mesh_files
 from polarsim.run_files.walls import FILE as WALLS_FILE
@@ -20,7 +20,7 @@ RELIEF_SD_M = 0.005  # shades the sand as strongly as in photos, with few cast s
 _SIZES_M = (0.03, 0.4)  # finest and widest structure: limited by the cells of the ground and by the fitted plane
 
 
-def invent_relief(*, terrain: int, meshes: Path, control: Path, seed: int) -> None:
+def invent_relief(*, terrain: Terrain, meshes: Path, control: Path, seed: int) -> None:
     """Write a folder of the meshes of a terrain with random relief added to the ground; rocks are links.
 
     The relief is about as strong as that of the photos, but unrelated to any photo. A ground that is not a regular grid

@@ -11,7 +11,7 @@ from polarsim.detect.dataset import Entry, image_entry, write_yolo_dataset
 from polarsim.detect.split import PARTS, TEST, TRAIN, VAL
 from polarsim.errors import DetectError, LabelError, with_path
 from polarsim.formats.files import writing_folder
-from polarsim.photo import PhotoKey
+from polarsim.photo import PhotoKey, Terrain, terrain_text
 from polarsim.randomness import generator
 from polarsim.scenes.options import SCENE_NAME
 
@@ -94,16 +94,16 @@ def _all_scenes(scenes: Mapping[int, Path], test: Sequence[int], seed: int) -> l
     return [entry for terrain in sorted(scenes) for entry in _scenes(terrain, scenes[terrain], seed)]
 
 
-def _scenes(terrain: int, folder: Path, seed: int) -> list[Entry]:
+def _scenes(terrain: Terrain, folder: Path, seed: int) -> list[Entry]:
     """Return the images of the scenes of a terrain; a random share of the scenes, at least one, is for validation."""
     images: dict[int, list[str]] = {}
     for path in sorted((folder / "images").glob("*.png")):
         name = SCENE_NAME.fullmatch(path.stem)
         if not name or int(name[1]) != terrain:
-            raise LabelError(f"{path.stem!r} is not an image of rocks of terrain {terrain:02d}", path=path)
+            raise LabelError(f"{path.stem!r} is not an image of rocks of terrain {terrain_text(terrain)}", path=path)
         images.setdefault(int(name[2]), []).append(path.stem)
     if len(images) < 2:
-        raise DetectError(f"{len(images)} scenes of terrain {terrain:02d}, expected at least 2", path=folder)
+        raise DetectError(f"{len(images)} scenes of terrain {terrain_text(terrain)}, expected at least 2", path=folder)
     order = generator(seed, "covers", "val", terrain).permutation(sorted(images))
     val = set(order[: max(1, round(VAL_SHARE * len(images)))].tolist())
     return [

@@ -18,7 +18,7 @@ from polarsim.formats import png, release, tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.geometry import boxes
 from polarsim.geometry.images import resize
-from polarsim.photo import BOX_CLASSES, HEIGHT, REFERENCE_EXPOSURE_MS, ROCK, SHADOW, WIDTH, PhotoKey
+from polarsim.photo import BOX_CLASSES, HEIGHT, REFERENCE_EXPOSURE_MS, ROCK, SHADOW, WIDTH, PhotoKey, Terrain
 from polarsim.scenes.strokes import erase_strokes, find_drawn_boxes, find_strokes
 
 SOURCE = "annotated"  # source of human labels
@@ -43,7 +43,7 @@ class Cover:
 def read_covers(
     *,
     root: Path,
-    terrains: Sequence[int],
+    terrains: Sequence[Terrain],
     keys: Sequence[str],
     pictures: Path,
     labels: Path,

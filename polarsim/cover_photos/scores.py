@@ -18,7 +18,7 @@ from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.detect.split import TEST, TRAIN
 from polarsim.formats import tables
 from polarsim.geometry.boxes import largest_iou
-from polarsim.photo import BOX_CLASSES, PhotoKey
+from polarsim.photo import BOX_CLASSES, PhotoKey, terrain_text
 from polarsim.randomness import generator
 from polarsim.schemas.covers import COVER_SCORES, MEAN, MERGED, NO_SEED, SINGLE
 from polarsim.schemas.detect import PREDICTIONS
@@ -91,7 +91,7 @@ def _by_terrain(keys: Sequence[str]) -> dict[str, list[str]]:
     """Return the photo keys of all terrains, and of each terrain."""
     chosen = {ALL: list(keys)}
     for terrain in sorted({PhotoKey.parse(key).terrain for key in keys}):
-        chosen[f"{terrain:02d}"] = [key for key in keys if PhotoKey.parse(key).terrain == terrain]
+        chosen[f"{terrain_text(terrain)}"] = [key for key in keys if PhotoKey.parse(key).terrain == terrain]
     return chosen
 
 

@@ -14,7 +14,7 @@ from polarsim.detect.pictures import picture_paths
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables
 from polarsim.formats.files import share_file, writing_folder
-from polarsim.photo import FIRST_ID_WITHOUT_MESH, HEIGHT, NO_ROCK, ROCK, WIDTH, PhotoKey
+from polarsim.photo import FIRST_ID_WITHOUT_MESH, HEIGHT, NO_ROCK, ROCK, WIDTH, PhotoKey, Terrain
 
 _SAME_OBJECT_IOU = 0.5  # minimum IoU of a human box and the run's box of the same object
 log = logging.getLogger("polarsim")
@@ -94,7 +94,7 @@ def convert_control(*, photos: Path, twins: Path, rendered: Path, pictures: Path
     _write_twins(found, exact[exact["key"].isin(map(str, keys))], pictures, labels)
 
 
-def photo_keys(photos: Path, terrain: int | None = None) -> list[PhotoKey]:
+def photo_keys(photos: Path, terrain: Terrain | None = None) -> list[PhotoKey]:
     """Return the sorted keys of a folder of `KEY.png`, of one terrain or of all terrains."""
     keys = [PhotoKey.parse(path.stem) for path in sorted(photos.glob("*.png"))]
     return [key for key in keys if terrain in (None, key.terrain)]

@@ -11,7 +11,7 @@ import pandas as pd
 from polarsim import intervals
 from polarsim.detect import metrics
 from polarsim.detect.grouping import Unit, detections_by_photo, labels_by_photo, units_of
-from polarsim.photo import BOX_CLASSES, PhotoKey
+from polarsim.photo import BOX_CLASSES, PhotoKey, terrain_text
 from polarsim.schemas.detect import BREAKDOWN, CURVES
 
 ALL = "all"
@@ -25,7 +25,7 @@ PHOTO_GROUPS: dict[str, Callable[[PhotoKey], str]] = {
     "exposure": lambda key: f"{key.exposure_ms:04d}",  # ms
     "azimuth": lambda key: key.azimuth,
     "light": lambda key: key.light,
-    "terrain": lambda key: f"{key.terrain:02d}",
+    "terrain": lambda key: f"{terrain_text(key.terrain)}",
 }
 MEASURES = ("map50", "map50_95", "iou_mean")
 BREAKDOWN_COLUMNS = BREAKDOWN.without("split", "seed", "trained", "evaluated")

@@ -14,7 +14,7 @@ import pandas as pd
 from polarsim import intervals
 from polarsim.detect.grouping import BOX_COLUMNS, Unit, units_of, values_by
 from polarsim.geometry import boxes
-from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
+from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey, terrain_text
 from polarsim.schemas.detect import FALSE_POSITIVES
 
 TERRAIN, TILES = REGIONS = ("rock-free terrain", "rock-free tiles")
@@ -105,7 +105,7 @@ def _rates(region: str, rows: pd.DataFrame, unit: Unit, resamples: int) -> dict[
     terrains = sorted({PhotoKey.parse(key).terrain for key in keys})
     row: dict[str, object] = {
         "region": region,
-        "terrains": " ".join(f"{terrain:02d}" for terrain in terrains),
+        "terrains": " ".join(f"{terrain_text(terrain)}" for terrain in terrains),
         "images": len(keys),
         "units": units,
         "photo_areas": float(free.sum()),

@@ -7,6 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
+from polarsim.photo import Terrain
 from polarsim.user_path import UserPath
 
 # Detector included in polarsim, with a model card in the same folder; docs/notes/detect.md describes the training.
@@ -34,7 +35,7 @@ class SplitOptions(BaseModel, extra="forbid", frozen=True):
 
     seed: int = Field(0, ge=0, description="Seed of splits and mixes.")
     test_share: float = Field(1 / 3, gt=0, lt=1, description="Share of photos, views, positions or terrains to test.")
-    test_terrains: tuple[int, ...] = Field(
+    test_terrains: tuple[Terrain, ...] = Field(
         (), description="Test terrains of the split by terrain. Empty: selected at random."
     )
 

@@ -19,7 +19,7 @@ from polarsim.formats import png, tables, yolo
 from polarsim.formats.files import read_json, write_json, writing_folder
 from polarsim.formats.readers import reason_of
 from polarsim.geometry import boxes
-from polarsim.photo import BOX_CLASSES, HEIGHT, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey
+from polarsim.photo import BOX_CLASSES, HEIGHT, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.run_files import class_masks, instances
 from polarsim.schemas.detect import PICTURES
@@ -37,7 +37,7 @@ class ImageSource:
     key: str
     path: Path | None  # None: missing
     camera: str  # group of correlated images
-    terrains: tuple[int, ...]  # visible terrains
+    terrains: tuple[Terrain, ...]  # visible terrains
     size: tuple[int, int] | None = (WIDTH, HEIGHT)  # expected size, px; None: any
 
 
@@ -136,7 +136,7 @@ def _terrains_of_view(sidecar: Path) -> tuple[int, ...]:
 def picture_paths(pictures: Path, keys: list[PhotoKey]) -> dict[PhotoKey, Path]:
     """Return the existing file of each photo, from a photo table or a folder of twins `TerrainTT/KEY.png`."""
     if pictures.is_dir():
-        paths = {key: pictures / f"Terrain{key.terrain:02d}" / f"{key}.png" for key in keys}
+        paths = {key: pictures / f"Terrain{terrain_text(key.terrain)}" / f"{key}.png" for key in keys}
     else:
         table = tables.read_parquet(pictures, ("key", "path"))
         listed = dict(zip(table["key"].astype(str), table["path"].astype(str), strict=True))
@@ -204,7 +204,7 @@ def _convert_one(
 
 def _read_mask(folders: Sequence[Path], key: PhotoKey, labelled: Collection[int]) -> np.ndarray:
     """Read the class mask (h, w) of a photo or twin."""
-    name = f"Terrain{key.terrain:02d}"
+    name = f"Terrain{terrain_text(key.terrain)}"
     folder = next((folder for folder in folders if folder.name == name), None)
     if folder is None:
         raise DetectError(f"no folder {name} of masks for {key}")

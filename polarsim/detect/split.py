@@ -12,7 +12,7 @@ from polarsim.detect.options import SplitOptions
 from polarsim.errors import DetectError, with_path
 from polarsim.formats import tables
 from polarsim.formats.files import write_json
-from polarsim.photo import PhotoKey
+from polarsim.photo import PhotoKey, Terrain
 from polarsim.randomness import generator
 from polarsim.schemas.detect import PARTS as PARTS_TABLE
 
@@ -64,7 +64,7 @@ def _draw(units: Sequence[Hashable], share: float, seed: int, *purpose: str) -> 
     return {units[n] for n in order[: max(1, round(share * len(units)))]}
 
 
-def _configured_terrains(terrains: Sequence[int], options: SplitOptions) -> set[Hashable]:
+def _configured_terrains(terrains: Sequence[Terrain], options: SplitOptions) -> set[Hashable]:
     absent = set(options.test_terrains) - set(terrains)
     if absent:
         raise DetectError(f"test terrain {min(absent)} has no photos, available terrains: {list(terrains)}")

@@ -18,7 +18,7 @@ from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.labels.label import Label
 from polarsim.labels.seeds import read_all_corrections
 from polarsim.labels.undo import COLUMNS, LabelsByPhoto, changes
-from polarsim.photo import PhotoKey
+from polarsim.photo import PhotoKey, Terrain, terrain_text
 from polarsim.run_files.run import CONFIG, Run
 
 OVERLAY = "corrections.yaml"  # in the folder of the run
@@ -56,7 +56,7 @@ def write_overlay(run: Run, corrections: Path) -> dict[str, str]:
     return {"overlay": str(overlay), "command": shlex.join(words)}
 
 
-def changed_labels(run: Run, terrain: int) -> pd.DataFrame:
+def changed_labels(run: Run, terrain: Terrain) -> pd.DataFrame:
     """Return the labels of a terrain that differ from those before the overlay, sorted by photo; empty without these.
 
     Columns: those of `polarsim undo`, and the former box (NaN for new labels).
@@ -71,8 +71,8 @@ def changed_labels(run: Run, terrain: int) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*COLUMNS, *EDGES]).astype(dict.fromkeys(["key", "kind", "change"], str) | types)
 
 
-def _table(run: Run, folder: str, terrain: int) -> Path:
-    return run.folder / folder / f"Terrain{terrain:02d}.parquet"
+def _table(run: Run, folder: str, terrain: Terrain) -> Path:
+    return run.folder / folder / f"Terrain{terrain_text(terrain)}.parquet"
 
 
 def _last_change(folder: Path) -> int:

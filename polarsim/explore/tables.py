@@ -10,7 +10,7 @@ from polarsim.detect.false_positives import mark_false_positives
 from polarsim.formats.tables import key_columns
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.matching_numba import match_predictions_of_photo
-from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, PhotoKey
+from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, PhotoKey, Terrain, terrain_text
 from polarsim.run_files.run import PHOTO, Run
 from polarsim.schemas.photos import BOX
 
@@ -50,11 +50,11 @@ def _counts(run: Run, *, of_twins: bool) -> pd.DataFrame:
 def _scores(run: Run) -> pd.DataFrame:
     parts = []
     for terrain in run.terrains:
-        pairs = run.table(f"evaluation/label_pairs_Terrain{terrain:02d}.parquet")
+        pairs = run.table(f"evaluation/label_pairs_Terrain{terrain_text(terrain)}.parquet")
         if pairs is not None:
             mean = pairs.dropna(subset=["iou_best"]).groupby("key")["iou_best"].mean()
             parts.append(mean.rename("score").reset_index().assign(domain=PHOTO))
-        twins = run.table(f"evaluation/appearance_Terrain{terrain:02d}.parquet")
+        twins = run.table(f"evaluation/appearance_Terrain{terrain_text(terrain)}.parquet")
         if twins is not None:
             parts.append(twins.rename(columns={"model": "domain", "ssim": "score"})[["key", "domain", "score"]])
     scores = pd.concat(parts) if parts else pd.DataFrame(columns=["key", "domain", "score"])
@@ -76,7 +76,7 @@ def _defects(run: Run, table: pd.DataFrame) -> pd.Series:
     return pd.Series([defects.get(pair, "") for pair in zip(table["domain"], table["key"], strict=True)], dtype=str)
 
 
-def shown_labels(run: Run, terrain: int, *, of_twins: bool) -> pd.DataFrame:
+def shown_labels(run: Run, terrain: Terrain, *, of_twins: bool) -> pd.DataFrame:
     """Return the labels of a terrain sorted by photo: key, kind, rock, source, confidence and box."""
     labels = run.labels(terrain, of_twins=of_twins)
     return labels[["key", "kind", "rock", "source", "confidence", *EDGES]].sort_values("key", kind="stable")
@@ -113,12 +113,12 @@ def shown_predictions(run: Run, name: str) -> pd.DataFrame:
     return predicted.assign(iou=overlap, rock=rock, right=correct, false_positive=false_positive)
 
 
-def facts_of_rocks(run: Run, terrain: int) -> pd.DataFrame:
+def facts_of_rocks(run: Run, terrain: Terrain) -> pd.DataFrame:
     """Return a row per rock of a terrain: position, size, metrics of the mesh, IoU difference between domains."""
-    rocks = run.table(f"rocks/Terrain{terrain:02d}/rocks.parquet")
+    rocks = run.table(f"rocks/Terrain{terrain_text(terrain)}/rocks.parquet")
     if rocks is None:
         return pd.DataFrame({"rock": pd.Series(dtype=np.int64)})
-    meshes = run.table(f"evaluation/meshes_Terrain{terrain:02d}.csv")
+    meshes = run.table(f"evaluation/meshes_Terrain{terrain_text(terrain)}.csv")
     if meshes is not None and "rock" in meshes:
         full = meshes[~meshes["mesh"].str.contains("decimate")].drop(columns=["terrain", "mesh"], errors="ignore")
         rocks = rocks.merge(full, on="rock", how="left")

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from polarsim.formats import obj
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.meshes import Mesh
-from polarsim.photo import CAMERAS, NO_ROCK
+from polarsim.photo import CAMERAS, NO_ROCK, Terrain, terrain_text
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.run import Run
 from polarsim.run_files.scene import mesh_files
@@ -25,13 +25,13 @@ Trees = dict[int, tuple[cKDTree, np.ndarray]]  # by rock: points of measured err
 
 
 @lru_cache(maxsize=2)  # vertices and faces are requested in succession
-def thinned_terrain(run: Run, terrain: int) -> tuple[pd.DataFrame, pd.DataFrame] | None:
+def thinned_terrain(run: Run, terrain: Terrain) -> tuple[pd.DataFrame, pd.DataFrame] | None:
     """Return tables of vertices and faces of decimated ground and rocks; None if the terrain has no meshes.
 
     Vertices: x, y, z (sandbox frame, metres), normal nx, ny, nz, rock (-1: ground), support (0: interpolated, 1:
     scanned) and error_mm (signed distance from the true surface, negative inside; NaN if not known). Faces: a, b, c.
     """
-    folder = run.folder / "meshes" / f"Terrain{terrain:02d}"
+    folder = run.folder / "meshes" / f"Terrain{terrain_text(terrain)}"
     if not (folder / obj.ground_name(terrain)).exists():
         return None
     supports, errors = _supports(folder), _errors(run, terrain)
@@ -85,8 +85,8 @@ def _supports(folder: Path) -> dict[str, np.ndarray]:
     return {str(mesh): values[rows] for mesh, rows in table.groupby("mesh").indices.items()}
 
 
-def _errors(run: Run, terrain: int) -> Trees:
-    table = run.table(f"evaluation/offsets_Terrain{terrain:02d}.parquet")
+def _errors(run: Run, terrain: Terrain) -> Trees:
+    table = run.table(f"evaluation/offsets_Terrain{terrain_text(terrain)}.parquet")
     if table is None:
         return {}
     points, offsets = table[["x", "y", "z"]].to_numpy(float), table["offset_mm"].to_numpy(float)
@@ -107,9 +107,9 @@ def as_rows(values: np.ndarray) -> list[float]:
     return [round(float(value), 4) for value in np.asarray(values).ravel()]
 
 
-def terrain_setup(run: Run, terrain: int) -> dict[str, Any]:
+def terrain_setup(run: Run, terrain: Terrain) -> dict[str, Any]:
     """Return cameras and lamps of a terrain in the sandbox frame, metres; lenses in pixels."""
-    folder = run.folder / "cameras" / f"Terrain{terrain:02d}"
+    folder = run.folder / "cameras" / f"Terrain{terrain_text(terrain)}"
     localised = rigs.read_all_localised(folder) if folder.exists() else {}
     cameras = [
         {

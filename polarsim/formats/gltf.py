@@ -13,14 +13,15 @@ import numpy as np
 
 from polarsim.formats.files import writing
 from polarsim.geometry.meshes import Mesh
+from polarsim.photo import Terrain, terrain_text
 
 GROUND_NODE = "ground"  # name of the ground node; the other nodes are rocks
 SAND_COLOUR, ROCK_COLOUR, UNSEEN = np.array([176, 168, 152]), np.array([110, 106, 100]), np.array([168, 92, 72])  # sRGB
 Y_UP_FROM_SANDBOX = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 
-def name(terrain: int) -> str:
-    return f"terrain{terrain:02d}.glb"
+def name(terrain: Terrain) -> str:
+    return f"terrain{terrain_text(terrain)}.glb"
 
 
 def write_glb(

@@ -5,19 +5,21 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from polarsim.photo import Terrain, terrain_text
+
 _ROCK_NAME = re.compile(r"terrain(\d\d)_rock(\d+)(_decimate-005)?\.obj")
 
 
-def rock_name(terrain: int, rock: int, *, decimated: bool = False) -> str:
+def rock_name(terrain: Terrain, rock: int, *, decimated: bool = False) -> str:
     """File name of a rock, `terrain01_rock3.obj`."""
-    return f"terrain{terrain:02d}_rock{rock}{'_decimate-005' if decimated else ''}.obj"
+    return f"terrain{terrain_text(terrain)}_rock{rock}{'_decimate-005' if decimated else ''}.obj"
 
 
 GROUND_PATTERN = "terrain[0-9][0-9]_ground.obj"
 
 
-def ground_name(terrain: int) -> str:
-    return f"terrain{terrain:02d}_ground.obj"
+def ground_name(terrain: Terrain) -> str:
+    return f"terrain{terrain_text(terrain)}_ground.obj"
 
 
 def parse_rock_name(name: str) -> tuple[int, int, bool] | None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from polarsim.errors import FormatError
-from polarsim.photo import SUNS, PhotoKey, is_exposure
+from polarsim.photo import SUNS, PhotoKey, Terrain, is_exposure, terrain_text
 
 log = logging.getLogger("polarsim")
 
@@ -19,14 +19,14 @@ CLOUD_SUFFIXES = (".xyz", ".txt", ".pts", ".ply")
 _PHOTO = re.compile(r"Pos([A-G])_\d+_L(on|off)/(NoSun|Sun_(\d+))/Cam([LR])_(.+)_(\d{4})\.(?i:png)")
 
 
-def find_terrain_folder(root: str | Path, terrain: int) -> Path | None:
+def find_terrain_folder(root: str | Path, terrain: Terrain) -> Path | None:
     """Return the folder `TerrainNN_Name` in a root or in a subfolder of the root; None if it does not exist."""
-    name = re.compile(rf"Terrain{terrain:02d}_.*")
+    name = re.compile(rf"Terrain{terrain_text(terrain)}_.*")
     for pattern in ("*", "*/*"):
         folders = sorted(path for path in Path(root).glob(pattern) if name.fullmatch(path.name) and path.is_dir())
         if len(folders) > 1:
             names = f"{folders[0].name} and {folders[1].name}"
-            raise FormatError(f"two folders of terrain {terrain:02d}, {names}: remove a folder", path=root)
+            raise FormatError(f"two folders of terrain {terrain_text(terrain)}, {names}: remove a folder", path=root)
         if folders:
             return folders[0]
     return None
@@ -38,7 +38,7 @@ def find_calibration(terrain_folder: str | Path) -> Path | None:
     return next((folder / CALIBRATION_NAME for folder in folders if (folder / CALIBRATION_NAME).exists()), None)
 
 
-def find_photos(terrain_folder: str | Path, terrain: int) -> list[tuple[PhotoKey, Path]]:
+def find_photos(terrain_folder: str | Path, terrain: Terrain) -> list[tuple[PhotoKey, Path]]:
     """Return all photos below the folder of a terrain, with up to one additional folder level, sorted by key.
 
     The middle token of a photo's name is ignored. PNG files with other names are skipped and reported in the log.
@@ -57,30 +57,30 @@ def find_photos(terrain_folder: str | Path, terrain: int) -> list[tuple[PhotoKey
     return sorted(photos.items())
 
 
-def find_strays(terrain_folder: str | Path, terrain: int) -> list[Path]:
+def find_strays(terrain_folder: str | Path, terrain: Terrain) -> list[Path]:
     """Return the PNG files below the folder of a terrain that do not have the name of a photo."""
     return [path for path, key in _pictures(Path(terrain_folder), terrain) if key is None]
 
 
-def _pictures(folder: Path, terrain: int) -> Iterator[tuple[Path, PhotoKey | None]]:
+def _pictures(folder: Path, terrain: Terrain) -> Iterator[tuple[Path, PhotoKey | None]]:
     for path in sorted(path for path in folder.rglob("*") if path.suffix.lower() == ".png"):
         above = len(path.relative_to(folder).parts) - 3
         match = _PHOTO.fullmatch("/".join(path.parts[-3:])) if above in (0, 1) else None
         yield path, _photo_key(match, terrain) if match else None
 
 
-def _photo_key(match: re.Match[str], terrain: int) -> PhotoKey | None:
+def _photo_key(match: re.Match[str], terrain: Terrain) -> PhotoKey | None:
     azimuth = match[4] or "no"
     if azimuth not in ("no", *SUNS) or not is_exposure(int(match[7])):
         return None
     return PhotoKey(terrain, match[1], match[2], azimuth, match[5], int(match[7]))  # type: ignore[arg-type]
 
 
-def find_scans(root: str | Path, terrain: int) -> tuple[dict[str, Path], dict[str, Path]]:
+def find_scans(root: str | Path, terrain: Terrain) -> tuple[dict[str, Path], dict[str, Path]]:
     """Return the range maps and clouds of a terrain by position; they may be in a subfolder of the root."""
     maps: dict[str, Path] = {}
     for pattern in (RANGE_FOLDER, f"*/{RANGE_FOLDER}"):
-        for path in sorted(Path(root).glob(f"{pattern}/Terrain{terrain:02d}/Pos?_org-XYZ.[tT][iI][fF]")):
+        for path in sorted(Path(root).glob(f"{pattern}/Terrain{terrain_text(terrain)}/Pos?_org-XYZ.[tT][iI][fF]")):
             maps.setdefault(path.name[3], path)
     clouds: dict[str, Path] = {}
     folder = find_terrain_folder(root, terrain)

@@ -17,7 +17,7 @@ from polarsim.errors import FormatError, LabelError
 from polarsim.formats import class_lists, mesh_names
 from polarsim.formats.files import existing_folder
 from polarsim.formats.readers import reader
-from polarsim.photo import PhotoKey
+from polarsim.photo import PhotoKey, Terrain, terrain_text
 
 if TYPE_CHECKING:
     import numpy as np  # a plan needs the paths only
@@ -39,10 +39,10 @@ class Layout:
     boxes: str
     polygons: str = ""  # "" in a layout without polygons
 
-    def box_folder(self, root: Path, terrain: int) -> Path:
+    def box_folder(self, root: Path, terrain: Terrain) -> Path:
         return root / self.boxes.format(terrain)
 
-    def box_files(self, root: Path, terrain: int) -> KeyFiles:
+    def box_files(self, root: Path, terrain: Terrain) -> KeyFiles:
         """Return the box files of a terrain. In a flat folder, files of other terrains are not strays."""
         folder = self.box_folder(root, terrain)
         if folder != root:
@@ -52,7 +52,7 @@ class Layout:
         files = {key: path for key, path in all_files.files.items() if key.terrain == terrain}
         return KeyFiles(files, all_files.stray if first else [])
 
-    def polygon_files(self, root: Path, terrain: int) -> KeyFiles:
+    def polygon_files(self, root: Path, terrain: Terrain) -> KeyFiles:
         return terrain_files(root / self.polygons.format(terrain), terrain) if self.polygons else KeyFiles()
 
     def terrains(self, root: Path) -> list[int]:
@@ -102,7 +102,7 @@ def read_annotated_boxes(folder: str | Path) -> dict[PhotoKey, tuple[np.ndarray,
     return {key: yolo.read_boxes(path, names=names[path.parent]) for key, path in files.files.items()}
 
 
-def terrain_files(folder: Path, terrain: int) -> KeyFiles:
+def terrain_files(folder: Path, terrain: Terrain) -> KeyFiles:
     """Return every `KEY.txt` of a terrain in a folder. Files of other names or terrains are strays."""
     return _collected([(folder, terrain)])
 
@@ -133,44 +133,44 @@ def polygon_sources(folder: Path) -> list[Path]:
     return files
 
 
-def label_folder(root: str | Path, terrain: int) -> Path:
+def label_folder(root: str | Path, terrain: Terrain) -> Path:
     """Return the folder of the published boxes of a terrain."""
     return PUBLISHED_LAYOUT.box_folder(Path(root), terrain)
 
 
-def polygon_folder(root: str | Path, terrain: int) -> Path:
+def polygon_folder(root: str | Path, terrain: Terrain) -> Path:
     """Return the folder of the published polygons of a terrain."""
     return Path(root) / PUBLISHED_LAYOUT.polygons.format(terrain)
 
 
-def mesh_folder(root: str | Path, terrain: int) -> Path:
+def mesh_folder(root: str | Path, terrain: Terrain) -> Path:
     """Return the folder of the published meshes of a terrain."""
-    return Path(root) / MESHES / f"Terrain{terrain:02d}"
+    return Path(root) / MESHES / f"Terrain{terrain_text(terrain)}"
 
 
-def label_files(root: str | Path, terrain: int) -> dict[PhotoKey, Path]:
+def label_files(root: str | Path, terrain: Terrain) -> dict[PhotoKey, Path]:
     """Return the files of hand-annotated boxes of a terrain."""
     return key_files(label_folder(root, terrain)).files
 
 
-def polygon_files(root: str | Path, terrain: int) -> dict[PhotoKey, Path]:
+def polygon_files(root: str | Path, terrain: Terrain) -> dict[PhotoKey, Path]:
     """Return the files of hand-annotated polygons of a terrain."""
     return PUBLISHED_LAYOUT.polygon_files(Path(root), terrain).files
 
 
-def released_meshes(root: str | Path, terrain: int) -> dict[int, Path]:
+def released_meshes(root: str | Path, terrain: Terrain) -> dict[int, Path]:
     """Return the rock meshes of a terrain by rock id; the decimated mesh only if the full mesh is missing."""
     files = mesh_names.rock_files(mesh_folder(root, terrain))
     return {rock: path for rock, path in files.items() if _mesh_terrain(path.name) == terrain}
 
 
-def ground_file(root: str | Path, terrain: int) -> Path | None:
+def ground_file(root: str | Path, terrain: Terrain) -> Path | None:
     """Return the ground mesh of a terrain; None if it is missing."""
     path = mesh_folder(root, terrain) / mesh_names.ground_name(terrain)
     return path if path.is_file() else None
 
 
-def cover_photos(root: str | Path, terrain: int) -> dict[str, Path]:
+def cover_photos(root: str | Path, terrain: Terrain) -> dict[str, Path]:
     """Return the cover photos with rock ids by position."""
     photos = {}
     for path in sorted((Path(root) / COVERS).glob("*.[pP][nN][gG]")):
@@ -191,7 +191,7 @@ def _terrains_in(parents: Iterable[Path]) -> list[int]:
     return sorted({number for folder in folders if (number := _terrain_of(folder.name)) is not None})
 
 
-def stray_files(root: str | Path, terrain: int) -> list[Path]:
+def stray_files(root: str | Path, terrain: Terrain) -> list[Path]:
     """Return the files in the folders of a terrain with names outside the layout: copies, system files and so on."""
     meshes = mesh_folder(root, terrain)
     stray = [*key_files(label_folder(root, terrain)).stray, *PUBLISHED_LAYOUT.polygon_files(Path(root), terrain).stray]

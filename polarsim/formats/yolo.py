@@ -13,7 +13,7 @@ from polarsim.formats.class_lists import is_whole, plain
 from polarsim.formats.files import lines_of, write_text
 from polarsim.formats.readers import reader
 from polarsim.geometry.boxes import box_around_points
-from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, ROCK, WIDTH, PhotoKey
+from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, ROCK, WIDTH, PhotoKey, Terrain
 
 _SIZE = np.array([WIDTH, HEIGHT], float)
 _MAX_OFFSET = 0.6  # maximum distance of a polygon from the image centre, as a share of the image width or height
@@ -231,7 +231,7 @@ def write_polygons(path: str | Path, polygons: list[tuple[int, np.ndarray]]) -> 
     write_text(path, "".join(lines))
 
 
-def read_rock_boxes(seeds: Path, terrain: int) -> dict[str, list[np.ndarray]]:
+def read_rock_boxes(seeds: Path, terrain: Terrain) -> dict[str, list[np.ndarray]]:
     """Read the rock boxes (n, 4), pixels, of the seeds of a terrain in left photos: an array per file, by position."""
     boxes: dict[str, list[np.ndarray]] = {}
     for path in sorted(Path(seeds).glob("*.txt")):

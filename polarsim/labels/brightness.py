@@ -24,6 +24,7 @@ from polarsim.photo import (
     Azimuth,
     Bracket,
     CameraSide,
+    Terrain,
     by_bracket,
 )
 from polarsim.run_files.brackets import read_rate
@@ -60,7 +61,7 @@ def noise_dn(signal_dn: np.ndarray | float) -> np.ndarray:
 class PhotoBrightness:
     """Photos of one terrain, read on demand. A source without photos has none."""
 
-    def __init__(self, index: Path, terrain: int) -> None:
+    def __init__(self, index: Path, terrain: Terrain) -> None:
         self.terrain = terrain
         pictures = {key: path for key, path in pictures_at(index).items() if key.terrain == terrain}
         self._brackets = {

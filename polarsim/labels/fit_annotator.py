@@ -37,7 +37,7 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import PositionLabels
 from polarsim.labels.seeds import AnnotatedBoxes, MinExposures, choose_seeds, read_seeds
 from polarsim.labels.visibility import MIN_ROVER_LIGHT_EXPOSURE_MS
-from polarsim.photo import ROCK, SHADOW, SUNS, CameraSide, PhotoKey
+from polarsim.photo import ROCK, SHADOW, SUNS, CameraSide, PhotoKey, Terrain, terrain_text
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.scene import read_terrain
 
@@ -50,14 +50,14 @@ ROUNDS, SCALE = 20, 1.5  # robust fit: number of reweightings, Cauchy scale in r
 class TerrainFiles:
     """Output files of a run for one terrain."""
 
-    terrain: int
+    terrain: Terrain
     seeds: Path
     cameras: Path
     meshes: Path
 
     @classmethod
-    def of_run(cls, run: Path, terrain: int) -> TerrainFiles:
-        name = f"Terrain{terrain:02d}"
+    def of_run(cls, run: Path, terrain: Terrain) -> TerrainFiles:
+        name = f"Terrain{terrain_text(terrain)}"
         return cls(terrain, run / "acquire" / name / "seeds", run / "cameras" / name, run / "meshes" / name)
 
     def known(self, options: LabelsOptions) -> TerrainRocks:
@@ -69,7 +69,7 @@ class TerrainFiles:
         return associate_rocks(read_terrain(self.meshes, self.terrain, cameras=self.cameras), localised, suns, seeds)
 
 
-def read_published(root: Path, terrain: int) -> dict[PhotoKey, AnnotatedBoxes]:
+def read_published(root: Path, terrain: Terrain) -> dict[PhotoKey, AnnotatedBoxes]:
     """Read the published label files of a terrain. Invalid files are skipped with a warning."""
     annotated = {}
     for key, path in release.label_files(root, terrain).items():
@@ -188,8 +188,11 @@ def main() -> None:
         files = TerrainFiles.of_run(args.run, terrain)
         edges.append(shadow_edge_samples(files, options))
         rover_light.append(rover_light_samples(files, read_published(args.release, terrain), options))
-        print(f"terrain {terrain:02d}: {len(edges[-1].terms)} edges, {len(rover_light[-1].terms)} rocks", flush=True)
-    terrains = ", ".join(f"{terrain:02d}" for terrain in args.terrains)
+        print(
+            f"terrain {terrain_text(terrain)}: {len(edges[-1].terms)} edges, {len(rover_light[-1].terms)} rocks",
+            flush=True,
+        )
+    terrains = ", ".join(f"{terrain_text(terrain)}" for terrain in args.terrains)
     write_annotator(args.out, fit_annotator(edges, rover_light), f"{args.run}, labels of terrains {terrains}")
 
 

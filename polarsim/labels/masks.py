@@ -28,7 +28,7 @@ from polarsim.labels.association import fit_dome
 from polarsim.labels.bodies import Dome, TerrainCasters, build_worlds, with_domes
 from polarsim.labels.casting import VisibleIds, active_lamp
 from polarsim.labels.shapes import MaskShape, backdrop, convex_shape, fit_shape, mask_shapes, visible_parts
-from polarsim.photo import HEIGHT, NO_ROCK, POLYGON_CLASSES, ROCK, WIDTH, Azimuth, Light, PhotoKey
+from polarsim.photo import HEIGHT, NO_ROCK, POLYGON_CLASSES, ROCK, WIDTH, Azimuth, Light, PhotoKey, Terrain
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.rigs import LocalisedRig
@@ -155,7 +155,7 @@ def _domes(world: TerrainCasters, view: Camera, labels: pd.DataFrame) -> dict[in
 
 def draw_masks(
     *,
-    terrain: int,
+    terrain: Terrain,
     keys: Sequence[PhotoKey],
     photos: Path,
     table: Path,

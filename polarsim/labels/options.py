@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import BaseModel, Field, field_validator
 
 from polarsim.errors import LabelError
-from polarsim.photo import SHADOWS_ANNOTATED_FROM_MS, PhotoKey
+from polarsim.photo import SHADOWS_ANNOTATED_FROM_MS, PhotoKey, Terrain
 from polarsim.user_path import UserPath
 
 
@@ -65,10 +65,10 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         except LabelError as error:
             raise ValueError(str(error)) from error
 
-    def excluded(self, terrain: int) -> tuple[PhotoKey, ...]:
+    def excluded(self, terrain: Terrain) -> tuple[PhotoKey, ...]:
         """Return the photos of a terrain whose annotations are excluded."""
         return tuple(key for key in map(PhotoKey.parse, self.excluded_annotations) if key.terrain == terrain)
 
-    def shadow_start(self, terrain: int) -> int:
+    def shadow_start(self, terrain: Terrain) -> int:
         """Return the minimum exposure with shadow labels under a Sun lamp, ms."""
         return self.min_shadow_exposure_ms_by_terrain.get(terrain, SHADOWS_ANNOTATED_FROM_MS)

@@ -35,7 +35,7 @@ from polarsim.labels.seeds import (
 )
 from polarsim.labels.shadows import PositionShadows
 from polarsim.labels.visibility import omitted_in_dark, visible_labels
-from polarsim.photo import BOX_CLASSES, Azimuth, Bracket, CameraSide, Light, PhotoKey, by_bracket
+from polarsim.photo import BOX_CLASSES, Azimuth, Bracket, CameraSide, Light, PhotoKey, Terrain, by_bracket, terrain_text
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.scene import read_terrain
@@ -47,7 +47,7 @@ log = logging.getLogger(__name__)
 class PropagationInputs:
     """Input files of the propagation on one terrain."""
 
-    terrain: int
+    terrain: Terrain
     keys: Sequence[PhotoKey]  # photos to label
     photos: Path  # index of the photos, empty for a source without photos
     inventory: Path
@@ -75,7 +75,9 @@ def labels_of_terrain(inputs: PropagationInputs, options: LabelsOptions) -> dict
     """Return the labels that `propagate_labels` writes."""
     terrain = inputs.terrain
     if (inventoried := read_inventory(inputs.inventory).terrain) != terrain:
-        raise LabelError(f"inventory of terrain {inventoried:02d}, expected {terrain:02d}", path=inputs.inventory)
+        raise LabelError(
+            f"inventory of terrain {inventoried:02d}, expected {terrain_text(terrain)}", path=inputs.inventory
+        )
     _warn_of_gaps(inputs.photos, inputs.keys)
     localised = rigs.read_all_localised(inputs.cameras)
     suns = lamps.read_suns(inputs.cameras, localised)

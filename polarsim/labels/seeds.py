@@ -21,7 +21,19 @@ from polarsim.formats.release import read_annotated_boxes
 from polarsim.geometry.boxes import iou, match_by_iou
 from polarsim.geometry.consensus import consensus_boxes, warn_mislabelled_positions
 from polarsim.labels.label import Label, make_label
-from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, SHADOW, SUNS, Azimuth, Bracket, CameraSide, Light, PhotoKey
+from polarsim.photo import (
+    BOX_CLASSES,
+    NO_ROCK,
+    ROCK,
+    SHADOW,
+    SUNS,
+    Azimuth,
+    Bracket,
+    CameraSide,
+    Light,
+    PhotoKey,
+    Terrain,
+)
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
 
@@ -52,7 +64,7 @@ PhotoAnnotations = Mapping[PhotoKey, AnnotatedBoxes]
 Seeds = dict[str, dict[AnnotationKey, AnnotatedBoxes]]  # by position
 
 
-def read_seeds(folder: Path, terrain: int) -> PhotoAnnotations:
+def read_seeds(folder: Path, terrain: Terrain) -> PhotoAnnotations:
     """Read every `KEY.txt` of a terrain."""
     drawings = {}
     for path in sorted(folder.glob("*.txt")):
@@ -168,7 +180,7 @@ def drop_mislabelled(
     return {key: annotated for key, annotated in drawings.items() if key.position not in names}
 
 
-def read_corrections(folder: Path | None, terrain: int) -> dict[PhotoKey, AnnotatedBoxes]:
+def read_corrections(folder: Path | None, terrain: Terrain) -> dict[PhotoKey, AnnotatedBoxes]:
     """Return the corrected photos of a terrain, see `read_all_corrections`; empty without a folder."""
     corrections = {} if folder is None else read_all_corrections(folder)
     return {key: annotated for key, annotated in corrections.items() if key.terrain == terrain}

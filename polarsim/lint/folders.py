@@ -32,10 +32,10 @@ from polarsim.lint.repair import write_repaired
 from polarsim.lint.rules import RULES, Defect
 from polarsim.lint.siblings import missing_exposures, set_defects, sibling_defects
 from polarsim.lint.views import view_defects
-from polarsim.photo import BOX_CLASSES, SUNS, PhotoKey, by_bracket, is_exposure
+from polarsim.photo import BOX_CLASSES, SUNS, PhotoKey, Terrain, by_bracket, is_exposure, terrain_text
 from polarsim.progress import track
 
-Terrain = tuple[list[Finding], dict[str, int]]
+FindingsOfTerrain = tuple[list[Finding], dict[str, int]]
 _KEY_AT_START = re.compile(r"\d\d_[A-G]_(?:on|off)_(?:no|30|180|270|350)_[LR]_(\d{4})")
 IMAGES, LABELS = ("images", "pictures"), ("labels",)  # folders of pictures and labels; `detect` writes pictures/
 
@@ -56,11 +56,11 @@ def lint_release(root: Path, workers: int = 1, layout: Layout = release.PUBLISHE
         results = pool.map(lint, terrains) if workers > 1 and len(terrains) > 1 else map(lint, terrains)
         for terrain, (findings, content) in zip(track(terrains, "validating terrains"), results, strict=True):
             report.findings.extend(findings)
-            report.contents[f"Terrain{terrain:02d}"] = content
+            report.contents[f"Terrain{terrain_text(terrain)}"] = content
     return report
 
 
-def lint_terrain(root: Path, terrain: int, layout: Layout = release.PUBLISHED_LAYOUT) -> Terrain:
+def lint_terrain(root: Path, terrain: Terrain, layout: Layout = release.PUBLISHED_LAYOUT) -> FindingsOfTerrain:
     """Return the findings of a terrain in the order of files, and counts of its content.
 
     Published labels are boxes; label files in other layouts may be detections, with a confidence.
@@ -132,7 +132,7 @@ def _lint_polygons(
     return {"polygon_files": len(files)}
 
 
-def _lint_scene(root: Path, terrain: int, findings: Findings) -> dict[str, int]:
+def _lint_scene(root: Path, terrain: Terrain, findings: Findings) -> dict[str, int]:
     meshes, ground = release.released_meshes(root, terrain), release.ground_file(root, terrain)
     for path in [*meshes.values(), *([ground] if ground else [])]:
         findings.read(path, obj.read_obj, "unreadable_mesh")

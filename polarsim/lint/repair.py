@@ -29,7 +29,7 @@ from polarsim.lint.files import (
 from polarsim.lint.findings import Finding, Report
 from polarsim.lint.rules import RULES, Defect
 from polarsim.lint.siblings import modal_file, of_class, set_defects, swapped_classes
-from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey, by_bracket
+from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey, Terrain, by_bracket
 from polarsim.progress import track
 
 REPAIR_TABLE = "changes.csv"
@@ -100,7 +100,7 @@ class _Repairs:
                     continue
                 self.done.append(finding)
 
-    def boxes(self, terrain: int) -> None:
+    def boxes(self, terrain: Terrain) -> None:
         """Repair the label files of a terrain.
 
         Files are repaired separately before the majority of their bracket determines the content of the rest, so that
@@ -168,7 +168,7 @@ class _Repairs:
         new = {(file, defect.name): defect.detail for file, defect in files if (file, defect.name) not in known}
         return [Finding(file, 0, name, detail) for (file, name), detail in new.items()]
 
-    def polygons(self, terrain: int) -> None:
+    def polygons(self, terrain: Terrain) -> None:
         """Repair the polygon files of a terrain."""
         for key, findings in self._open_findings(release.polygon_folder(self.copy, terrain)).items():
             path = release.polygon_folder(self.copy, terrain) / f"{key}.txt"

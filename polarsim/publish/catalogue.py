@@ -23,7 +23,7 @@ from polarsim.formats import tables
 from polarsim.formats.coco import Annotation, read_coco
 from polarsim.formats.readers import reader
 from polarsim.geometry.camera import Camera
-from polarsim.photo import NO_ROCK, SUNS, TERRAINS, PhotoKey
+from polarsim.photo import NO_ROCK, SUNS, TERRAINS, PhotoKey, terrain_text
 from polarsim.run_files import lamps, rigs, scene
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.rigs import SURVEYED, LocalisedRig
@@ -162,7 +162,7 @@ class Catalogue:
     def label_file(self, picture: CatalogueImage) -> Path | None:
         """Return the COCO file with the labels of an image; None if the run has no labels yet."""
         stage = "labels" if self.is_photo(picture) else "renders"
-        path = self.run / stage / "coco" / f"Terrain{picture.key.terrain:02d}.json"
+        path = self.run / stage / "coco" / f"Terrain{terrain_text(picture.key.terrain)}.json"
         return path if path.is_file() else None
 
     def sources(self, picture: CatalogueImage) -> list[Path]:
@@ -172,13 +172,13 @@ class Catalogue:
 
     def camera_file(self, picture: CatalogueImage) -> Path:
         """Return the file with the pose of the stereo rig."""
-        return self.run / "cameras" / f"Terrain{picture.key.terrain:02d}" / f"Pos{picture.key.position}.json"
+        return self.run / "cameras" / f"Terrain{terrain_text(picture.key.terrain)}" / f"Pos{picture.key.position}.json"
 
     def maps(self) -> list[tuple[str, Path]]:
         """Return kind and file of the maps (depth, photometric angles ...) of all views and brackets."""
         keys = [picture.key for picture in self.pictures]
         wanted = {str(key).rpartition("_")[0] for key in keys}  # exposure brackets
-        wanted |= {f"{key.terrain:02d}_{key.position}_{key.camera}" for key in keys}
+        wanted |= {f"{terrain_text(key.terrain)}_{key.position}_{key.camera}" for key in keys}
         return [
             (name, path)
             for terrain in self.terrains.values()

@@ -15,7 +15,7 @@ import numpy as np
 from polarsim.formats import bags, ros
 from polarsim.formats.ros import Stamped
 from polarsim.geometry.poses import Pose
-from polarsim.photo import CAMERAS
+from polarsim.photo import CAMERAS, terrain_text
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue, CatalogueImage
 from polarsim.schemas.photos import BOX
@@ -31,7 +31,7 @@ def write_bags(catalogue: Catalogue, bundle: Bundle) -> None:
         copied = bundle.copy(f"{folder}/{name}.mcap", path)
         bundle.text(f"{folder}/{bags.METADATA}", bags.bag_metadata(copied, f"{name}.mcap"))
     for (domain, terrain, position), pictures in _stations(catalogue).items():
-        name = f"Terrain{terrain:02d}_Pos{position}"
+        name = f"Terrain{terrain_text(terrain)}_Pos{position}"
         folder = f"stations/{domain}/{name}"
         sources = [path for picture in pictures for path in catalogue.sources(picture)]
         bag = bundle.make(f"{folder}/{name}.mcap", partial(_write_station, catalogue, pictures), sources)

@@ -25,6 +25,7 @@ from polarsim.geometry.lens import HALF_PIXEL, Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.rays_embree import EmbreeCaster
 from polarsim.geometry.stereo import StereoRig
+from polarsim.photo import terrain_text
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue, CatalogueImage
 from polarsim.publish.detection_sets import PARTS
@@ -117,7 +118,7 @@ class Disparities:
 
     def _truth(self, station: tuple[int, str], rig: Rectification) -> DepthTruth:
         terrain, position = station
-        mesh = read_terrain(self._catalogue.run / "meshes" / f"Terrain{terrain:02d}", terrain)
+        mesh = read_terrain(self._catalogue.run / "meshes" / f"Terrain{terrain_text(terrain)}", terrain)
         caster = EmbreeCaster(mesh.vertices, mesh.faces)
         return depth_truth(mesh, caster, self._catalogue.terrains[terrain].rigs[position], rig)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from polarsim.errors import PolarsimError
 from polarsim.formats import png
-from polarsim.photo import SUNS, Bracket, PhotoKey
+from polarsim.photo import SUNS, Bracket, PhotoKey, Terrain
 from polarsim.relief.heights import PhotoView
 from polarsim.render.fitting.exposures import merge_exposures
 from polarsim.run_files.lamps import read_suns
@@ -23,7 +23,7 @@ BRIGHTEST_GREY = 250  # grey values of covers above it may be clipped
 MIN_USABLE = 0.2  # minimum share of pixels that are neither clipped nor black in all exposures
 
 
-def read_ground_photos(terrain: int, photos: Path, cameras: Path) -> list[PhotoView]:
+def read_ground_photos(terrain: Terrain, photos: Path, cameras: Path) -> list[PhotoView]:
     """Return a view for each position, camera and Sun lamp of a terrain, from photos without rover light.
 
     All exposures of 12-bit photos are merged (`merge_exposures`). Photos with 8 bits have an unknown tone curve; one

@@ -16,7 +16,7 @@ from polarsim.formats.files import write_json, writing_folder
 from polarsim.geometry.casters import make_caster
 from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.geometry.outlines import rim
-from polarsim.photo import NO_ROCK
+from polarsim.photo import NO_ROCK, Terrain
 from polarsim.relief.feet import continued_down
 from polarsim.relief.heights import INFERRED, INVENTED, MEASURED, HeightMap, PhotoView
 from polarsim.relief.pairs import comparable_groups
@@ -42,7 +42,7 @@ KIND_COLOURS = {INVENTED: (200, 200, 200), INFERRED: (86, 180, 233), MEASURED: (
 
 
 def refine_ground(
-    *, terrain: int, meshes: Path, cameras: Path, photos: Path, refined: Path, options: RenderOptions
+    *, terrain: Terrain, meshes: Path, cameras: Path, photos: Path, refined: Path, options: RenderOptions
 ) -> None:
     """Copy a terrain's meshes with the ground refined by photos; write a map of the heights and their sources.
 
@@ -127,7 +127,7 @@ FAILURES: dict[Step, str] = {
 }
 
 
-def start_map(scene: TerrainMesh, terrain: int, cell: float, support: np.ndarray | None) -> HeightMap:
+def start_map(scene: TerrainMesh, terrain: Terrain, cell: float, support: np.ndarray | None) -> HeightMap:
     """Return the heights of the ground mesh inside the walls; `support` (v,): of the mesh's vertices by scans."""
     low, high = (scene.walls.bounds if scene.walls else _nominal_bounds(terrain)) + [[WALL_MARGIN], [-WALL_MARGIN]]
     grid = FloorGrid(Extent(*low, *high).snapped(cell), cell)
@@ -173,14 +173,14 @@ def _summary(start: HeightMap, found: HeightMap, photos: list[str], reasons: lis
     }
 
 
-def _scene(scene: TerrainMesh, terrain: int, views: list[PhotoView], feet: list[np.ndarray]) -> SweptScene:
+def _scene(scene: TerrainMesh, terrain: Terrain, views: list[PhotoView], feet: list[np.ndarray]) -> SweptScene:
     walls = scene.walls or level_walls(half_width(terrain), scene.sand_level)
     vertices, faces, _ = walls.mesh(scene.sand_level - 0.5)
     rocks = Mesh(scene.vertices, scene.faces[scene.rock_of_face != NO_ROCK])
     return SweptScene(views, comparable_groups(views), rocks, Mesh(vertices, faces), feet)
 
 
-def _nominal_bounds(terrain: int) -> np.ndarray:
+def _nominal_bounds(terrain: Terrain) -> np.ndarray:
     half = half_width(terrain)
     return np.array([[-half, -half], [half, half]])
 
@@ -192,7 +192,7 @@ def _support(meshes: Path, name: str) -> np.ndarray:
     return own["support"].to_numpy(float)
 
 
-def _write_refined(folder: Path, terrain: int, ground: Mesh, rocks: Mapping[int, Mesh]) -> None:
+def _write_refined(folder: Path, terrain: Terrain, ground: Mesh, rocks: Mapping[int, Mesh]) -> None:
     """Replace ground and rocks in a folder of meshes: OBJ files, rows of the table, and the file for viewers."""
     table = tables.read_csv(folder / MESH_TABLE, ["mesh", "made_from"]).set_index("mesh")
     for rock, mesh in {NO_ROCK: ground, **rocks}.items():

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from polarsim.photo import Terrain
 from polarsim.render.gain import gain_of
 from polarsim.render.maps import Maps, compute_maps
 from polarsim.render.olat import render_view
@@ -23,7 +24,7 @@ from polarsim.run_files.walls import walls_file
 class Scene:
     """Meshes of a terrain and render options; the meshes are read once for all images."""
 
-    def __init__(self, meshes: Path, terrain: int, options: RenderOptions) -> None:
+    def __init__(self, meshes: Path, terrain: Terrain, options: RenderOptions) -> None:
         """`meshes`: folder with `terrainNN_ground.obj` and `terrainNN_rock<k>.obj`.
 
         The walls are those of twins: fitted to photos, if the folder is part of a run that has fitted them.

@@ -17,7 +17,7 @@ from polarsim.formats.files import read_json, write_text
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.light_field import POWERS
 from polarsim.geometry.poses import Pose
-from polarsim.photo import BLACK_LEVEL
+from polarsim.photo import BLACK_LEVEL, Terrain
 from polarsim.render.lamps import Lamp
 from polarsim.render.options import Model, RenderOptions
 from polarsim.run_files.rigs import lens_content, lens_of
@@ -47,7 +47,7 @@ class Sidecar:
     """Inputs of an image of a terrain; `shot`, `options` and the meshes reproduce the image."""
 
     shot: Shot
-    terrain: int
+    terrain: Terrain
     options: RenderOptions
     gain_per_ms: float  # DN per ms per unit radiance
     sources: Mapping[

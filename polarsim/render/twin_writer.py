@@ -12,7 +12,7 @@ import numpy as np
 
 from polarsim.formats import png
 from polarsim.geometry.camera import Camera
-from polarsim.photo import PhotoKey, by_bracket
+from polarsim.photo import PhotoKey, Terrain, by_bracket
 from polarsim.render.gain import calibrate, default_gain, with_fitted_intensities
 from polarsim.render.indirect import OlatImages
 from polarsim.render.lamps import Lamp, lamps_on
@@ -27,7 +27,7 @@ from polarsim.run_files.walls import walls_file
 log = logging.getLogger("polarsim.render")
 
 
-def input_digests(terrain: int, meshes: Path, cameras: Path, lamps: Path) -> dict[str, str]:
+def input_digests(terrain: Terrain, meshes: Path, cameras: Path, lamps: Path) -> dict[str, str]:
     """Return the digests of the inputs common to all twins of a terrain, for `sources` of the sidecars.
 
     `cameras`, `meshes`: folders that may contain `walls.json`, see `walls_file`.
@@ -50,7 +50,7 @@ class TwinWriter:
     the gain of the model was calibrated, if any). The view of the photos `references` must be written first.
     """
 
-    terrain: int
+    terrain: Terrain
     twins: Mapping[Model, Path]
     cameras: Path
     sources: Mapping[str, str]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats import coco, tables
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey, PositionCamera
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey, PositionCamera, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.render.gain import calibration_photos, with_fit
 from polarsim.render.ground_truth import label_row, label_view
@@ -124,7 +124,7 @@ def keys_by_view(
 
 def render_twins(
     *,
-    terrain: int,
+    terrain: Terrain,
     keys: Sequence[PhotoKey],
     cameras: Path,
     meshes: Path,
@@ -178,7 +178,9 @@ def render_twins(
     for folder in (labels.boxes, labels.instances):  # the folders must exist even if no key is written
         folder.mkdir(parents=True, exist_ok=True)
     all_labels: dict[PhotoKey, list[coco.Annotation]] = {}
-    for view in track(sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain:02d}"):
+    for view in track(
+        sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain_text(terrain)}"
+    ):
         rig, chosen = rigs[view[0]], [key for key in views[view] if only is None or key in only]
         if not chosen and view not in first:
             continue

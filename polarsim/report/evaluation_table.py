@@ -12,6 +12,7 @@ import pandas as pd
 
 from polarsim.errors import PolarsimError
 from polarsim.formats.tables import read_csv
+from polarsim.photo import terrain_text
 from polarsim.report.layout import MISSING, format_value, write_table
 from polarsim.scoring.consistency_warnings import warnings_of
 from polarsim.scoring.metrics import BOX_METRICS, COLUMNS, STAGES, metrics_table
@@ -72,7 +73,7 @@ def format_evaluation(table: pd.DataFrame) -> pd.DataFrame:
             shown[index, terrain] = text
     order.sort(key=lambda index: STAGES.index(index[0]) if index[0] in STAGES else len(STAGES))
     rows = [[*index, *(shown.get((index, terrain), MISSING) for terrain in terrains)] for index in order]
-    return pd.DataFrame(rows, columns=[*ROW_NAMES, *(f"T{terrain:02d}" for terrain in terrains)])
+    return pd.DataFrame(rows, columns=[*ROW_NAMES, *(f"T{terrain_text(terrain)}" for terrain in terrains)])
 
 
 def _shown_rows(table: pd.DataFrame) -> list[tuple[tuple[str, ...], str]]:
@@ -174,7 +175,7 @@ def format_runs(table: pd.DataFrame, runs: Sequence[str], *, differences: bool =
         unit = str(metrics["unit"].iloc[0])
         values = metrics.set_index(["terrain", "run"])["value"].to_dict()
         cells = {
-            f"T{terrain:02d}": " / ".join(
+            f"T{terrain_text(terrain)}": " / ".join(
                 shown_value(values[terrain, run], unit) if (terrain, run) in values else MISSING for run in runs
             )
             for terrain in sorted(set(table["terrain"]))

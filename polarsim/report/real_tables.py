@@ -14,7 +14,7 @@ import pandas as pd
 from polarsim.formats import png
 from polarsim.formats.tables import read_parquet
 from polarsim.intervals import bootstrap_interval
-from polarsim.photo import ROCK, PhotoKey
+from polarsim.photo import ROCK, PhotoKey, terrain_text
 from polarsim.randomness import generator
 from polarsim.report import paper
 from polarsim.report.detection_table import (
@@ -122,7 +122,9 @@ def appearance_of_twins(pictures: Path, drawn: Path, twins: Mapping[str, Path]) 
         photo, lines = png.read_png(path), png.read_png(drawn / path.name) > 0
         terrain = PhotoKey.parse(path.stem).terrain
         for twin, folder in twins.items():
-            compared = compare_appearance(photo, png.read_png(folder / f"Terrain{terrain:02d}" / path.name), lines)
+            compared = compare_appearance(
+                photo, png.read_png(folder / f"Terrain{terrain_text(terrain)}" / path.name), lines
+            )
             rows.append((path.stem, twin, *(getattr(compared, name) for name in _LIKENESS)))
     return pd.DataFrame(rows, columns=["key", "twin", *_LIKENESS])
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats.tables import read_csv, read_parquet
+from polarsim.photo import terrain_text
 from polarsim.report.layout import MISSING, grid, write_blocks
 from polarsim.schemas.evaluation import APPEARANCE_PAIRS
 from polarsim.schemas.report import RENDER
@@ -58,7 +59,7 @@ def box_rows(scores: pd.DataFrame) -> pd.DataFrame:
         {
             "subject": str(subject).removesuffix(_BOTH_CAMERAS),
             "group": "terrain",
-            "value": f"{terrain:02d}",
+            "value": f"{terrain_text(terrain)}",
             "n": int(part["n"].max()),
             **dict(zip(part["metric"], part["value"], strict=True)),
         }

@@ -17,6 +17,7 @@ from polarsim import __version__
 from polarsim.formats import thumbnails
 from polarsim.formats.files import read_json, relative_to, write_text
 from polarsim.formats.tables import read_parquet
+from polarsim.photo import Terrain, terrain_text
 from polarsim.report import paper
 from polarsim.report.headlines import headlines
 from polarsim.report.layout import markdown
@@ -38,7 +39,7 @@ def write_results_page(
     datasets: Mapping[tuple[str, str], Path],
     photos: Path | None,
     origin: Mapping[str, str],
-    terrains: Sequence[int],
+    terrains: Sequence[Terrain],
     positions: Sequence[str],
     models: Sequence[str],
     photo_domain: str,
@@ -57,7 +58,7 @@ def write_results_page(
     content = _PageContent(tables, figures, source, page.parent)
     count = 0 if photos is None else len(read_parquet(photos, ["key"]))
     facts = {
-        "terrains": f"{', '.join(f'{terrain:02d}' for terrain in terrains)} (positions {', '.join(positions)})",
+        "terrains": f"{', '.join(map(terrain_text, terrains))} (positions {', '.join(positions)})",
         "photos": f"{count:,}" if count else "none",
         "twins": ", ".join(models),
         "detectors": ", ".join(dict.fromkeys(domain for _, domain in datasets)) or "none",

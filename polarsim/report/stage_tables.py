@@ -11,7 +11,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_csv, read_parquet
 from polarsim.geometry.poses import yaw_pitch_roll
-from polarsim.photo import CAMERAS
+from polarsim.photo import CAMERAS, Terrain
 from polarsim.report.layout import write_table
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.schemas import report
@@ -79,7 +79,7 @@ def _with_terrain(parts: Mapping[int, pd.DataFrame]) -> pd.DataFrame:
     return rows[["terrain", *(name for name in rows.columns if name != "terrain")]]
 
 
-def _camera_row(terrain: int, position: str, rig: LocalisedRig, metrics: pd.DataFrame) -> dict[str, Any]:
+def _camera_row(terrain: Terrain, position: str, rig: LocalisedRig, metrics: pd.DataFrame) -> dict[str, Any]:
     x, y, z = rig.sandbox_from_left.translation
     angles = np.degrees(yaw_pitch_roll(rig.sandbox_from_left))
     of_position = metrics[
@@ -99,7 +99,7 @@ def _camera_row(terrain: int, position: str, rig: LocalisedRig, metrics: pd.Data
     }  # fmt: skip
 
 
-def _alignment_rows(terrain: int, folder: Path) -> list[dict[str, Any]]:
+def _alignment_rows(terrain: Terrain, folder: Path) -> list[dict[str, Any]]:
     """Return a row per pair of scans; without scans, a row per position with the fit of the boxes."""
     scans = folder / ALIGNMENT_FILE
     if scans.exists():

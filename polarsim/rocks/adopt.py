@@ -15,7 +15,7 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import rim
 from polarsim.geometry.topology import largest_island
 from polarsim.geometry.vectors import cross
-from polarsim.photo import NO_ROCK
+from polarsim.photo import NO_ROCK, Terrain
 from polarsim.rocks import table
 from polarsim.rocks.fitted_ground import FITTED_GROUND_CELL, fit_ground
 from polarsim.rocks.folder import height_mesh, write_meshes
@@ -86,7 +86,7 @@ def _heights_at(ground: Mesh, points: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(distance), top - distance, np.nan)
 
 
-def adopt_rocks(*, terrain: int, inventory: Path, cameras: Path, rocks: Path, cuboids: Path, meshes: Path) -> None:
+def adopt_rocks(*, terrain: Terrain, inventory: Path, cameras: Path, rocks: Path, cuboids: Path, meshes: Path) -> None:
     """Copy a terrain's published rock meshes and its ground; fit a ground if none is published.
 
     Rocks are translated as in `cameras/rock_translations.csv`, if that file exists. `meshes.csv` states the source of

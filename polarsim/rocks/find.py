@@ -16,6 +16,7 @@ from polarsim.formats.files import writing_folder
 from polarsim.formats.ply import Cloud
 from polarsim.formats.yolo import read_rock_boxes
 from polarsim.geometry.poses import Pose
+from polarsim.photo import Terrain
 from polarsim.rocks import table
 from polarsim.rocks.annotated import add_annotated_rocks, add_carved_rocks
 from polarsim.rocks.bumps import Bumps, add_bumps
@@ -47,7 +48,7 @@ NEIGHBOURHOOD = Extent(-2.5, -2.5, 2.5, 2.5)  # box and walls; points outside ar
 
 def find_rocks(
     *,
-    terrain: int,
+    terrain: Terrain,
     inventory: Path,
     cameras: Path,
     seeds: Path,

@@ -14,7 +14,7 @@ from polarsim.formats import gltf, obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import is_watertight, part_of_face
-from polarsim.photo import NO_ROCK
+from polarsim.photo import NO_ROCK, Terrain
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.solids import cluster_vertices, decimate_mesh, volume
 from polarsim.run_files.scene import MESH_TABLE
@@ -70,7 +70,7 @@ def height_mesh(grid: FloorGrid, heights: np.ndarray) -> Mesh:
 
 
 def write_meshes(
-    terrain: int,
+    terrain: Terrain,
     meshes: Path,
     solids: Mapping[int, Mesh],
     ground: Mesh,

@@ -11,7 +11,7 @@ from polarsim.errors import ReconstructionError
 from polarsim.formats import ply, tables
 from polarsim.formats.ply import Cloud
 from polarsim.geometry.meshes import Mesh
-from polarsim.photo import NO_ROCK
+from polarsim.photo import NO_ROCK, Terrain
 from polarsim.rocks.folder import Scanned, write_meshes
 from polarsim.rocks.ground import GROUND_CELL
 from polarsim.rocks.heights import FloorGrid, filled, mean_heights
@@ -27,7 +27,7 @@ WALL_REACH = 0.05  # width of the ground's mesh outside the surveyed sand, under
 
 
 def mesh_rocks(
-    *, terrain: int, rocks: Path, clouds: Path, meshes: Path, options: RocksOptions, from_photos: bool = False
+    *, terrain: Terrain, rocks: Path, clouds: Path, meshes: Path, options: RocksOptions, from_photos: bool = False
 ) -> None:
     """Reconstruct every rock and the ground of a terrain; write OBJ files, decimated copies, tables, walls, glTF.
 

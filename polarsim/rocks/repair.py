@@ -17,6 +17,7 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import rim
 from polarsim.geometry.planes import robust_plane
 from polarsim.geometry.topology import is_watertight, largest_island, linked_parts, open_edges, part_of_face
+from polarsim.photo import Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.rocks.fitted_ground import FITTED_GROUND_CELL
 from polarsim.rocks.folder import write_named
@@ -102,7 +103,7 @@ def _skirt_height(mesh: Mesh, points: np.ndarray) -> np.ndarray:
 
 
 def repair_rocks(
-    *, terrain: int, inventory: Path, cameras: Path, meshes: Path, copies: Path, options: RocksOptions
+    *, terrain: Terrain, inventory: Path, cameras: Path, meshes: Path, copies: Path, options: RocksOptions
 ) -> None:
     """Write `copies`: a watertight OBJ file per rock, `meshes.csv`, and `defects.csv` of the published rocks.
 
@@ -117,7 +118,7 @@ def repair_rocks(
     rigs = read_all_localised(cameras).values()
     scanners = np.array([rig.sandbox_from_left.translation for rig in rigs]).reshape(-1, 3)
     closed = {}
-    for rock, path in track(list(obj.rock_files(meshes).items()), f"repair of terrain {terrain:02d}"):
+    for rock, path in track(list(obj.rock_files(meshes).items()), f"repair of terrain {terrain_text(terrain)}"):
         try:
             copy = repaired(obj.read_obj(path), grid, heights, scanners, options.rock_cell_mm / 1000)
         except ReconstructionError as error:

@@ -10,6 +10,7 @@ import logging
 
 import numpy as np
 
+from polarsim.photo import Terrain
 from polarsim.rocks.scans import MIN_WALL_HEIGHT, ScanPoints
 from polarsim.run_files.walls import SIDES, STRIP_M, Side, Wall, Walls, surveyed_walls, wall_strips
 from polarsim.survey import half_width
@@ -26,7 +27,7 @@ MAX_DROP = 0.03  # metres: strips lower than the median top by more show only th
 MIN_SUPPORT = 0.3  # minimum share of the strips with points; otherwise the nominal wall is used
 
 
-def measure_walls(terrain: int, scans: ScanPoints, level: float) -> Walls | None:
+def measure_walls(terrain: Terrain, scans: ScanPoints, level: float) -> Walls | None:
     """Measure the walls of a terrain; None for a sandbox whose walls were not surveyed.
 
     `scans`: all points near the sandbox, sandbox frame.

@@ -11,7 +11,7 @@ import numpy as np
 from polarsim.errors import PolarsimError
 from polarsim.formats import png
 from polarsim.geometry.lens import Lens
-from polarsim.photo import SUNS, WHITE_LEVEL, PositionCamera
+from polarsim.photo import SUNS, WHITE_LEVEL, PositionCamera, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.rigs import LocalisedRig
@@ -25,7 +25,7 @@ BestPhotos = Mapping[PositionCamera, Mapping[str, Path]]  # by view, then by the
 ViewPhotos = Mapping[str, np.ndarray]  # of a view, by the azimuth of the Sun lamp: (h, w) float32 grey values
 
 
-def best_pictures(terrain: int, photos: Path) -> BestPhotos:
+def best_pictures(terrain: Terrain, photos: Path) -> BestPhotos:
     """Return the photo with the largest share of well exposed pixels of every view and Sun lamp, rover light off.
 
     Parameters
@@ -34,7 +34,7 @@ def best_pictures(terrain: int, photos: Path) -> BestPhotos:
         `photos.parquet`. Unreadable photos are skipped with a warning.
     """
     best: dict[tuple[PositionCamera, str], tuple[float, Path]] = {}
-    for key, path in track(sorted(pictures_at(photos).items()), f"photos of terrain {terrain:02d}"):
+    for key, path in track(sorted(pictures_at(photos).items()), f"photos of terrain {terrain_text(terrain)}"):
         if key.terrain != terrain or key.light == "on" or key.azimuth not in SUNS:
             continue
         try:

@@ -12,7 +12,7 @@ from polarsim.errors import FormatError
 from polarsim.formats.files import read_json
 from polarsim.formats.readers import reader
 from polarsim.formats.yaml_files import describe_error
-from polarsim.photo import PhotoKey
+from polarsim.photo import PhotoKey, Terrain
 from polarsim.run_files.light_fields import read_light_fields
 from polarsim.run_files.materials import TABLE_FILE
 
@@ -42,7 +42,7 @@ class _Ground(BaseModel, extra="ignore"):
 
 
 def read_fits(
-    terrain: int, domains: Collection[str], materials: Path | None, light: Path | None, meshes: Path
+    terrain: Terrain, domains: Collection[str], materials: Path | None, light: Path | None, meshes: Path
 ) -> dict[str, list[FittedPhotos]]:
     """Return the photos of a terrain that took part in fits of the twins of each domain, by domain.
 

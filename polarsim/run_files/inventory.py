@@ -8,13 +8,14 @@ from pathlib import Path
 from polarsim.errors import FormatError
 from polarsim.formats.files import read_json, write_json
 from polarsim.formats.readers import reader
+from polarsim.photo import Terrain
 
 
 @dataclass(frozen=True)
 class Inventory:
     """Paths below the root of the source. Scans are in the rectified left frame of the position."""
 
-    terrain: int
+    terrain: Terrain
     kind: str  # "analog", "release" or "polar"
     calibration: str = ""  # source file of calibration.json; empty: the default rig
     range_maps: dict[str, str] = field(default_factory=dict)  # position -> PosX_org-XYZ.tif

@@ -17,7 +17,7 @@ from polarsim.formats.files import read_json, write_json
 from polarsim.formats.readers import reader
 from polarsim.formats.yaml_files import describe_error
 from polarsim.geometry.light_field import EVEN
-from polarsim.photo import SUNS
+from polarsim.photo import SUNS, Terrain
 
 
 class FittedField(BaseModel, extra="forbid", frozen=True):
@@ -28,7 +28,7 @@ class FittedField(BaseModel, extra="forbid", frozen=True):
     """
 
     coefficients: tuple[FiniteFloat, ...]
-    terrains: tuple[int, ...]  # terrains whose photos are fitted
+    terrains: tuple[Terrain, ...]  # terrains whose photos are fitted
     held_out_stops: dict[str, float] = {}  # even, inverse_square, field
 
 

@@ -13,7 +13,7 @@ import pandas as pd
 from polarsim.errors import ConfigError
 from polarsim.formats.tables import LABEL_COLUMNS, label_table, read_csv, read_parquet
 from polarsim.formats.yaml_files import read_yaml
-from polarsim.photo import TERRAINS, PhotoKey
+from polarsim.photo import TERRAINS, PhotoKey, Terrain, terrain_text
 from polarsim.run_files.instances import instance_map_name
 from polarsim.run_files.pictures import pictures_at
 from polarsim.schemas.detect import PREDICTIONS
@@ -57,7 +57,7 @@ class Run:
         return tuple(
             terrain
             for terrain in TERRAINS
-            if any((self.folder / path.format(f"Terrain{terrain:02d}")).exists() for path in paths)
+            if any((self.folder / path.format(f"Terrain{terrain_text(terrain)}")).exists() for path in paths)
         )
 
     @cached_property
@@ -80,9 +80,9 @@ class Run:
         """Names of the training splits."""
         return tuple(sorted(path.parent.name for path in (self.folder / "detect").glob("*/split.csv")))
 
-    def pictures_of(self, domain: str, terrain: int) -> dict[PhotoKey, Path]:
+    def pictures_of(self, domain: str, terrain: Terrain) -> dict[PhotoKey, Path]:
         """Return the photos of a terrain or the twins of a model by photo key; empty without twins of the model."""
-        folder = f"Terrain{terrain:02d}"
+        folder = f"Terrain{terrain_text(terrain)}"
         if domain == PHOTO:
             return pictures_at(self.folder / "acquire" / folder / "photos.parquet")
         twins = self.folder / "renders" / domain / folder
@@ -94,21 +94,23 @@ class Run:
         items = []
         for terrain in self.terrains:
             for domain in self.domains:
-                if domain != PHOTO or (self.folder / f"acquire/Terrain{terrain:02d}/photos.parquet").exists():
+                if domain != PHOTO or (self.folder / f"acquire/Terrain{terrain_text(terrain)}/photos.parquet").exists():
                     items += [((domain, key), path) for key, path in self.pictures_of(domain, terrain).items()]
         return dict(sorted(items, key=lambda item: (item[0][1], self.domains.index(item[0][0]))))
 
     def polygons(self, key: PhotoKey) -> Path:
         """Return the file of the polygons of a photo's propagated labels."""
-        return self.folder / "labels" / "polygons" / f"Terrain{key.terrain:02d}" / f"{key}.txt"
+        return self.folder / "labels" / "polygons" / f"Terrain{terrain_text(key.terrain)}" / f"{key}.txt"
 
     def instances(self, key: PhotoKey) -> Path:
         """Return the instance map of the twins of an exposure bracket."""
-        return self.folder / "renders" / "instances" / f"Terrain{key.terrain:02d}" / instance_map_name(key)
+        return self.folder / "renders" / "instances" / f"Terrain{terrain_text(key.terrain)}" / instance_map_name(key)
 
-    def labels(self, terrain: int, *, of_twins: bool = False) -> pd.DataFrame:
+    def labels(self, terrain: Terrain, *, of_twins: bool = False) -> pd.DataFrame:
         """Return the labels of a terrain, propagated to photos or rendered with twins; empty without a table."""
-        path = self.folder / ("renders" if of_twins else "labels") / "tables" / f"Terrain{terrain:02d}.parquet"
+        path = (
+            self.folder / ("renders" if of_twins else "labels") / "tables" / f"Terrain{terrain_text(terrain)}.parquet"
+        )
         return read_parquet(path, LABEL_COLUMNS) if path.exists() else label_table([])
 
     def all_labels(self, *, of_twins: bool = False) -> pd.DataFrame:

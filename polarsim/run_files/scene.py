@@ -14,7 +14,7 @@ from polarsim.formats import obj, tables
 from polarsim.formats.files import existing_folder
 from polarsim.formats.readers import reader
 from polarsim.geometry.meshes import Mesh, join_meshes
-from polarsim.photo import NO_ROCK
+from polarsim.photo import NO_ROCK, Terrain
 from polarsim.run_files.walls import Walls, read_walls, surveyed_walls, walls_file
 
 MESH_TABLE = "meshes.csv"  # in the folder of the meshes, with a row per mesh
@@ -65,7 +65,7 @@ class TerrainMesh:
         return self.vertices[np.unique(self.faces[self.rock_of_face == rock])]
 
 
-def mesh_files(folder: str | Path, terrain: int) -> dict[int, Path]:
+def mesh_files(folder: str | Path, terrain: Terrain) -> dict[int, Path]:
     """Return the mesh files of a terrain by rock, with the ground (`NO_ROCK`) first."""
     ground = Path(folder) / obj.ground_name(terrain)
     if not ground.exists():
@@ -96,7 +96,7 @@ def mesh_origins(folder: str | Path) -> dict[str, str]:
 
 @reader("terrain")
 def read_terrain(
-    folder: str | Path, terrain: int, pool: Executor | None = None, cameras: Path | None = None
+    folder: str | Path, terrain: Terrain, pool: Executor | None = None, cameras: Path | None = None
 ) -> TerrainMesh:
     """Read `terrainNN_ground.obj` and every `terrainNN_rock<k>.obj`, in parallel if a pool is given.
 

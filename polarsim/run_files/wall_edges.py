@@ -22,7 +22,7 @@ from polarsim.geometry.casters import make_caster
 from polarsim.geometry.patches import NEARER, between_pixels
 from polarsim.geometry.rays import Caster
 from polarsim.geometry.shadow_edges import shadow_edge_offsets
-from polarsim.photo import NO_ROCK, SUNS, by_bracket
+from polarsim.photo import NO_ROCK, SUNS, Terrain, by_bracket
 from polarsim.run_files.brackets import read_rate
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.rigs import LocalisedRig
@@ -184,7 +184,7 @@ def _nanmean(points: np.ndarray) -> np.ndarray:
 
 
 def measure_edges(
-    terrain: int,
+    terrain: Terrain,
     ground: OpenGround,
     walls: Walls,
     photos: Path,

@@ -12,6 +12,7 @@ import numpy as np
 from polarsim.errors import FormatError, with_path
 from polarsim.formats.files import read_json, write_json
 from polarsim.formats.readers import reader
+from polarsim.photo import Terrain
 from polarsim.survey import is_surveyed
 
 FILE = "walls.json"
@@ -138,7 +139,7 @@ def wall_strips(half: float) -> np.ndarray:
     return (np.arange(count) + 0.5) * STRIP_M - count * STRIP_M / 2
 
 
-def surveyed_walls(terrain: int, level: float) -> Walls | None:
+def surveyed_walls(terrain: Terrain, level: float) -> Walls | None:
     """Return nominal walls above sand at a height of `level` metres; None for a sandbox without survey."""
     return level_walls(NOMINAL_FACE_M, level + NOMINAL_TOP_M) if is_surveyed(terrain) else None
 

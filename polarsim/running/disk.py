@@ -26,7 +26,7 @@ _RESULTS_OF_TERRAIN, _RESULTS_OF_PHOTO, _TWIN = 350_000_000, 250_000, 900_000
 
 def expected_bytes(config: Config) -> int:
     """Return the approximate size of a complete run with generated data, bytes, without drives and novel views."""
-    photos = sum(len(selected_grid(terrain, config.positions, config.grid)) for terrain in config.terrains)
+    photos = sum(len(selected_grid(config.site, terrain, config.positions, config.grid)) for terrain in config.terrains)
     found = len(config.terrains) * _RESULTS_OF_TERRAIN
     found += photos * (_RESULTS_OF_PHOTO + _TWIN * len(config.render.models))
     if config.data_source.is_generated:

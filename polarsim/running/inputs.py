@@ -131,7 +131,7 @@ def _checked_corrections(config: Config) -> set[PhotoKey]:
     for key in sorted(found):
         if key.terrain not in config.terrains:
             raise ConfigError(f"labels.corrections: {key}, expected terrains of the run {config.terrains}", folder)
-        if key not in selected_grid(key.terrain, config.positions, config.grid):
+        if key not in selected_grid(config.site, key.terrain, config.positions, config.grid):
             raise ConfigError(f"labels.corrections: {key} is not in the run's `positions` and `grid`", folder)
     return found
 

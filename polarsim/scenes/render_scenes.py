@@ -13,7 +13,7 @@ from polarsim.formats import obj, png, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.heightfields import smooth_noise
 from polarsim.geometry.images import resize
-from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, HEIGHT, ROCK, SHADOW, WHITE_LEVEL, WIDTH
+from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, HEIGHT, ROCK, SHADOW, WHITE_LEVEL, WIDTH, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.randomness import generator
 from polarsim.render.ground_truth import boxes_of_ids
@@ -50,7 +50,7 @@ class SceneImage:
 
 def render_scenes(
     *,
-    terrain: int,
+    terrain: Terrain,
     meshes: Path,
     pictures: Path,
     number: int,
@@ -74,11 +74,11 @@ def render_scenes(
     with writing_folder(pictures) as folder:
         for kind in ("images", "masks", "labels"):
             (folder / kind).mkdir()
-        for scene in track(range(number), f"scenes of terrain {terrain:02d}"):
+        for scene in track(range(number), f"scenes of terrain {terrain_text(terrain)}"):
             random = generator(options.seed, "covers", "scene", terrain, scene)
             images = render_random_scene(shapes, stored_px, options.lamps, ranges, random, threads)
             for lamp, rendered in enumerate(images):
-                name = f"t{terrain:02d}_s{scene:03d}_l{lamp}"
+                name = f"t{terrain_text(terrain)}_s{scene:03d}_l{lamp}"
                 png.write_png(folder / "images" / f"{name}.png", rendered.image)
                 class_masks.write_class_mask(folder / "masks" / f"{name}.png", rendered.mask)
                 size = round(WIDTH * options.scale), round(HEIGHT * options.scale)

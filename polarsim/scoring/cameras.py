@@ -15,7 +15,7 @@ from polarsim.geometry.boxes import iou, match_by_position_and_size
 from polarsim.geometry.consensus import consensus_of_sets
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
-from polarsim.photo import BOX_CLASSES, CAMERAS, ROCK, SUNS, PhotoKey
+from polarsim.photo import BOX_CLASSES, CAMERAS, ROCK, SUNS, PhotoKey, Terrain
 from polarsim.run_files import lamps
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.scoring.alignment import align_rigs, fit_alignment
@@ -30,7 +30,7 @@ _UNITS = {"_mm": "mm", "_deg": "deg", "_px": "px", "_m": "m"}
 
 def score_cameras(
     *,
-    terrain: int,
+    terrain: Terrain,
     cameras: Path,
     truth: Path | None,
     matches: Path | None,
@@ -190,7 +190,7 @@ def projection_errors(
     return metrics
 
 
-def true_points(truth: Path, terrain: int) -> np.ndarray:
+def true_points(truth: Path, terrain: Terrain) -> np.ndarray:
     """Return a sample of the vertices of the true rocks, or of the ground in a terrain without rocks."""
     files = list(obj.rock_files(truth / "meshes").values())
     ground = truth / "meshes" / obj.ground_name(terrain)

@@ -27,7 +27,7 @@ from polarsim.geometry.casters import make_caster
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import outlines_of, rim
 from polarsim.geometry.poses import Pose, angle_between
-from polarsim.photo import NO_ROCK
+from polarsim.photo import NO_ROCK, Terrain
 from polarsim.run_files.best_photos import best_pictures
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.lamps import read_suns
@@ -56,7 +56,7 @@ MATCH_COLUMNS = ("position", "iou")
 
 def check_consistency(
     *,
-    terrain: int,
+    terrain: Terrain,
     inventory: Path,
     located: Path,
     cameras: Path,

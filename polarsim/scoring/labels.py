@@ -9,7 +9,7 @@ import pandas as pd
 
 from polarsim.formats import release
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet, write_parquet
-from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey
+from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey, Terrain
 from polarsim.scoring.label_pairs import labels_of_photos, pair_labels, shadows_annotated
 from polarsim.scoring.metrics import BOX_METRICS, Against, Metric, write_metrics
 from polarsim.scoring.options import ScoringOptions
@@ -24,7 +24,7 @@ ANNOTATED = "shadow, where annotated"  # photos with a true shadow: shadows are 
 
 def score_labels(
     *,
-    terrain: int,
+    terrain: Terrain,
     keys: Sequence[PhotoKey],
     table: Path,
     truth: Path,
@@ -101,14 +101,14 @@ def score_tasks(
     return metrics
 
 
-def read_folder(folder: Path, terrain: int) -> dict[PhotoKey, PhotoLabels]:
+def read_folder(folder: Path, terrain: Terrain) -> dict[PhotoKey, PhotoLabels]:
     """Read the labels of a terrain in a folder of KEY.txt; invalid lines are errors."""
     files, read = release.key_files(folder).files, box_reader()
     return {key: read(path) for key, path in files.items() if key.terrain == terrain}
 
 
 def read_true_labels(
-    truth: Path, terrain: int, labelled: Iterable[PhotoKey], options: ScoringOptions
+    truth: Path, terrain: Terrain, labelled: Iterable[PhotoKey], options: ScoringOptions
 ) -> dict[PhotoKey, PhotoLabels]:
     """Read the true labels by photo from annotated files or from the label table of the analog.
 
@@ -140,7 +140,7 @@ def visible(truth: pd.DataFrame, options: ScoringOptions) -> pd.DataFrame:
     return truth
 
 
-def read_sound_boxes(folder: Path, terrain: int) -> dict[PhotoKey, PhotoLabels]:
+def read_sound_boxes(folder: Path, terrain: Terrain) -> dict[PhotoKey, PhotoLabels]:
     """Read labels as `read_folder` does, but skip invalid files with a warning: the release has such a file."""
     files = release.key_files(folder).files
     return read_sound({key: path for key, path in files.items() if key.terrain == terrain}, box_reader())[0]

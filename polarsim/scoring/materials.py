@@ -11,7 +11,7 @@ import pandas as pd
 from scipy.spatial import cKDTree
 
 from polarsim.formats.tables import read_parquet
-from polarsim.photo import NO_ROCK
+from polarsim.photo import NO_ROCK, Terrain
 from polarsim.run_files.materials import FittedMaterials, read_materials, rock_of_vertex
 from polarsim.run_files.scene import TerrainMesh, read_terrain
 from polarsim.scoring.alignment import read_alignment
@@ -25,7 +25,7 @@ _STEPS = ("unfitted", "constant_albedo", "fitted")
 
 
 def score_materials(
-    *, terrain: int, materials: Path, meshes: Path, cameras: Path, truth: Path, evaluation: Path
+    *, terrain: Terrain, materials: Path, meshes: Path, cameras: Path, truth: Path, evaluation: Path
 ) -> None:
     """Write the evaluation of the fitted materials of a terrain.
 

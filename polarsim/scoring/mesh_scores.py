@@ -11,7 +11,7 @@ import pandas as pd
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import is_watertight, part_of_face
-from polarsim.photo import NO_ROCK
+from polarsim.photo import NO_ROCK, Terrain
 from polarsim.run_files.scene import TerrainMesh, mesh_origins
 from polarsim.schemas.evaluation import MESH_SCORES
 from polarsim.scoring.surface import Surface
@@ -30,7 +30,7 @@ def mesh_table(rows: list[dict[str, object]]) -> pd.DataFrame:
 
 
 def soundness_rows(
-    scene: TerrainMesh, folder: Path, terrain: int, rng: np.random.Generator, samples: int
+    scene: TerrainMesh, folder: Path, terrain: Terrain, rng: np.random.Generator, samples: int
 ) -> list[dict[str, object]]:
     """Return a row for the ground and for every rock of a scene, sorted by id. The folder has the decimated copies."""
     ground = scene.part(NO_ROCK)

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats.tables import write_csv
+from polarsim.photo import Terrain
 from polarsim.schemas.evaluation import EVALUATION
 
 COLUMNS = EVALUATION.columns
@@ -53,12 +54,12 @@ def metrics_of(subject: str, n: int, against: Against, **values: tuple[float, st
     return [Metric(subject, name, float(value), unit, n, against) for name, (value, unit) in values.items()]
 
 
-def metrics_table(stage: str, terrain: int, metrics: Iterable[Metric]) -> pd.DataFrame:
+def metrics_table(stage: str, terrain: Terrain, metrics: Iterable[Metric]) -> pd.DataFrame:
     """Return metrics as a table with `COLUMNS`, in the given order."""
     table = pd.DataFrame([(stage, terrain, *astuple(metric)) for metric in metrics], columns=list(COLUMNS))
     table["value"] = table["value"].astype("float64").round(9)  # removes rounding noise
     return table.astype({"terrain": "int64", "n": "int64"})
 
 
-def write_metrics(path: Path, stage: str, terrain: int, metrics: Sequence[Metric]) -> None:
+def write_metrics(path: Path, stage: str, terrain: Terrain, metrics: Sequence[Metric]) -> None:
     write_csv(path, metrics_table(stage, terrain, metrics))

@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 from polarsim.formats import release, yolo
 from polarsim.formats.coco import Annotation, read_coco
 from polarsim.geometry.polygons import rasterised
-from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH, CameraSide, PhotoKey
+from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH, CameraSide, PhotoKey, Terrain
 from polarsim.scoring.labels import box_metrics, read_sound_boxes
 from polarsim.scoring.metrics import write_metrics
 from polarsim.scoring.options import ScoringOptions
@@ -26,7 +26,13 @@ Item = TypeVar("Item")  # a polygon or an annotation
 
 
 def score_outlines(
-    *, terrain: int, keys: Sequence[PhotoKey], annotations: Path, root: Path, evaluation: Path, options: ScoringOptions
+    *,
+    terrain: Terrain,
+    keys: Sequence[PhotoKey],
+    annotations: Path,
+    root: Path,
+    evaluation: Path,
+    options: ScoringOptions,
 ) -> None:
     """Write the evaluation of the masks of a terrain under the Sun lamps, and of annotated polygons against boxes.
 
@@ -56,7 +62,7 @@ def score_outlines(
     write_metrics(evaluation, "labels", terrain, metrics)
 
 
-def read_polygon_files(root: Path, terrain: int) -> dict[PhotoKey, Polygons]:
+def read_polygon_files(root: Path, terrain: Terrain) -> dict[PhotoKey, Polygons]:
     """Read the annotated polygons of a terrain; invalid files are skipped with a warning."""
     return read_sound(release.polygon_files(root, terrain), yolo.read_polygons)[0]
 

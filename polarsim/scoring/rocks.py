@@ -9,7 +9,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet, write_csv, write_parquet
 from polarsim.geometry.poses import angle_between
-from polarsim.photo import NO_ROCK
+from polarsim.photo import NO_ROCK, Terrain
 from polarsim.randomness import generator
 from polarsim.run_files.rigs import read_all_localised
 from polarsim.run_files.scene import read_terrain
@@ -29,7 +29,7 @@ BY_ROCK = (("surface_median_mm", "mm"), ("surface_p90_mm", "mm"), ("f_score_5mm"
 
 def score_rocks(
     *,
-    terrain: int,
+    terrain: Terrain,
     rocks: Path,
     meshes: Path,
     located: Path,
@@ -82,7 +82,7 @@ def _in_cameras_frame(true: pd.DataFrame, found: pd.DataFrame, compared: Compari
     ]
 
 
-def _reprojection(terrain: int, cameras: Path, truth: Path, compared: Comparison) -> list[Metric]:
+def _reprojection(terrain: Terrain, cameras: Path, truth: Path, compared: Comparison) -> list[Metric]:
     """Return the reprojection errors of points of true rocks, with the meshes aligned with the true surface."""
     localised, true = read_all_localised(cameras), read_all_localised(truth / "cameras")
     points = true_points(truth, terrain)

@@ -14,7 +14,7 @@ from polarsim.formats import obj
 from polarsim.formats.files import read_json, writing_folder
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.meshes import Mesh
-from polarsim.photo import NO_ROCK, SUNS
+from polarsim.photo import NO_ROCK, SUNS, Terrain
 from polarsim.run_files.lamps import write_suns
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised, write_localised
 from polarsim.run_files.scene import mesh_files, read_terrain
@@ -27,7 +27,7 @@ _CENTRES = ("rock", "x", "y", "z", "size_m")
 
 def write_true_scene(
     *,
-    terrain: int,
+    terrain: Terrain,
     rocks: Path,
     meshes: Path,
     located: Path,
@@ -67,7 +67,7 @@ def write_true_scene(
         _copy_walls(meshes, folder)
 
 
-def thin_meshes(*, terrain: int, meshes: Path, thinned: Path) -> None:
+def thin_meshes(*, terrain: Terrain, meshes: Path, thinned: Path) -> None:
     """Write a folder with the ground, the walls and only the decimated copies of the rocks of a run."""
     with writing_folder(thinned) as folder:
         for rock, path in mesh_files(meshes, terrain).items():

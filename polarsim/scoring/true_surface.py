@@ -13,7 +13,7 @@ from polarsim.formats import nasa
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import rectified_left
-from polarsim.photo import NO_ROCK
+from polarsim.photo import NO_ROCK, Terrain
 from polarsim.randomness import generator
 from polarsim.run_files.inventory import Inventory, read_inventory
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
@@ -101,7 +101,7 @@ class Comparison:
 
 
 def compare_surfaces(
-    terrain: int, scene: TerrainMesh, cameras: Path, truth: Path, inventory: Path | None
+    terrain: Terrain, scene: TerrainMesh, cameras: Path, truth: Path, inventory: Path | None
 ) -> Comparison:
     """Align the meshes of a terrain with the true meshes by camera poses, then by a small rigid ICP of the ground.
 

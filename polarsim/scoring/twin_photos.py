@@ -20,7 +20,7 @@ import pandas as pd
 from polarsim.errors import FormatError
 from polarsim.formats import png
 from polarsim.formats.tables import key_columns
-from polarsim.photo import PhotoKey, by_bracket
+from polarsim.photo import PhotoKey, Terrain, by_bracket
 from polarsim.run_files.fitted_photos import FittedPhotos
 from polarsim.run_files.instances import GROUND, instance_map_name
 from polarsim.run_files.pictures import pictures_at
@@ -99,7 +99,7 @@ def subject_of(model: str, relation: str) -> str:
 
 
 def photos_to_compare(
-    terrain: int, photos: Path, covers: Path | None, drawn: Path | None, instances: Path
+    terrain: Terrain, photos: Path, covers: Path | None, drawn: Path | None, instances: Path
 ) -> dict[PhotoKey, ComparedPhoto]:
     """Return typical photos of a terrain from a table of photos, or all cover photos from a folder of `KEY.png`.
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from polarsim.formats.tables import write_parquet
+from polarsim.photo import Terrain
 from polarsim.run_files.fitted_photos import read_fits
 from polarsim.run_files.pictures import pictures_at
 from polarsim.scoring.labels import ALL, against, read_folder, read_true_labels, score_tasks
@@ -23,7 +24,7 @@ _METRICS = {  # of the evaluation, and their units
 
 def score_twins(
     *,
-    terrain: int,
+    terrain: Terrain,
     boxes: Path,
     truth: Path | None,
     twins: Mapping[str, Path],

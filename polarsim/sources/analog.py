@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from polarsim.photo import Terrain, terrain_text
 from polarsim.sources.nasa import NasaSource
 
 
@@ -14,6 +15,6 @@ class AnalogSource(NasaSource):
     domain = "analog"
     is_generated = True
 
-    def truth(self, root: Path, terrain: int) -> Path | None:
+    def truth(self, root: Path, terrain: Terrain) -> Path | None:
         """Return the folder of the ground truth."""
-        return root / "truth" / f"Terrain{terrain:02d}"
+        return root / "truth" / f"Terrain{terrain_text(terrain)}"

@@ -10,8 +10,9 @@ from pathlib import Path
 from polarsim.errors import FetchError, FormatError
 from polarsim.formats import nasa_layout
 from polarsim.grid import GridOptions, selected_grid
-from polarsim.photo import PhotoKey
+from polarsim.photo import PhotoKey, Terrain, terrain_text
 from polarsim.run_files.inventory import Inventory
+from polarsim.site import Site
 from polarsim.sources.source import TerrainContent, path_texts, relative_names
 
 log = logging.getLogger("polarsim")
@@ -29,32 +30,36 @@ class NasaSource:
     is_generated = False
     layout = re.compile("|".join([r"Terrain\d\d.*", r"Pos[A-G].*", nasa_layout.RANGE_FOLDER]))
 
-    def expected(self, terrain: int) -> str:
+    def expected(self, terrain: Terrain) -> str:
         """Return the names of the folders of a terrain."""
-        return f"Terrain{terrain:02d}_* and {nasa_layout.RANGE_FOLDER}/Terrain{terrain:02d}"
+        return f"Terrain{terrain_text(terrain)}_* and {nasa_layout.RANGE_FOLDER}/Terrain{terrain_text(terrain)}"
 
-    def folders(self, root: Path, terrain: int) -> list[Path]:
+    def folders(self, root: Path, terrain: Terrain) -> list[Path]:
         """Return the folders of photos and scans."""
         folder = nasa_layout.find_terrain_folder(root, terrain)
         range_maps, _ = nasa_layout.find_scans(root, terrain)
         return sorted({*([folder] if folder else []), *(path.parent for path in range_maps.values())})
 
-    def inputs(self, root: Path, terrain: int) -> list[Path]:
+    def inputs(self, root: Path, terrain: Terrain) -> list[Path]:
         """Return the calibration and the scans."""
         folder = nasa_layout.find_terrain_folder(root, terrain)
         range_maps, clouds = nasa_layout.find_scans(root, terrain)
         calibration = nasa_layout.find_calibration(folder) if folder else None
         return [*([calibration] if calibration else []), *range_maps.values(), *clouds.values()]
 
-    def index(self, root: Path, terrain: int, positions: Sequence[str], grid: GridOptions) -> TerrainContent:
+    def index(
+        self, site: Site, root: Path, terrain: Terrain, positions: Sequence[str], grid: GridOptions
+    ) -> TerrainContent:
         """Return the inventory and the photos of a terrain."""
         range_maps, clouds = nasa_layout.find_scans(root, terrain)
         folder = nasa_layout.find_terrain_folder(root, terrain)
         if folder is None and not range_maps:
-            raise FormatError(f"no data of terrain {terrain:02d}, expected {self.expected(terrain)}", path=root)
+            raise FormatError(
+                f"no data of terrain {terrain_text(terrain)}, expected {self.expected(terrain)}", path=root
+            )
         all_photos = nasa_layout.find_photos(folder, terrain) if folder else []
         photos = [(key, path) for key, path in all_photos if key.position in positions]
-        log_gaps([key for key, _ in photos], selected_grid(terrain, positions, grid), folder or root)
+        log_gaps([key for key, _ in photos], selected_grid(site, terrain, positions, grid), folder or root)
         stated = nasa_layout.find_calibration(folder) if folder else None
         if stated is None:
             log.warning("%s: no %s, using the rig of terrain 11", folder or root, nasa_layout.CALIBRATION_NAME)
@@ -68,18 +73,18 @@ class NasaSource:
         )
         return TerrainContent(inventory, photos)
 
-    def truth(self, root: Path, terrain: int) -> Path | None:  # noqa: ARG002
+    def truth(self, root: Path, terrain: Terrain) -> Path | None:  # noqa: ARG002
         """Return None: the real sandbox has no ground truth."""
         return None
 
-    def unpacked(self, root: Path, terrain: int) -> Path | None:
+    def unpacked(self, root: Path, terrain: Terrain) -> Path | None:
         """Return the folder of the photos of a terrain."""
         return nasa_layout.find_terrain_folder(root, terrain)
 
     def arrange(self, unpacked: Path, root: Path) -> None:
         """Do nothing: photos and scans may be in any folder of the root."""
 
-    def check_fetched(self, root: Path, terrain: int, files: Sequence[Path]) -> None:
+    def check_fetched(self, root: Path, terrain: Terrain, files: Sequence[Path]) -> None:
         """Check that the folder of a terrain has photos, scans or a calibration."""
         folder = nasa_layout.find_terrain_folder(root, terrain)
         if folder is None:
@@ -93,8 +98,8 @@ class NasaSource:
             and nasa_layout.find_calibration(folder) is None
         ):
             raise FetchError(
-                f"no photo, scan or {nasa_layout.CALIBRATION_NAME} of terrain {terrain:02d}, such as {_PHOTO}; "
-                f"the archive has {len(files)} other files, such as {files[0].relative_to(root)}",
+                f"no photo, scan or {nasa_layout.CALIBRATION_NAME} of terrain {terrain_text(terrain)}, "
+                f"such as {_PHOTO}; the archive has {len(files)} other files, such as {files[0].relative_to(root)}",
                 path=folder,
             )
 

@@ -10,7 +10,9 @@ from polarsim.download import exclusive_lock
 from polarsim.errors import FormatError
 from polarsim.formats import release
 from polarsim.grid import GridOptions
+from polarsim.photo import Terrain, terrain_text
 from polarsim.run_files.inventory import Inventory
+from polarsim.site import Site
 from polarsim.sources.source import TerrainContent, path_texts, relative_names
 
 _FOLDERS = (release.BOXES, release.POLYGONS, release.MESHES, release.COVERS)
@@ -25,29 +27,38 @@ class ReleaseSource:
     is_generated = False
     layout = re.compile("|".join(_FOLDERS))
 
-    def expected(self, terrain: int) -> str:
+    def expected(self, terrain: Terrain) -> str:
         """Return the names of the folders of a terrain."""
         root = Path()
         folders = (release.label_folder(root, terrain), release.mesh_folder(root, terrain))
         return " and ".join(folder.as_posix() for folder in folders)
 
-    def folders(self, root: Path, terrain: int) -> list[Path]:
+    def folders(self, root: Path, terrain: Terrain) -> list[Path]:
         """Return the folders of boxes, polygons and meshes."""
         of = (release.label_folder, release.polygon_folder, release.mesh_folder)
         return [folder for find in of if (folder := find(root, terrain)).is_dir()]
 
-    def inputs(self, root: Path, terrain: int) -> list[Path]:
+    def inputs(self, root: Path, terrain: Terrain) -> list[Path]:
         """Return the meshes of rocks and ground."""
         ground = release.ground_file(root, terrain)
         return [*release.released_meshes(root, terrain).values(), *([ground] if ground else [])]
 
-    def index(self, root: Path, terrain: int, positions: Sequence[str], grid: GridOptions) -> TerrainContent:  # noqa: ARG002
+    def index(
+        self,
+        site: Site,  # noqa: ARG002
+        root: Path,
+        terrain: Terrain,
+        positions: Sequence[str],  # noqa: ARG002
+        grid: GridOptions,  # noqa: ARG002
+    ) -> TerrainContent:
         """Return the inventory of a terrain, and no photos."""
         folders = (release.label_folder(root, terrain), release.mesh_folder(root, terrain))
         if not any(folder.is_dir() for folder in folders):
-            raise FormatError(f"no data of terrain {terrain:02d}, expected {self.expected(terrain)}", path=root)
+            raise FormatError(
+                f"no data of terrain {terrain_text(terrain)}, expected {self.expected(terrain)}", path=root
+            )
         stray = release.stray_files(root, terrain)
-        release.log_strays(stray, f"{root}, terrain {terrain:02d}")
+        release.log_strays(stray, f"{root}, terrain {terrain_text(terrain)}")
         ground = release.ground_file(root, terrain)
         inventory = Inventory(
             terrain,
@@ -59,11 +70,11 @@ class ReleaseSource:
         )
         return TerrainContent(inventory, [])
 
-    def truth(self, root: Path, terrain: int) -> Path | None:  # noqa: ARG002
+    def truth(self, root: Path, terrain: Terrain) -> Path | None:  # noqa: ARG002
         """Return None: the real sandbox has no ground truth."""
         return None
 
-    def unpacked(self, root: Path, terrain: int) -> Path | None:  # noqa: ARG002
+    def unpacked(self, root: Path, terrain: Terrain) -> Path | None:  # noqa: ARG002
         """Return None: folders of a release are shared by all terrains."""
         return None
 
@@ -75,5 +86,5 @@ class ReleaseSource:
                     if not (root / name).exists():
                         folder.rename(root / name)
 
-    def check_fetched(self, root: Path, terrain: int, files: Sequence[Path]) -> None:
+    def check_fetched(self, root: Path, terrain: Terrain, files: Sequence[Path]) -> None:
         """Accept any files of the terrain."""

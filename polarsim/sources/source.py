@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Protocol
 
 from polarsim.grid import GridOptions
-from polarsim.photo import PhotoKey
+from polarsim.photo import PhotoKey, Terrain
 from polarsim.run_files.inventory import Inventory
+from polarsim.site import Site
 
 
 @dataclass(frozen=True)
@@ -33,30 +34,32 @@ class DataSource(Protocol):
     is_generated: bool  # by the workflow, with ground truth; labels are simulated, not annotated
     layout: re.Pattern[str]  # names of the top folders; other single top folders of an archive are removed
 
-    def expected(self, terrain: int) -> str:
+    def expected(self, terrain: Terrain) -> str:
         """Return the names of the folders of a terrain, for messages."""
         ...
 
-    def folders(self, root: Path, terrain: int) -> list[Path]:
+    def folders(self, root: Path, terrain: Terrain) -> list[Path]:
         """Return the folders below the root with data of a terrain."""
         ...
 
-    def inputs(self, root: Path, terrain: int) -> list[Path]:
+    def inputs(self, root: Path, terrain: Terrain) -> list[Path]:
         """Return the input files for Snakemake, without label files and photos, which are too many."""
         ...
 
-    def index(self, root: Path, terrain: int, positions: Sequence[str], grid: GridOptions) -> TerrainContent:
+    def index(
+        self, site: Site, root: Path, terrain: Terrain, positions: Sequence[str], grid: GridOptions
+    ) -> TerrainContent:
         """Return the inventory and the photos of a terrain.
 
         `grid` is the part of the photo grid whose missing photos are reported.
         """
         ...
 
-    def truth(self, root: Path, terrain: int) -> Path | None:
+    def truth(self, root: Path, terrain: Terrain) -> Path | None:
         """Return the folder of the ground truth; None without ground truth."""
         ...
 
-    def unpacked(self, root: Path, terrain: int) -> Path | None:
+    def unpacked(self, root: Path, terrain: Terrain) -> Path | None:
         """Return the folder to which an archive named for a terrain was unpacked; None if there is no such folder."""
         ...
 
@@ -64,7 +67,7 @@ class DataSource(Protocol):
         """Move the folders of an unpacked archive to the expected folders below the root."""
         ...
 
-    def check_fetched(self, root: Path, terrain: int, files: Sequence[Path]) -> None:
+    def check_fetched(self, root: Path, terrain: Terrain, files: Sequence[Path]) -> None:
         """Raise a `FetchError` if no file of a terrain is usable after a download."""
         ...
 

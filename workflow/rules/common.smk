@@ -66,8 +66,8 @@ def one_of(names, but=()):
 
 wildcard_constraints:
     run=re.escape(RUN),
-    terrain=r"\d\d",
-    position="[A-G]",
+    terrain=one_of(TERRAINS),
+    position=one_of(CONFIG.positions),
     domain=one_of(TRAINED, but=CONFIG.detect.mixes),
     mix=one_of(CONFIG.detect.mixes),
     trained=one_of(TRAINED),
@@ -160,6 +160,7 @@ def complete(rule_name, item):
     - environment of `--sdm conda`; otherwise jobs use the environment of Snakemake
     - log and benchmark files, named by rule file, rule and wildcards of the output
     - `params.code`: digest of the script and the imported modules; Snakemake tracks only the script
+    - `params.site`: the site
     """
     item.conda_env = item.conda_env or "../envs/polarsim.yaml"
     named = dict.fromkeys(re.findall(r"{(\w+)", " ".join(item.output[:1])))  # in the order of the first output
@@ -174,5 +175,6 @@ def complete(rule_name, item):
         item.benchmark = f"{folder}/benchmarks/{stage}/{name}.tsv"
     script = item.basedir.join(item.script)
     item.set_params(
-        code=script_digest(script if isinstance(script, os.PathLike) else workflow.sourcecache.get_path(script))
+        code=script_digest(script if isinstance(script, os.PathLike) else workflow.sourcecache.get_path(script)),
+        site=PATHS.site,
     )

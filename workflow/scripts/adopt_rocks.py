@@ -2,12 +2,13 @@
 
 from pathlib import Path
 
+from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
 from polarsim.rocks.adopt import adopt_rocks
 
 with reporting(log=snakemake.log[0]):
     adopt_rocks(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         inventory=Path(snakemake.input.inventory),
         cameras=Path(snakemake.input.cameras),
         rocks=Path(snakemake.output.rocks),

@@ -7,6 +7,7 @@ from polarsim.detect.pictures import convert_domain
 from polarsim.grid import GridOptions, selected_grids
 from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     convert_domain(
@@ -14,6 +15,7 @@ with reporting(log=snakemake.log[0]):
         pictures=Path(snakemake.params.pictures),
         labels=list_of_paths(snakemake.input.labels),
         keys=selected_grids(
+            site=Site(**snakemake.params.site),
             terrains=snakemake.params.terrains,
             positions=snakemake.params.positions,
             grid=GridOptions(**snakemake.params.grid),

@@ -4,13 +4,16 @@ from pathlib import Path
 
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.labels.masks import draw_masks
+from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     draw_masks(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         keys=selected_grid(
-            terrain=int(snakemake.wildcards.terrain),
+            site=Site(**snakemake.params.site),
+            terrain=parse_terrain(snakemake.wildcards.terrain),
             positions=snakemake.params.positions,
             grid=GridOptions(**snakemake.params.grid),
         ),

@@ -6,10 +6,12 @@ from polarsim.grid import GridOptions, selected_grids
 from polarsim.job_files import list_of_paths
 from polarsim.report.figures.opposition import draw_opposition
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     draw_opposition(
         keys=selected_grids(
+            site=Site(**snakemake.params.site),
             terrains=snakemake.params.terrains,
             positions=snakemake.params.positions,
             grid=GridOptions(**snakemake.params.grid),

@@ -4,12 +4,15 @@ from pathlib import Path
 
 from polarsim.grid import GridOptions
 from polarsim.job_files import list_of_paths
+from polarsim.photo import parse_terrain
 from polarsim.report.figures.contact import draw_photos
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     draw_photos(
-        terrain=int(snakemake.wildcards.terrain),
+        site=Site(**snakemake.params.site),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         positions=snakemake.params.positions,
         grid=GridOptions(**snakemake.params.grid),
         photos=Path(snakemake.input.photos),

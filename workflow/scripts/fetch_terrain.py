@@ -4,11 +4,12 @@ from pathlib import Path
 
 from polarsim.acquire.fetch import fetch_terrain
 from polarsim.acquire.options import SourceOptions
+from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     fetch_terrain(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         source=SourceOptions(**snakemake.params.source),
         done=Path(snakemake.output.receipt),
     )

@@ -3,13 +3,14 @@
 from pathlib import Path
 
 from polarsim.job_files import optional_path
+from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
 from polarsim.rocks.find import find_rocks
 from polarsim.rocks.options import RocksOptions
 
 with reporting(log=snakemake.log[0]):
     find_rocks(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         inventory=Path(snakemake.input.inventory),
         cameras=Path(snakemake.input.cameras),
         seeds=Path(snakemake.input.seeds),

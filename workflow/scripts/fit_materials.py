@@ -3,13 +3,14 @@
 from pathlib import Path
 
 from polarsim.job_files import optional_path
+from polarsim.photo import parse_terrain
 from polarsim.render.fitting.fit import fit_materials
 from polarsim.render.options import RenderOptions
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     fit_materials(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         cameras=Path(snakemake.input.cameras),
         meshes=Path(snakemake.input.meshes),
         photos=optional_path(snakemake.input.photos),

@@ -5,11 +5,14 @@ from pathlib import Path
 from polarsim.acquire.index import index_terrain
 from polarsim.acquire.options import SourceOptions, seed_choice
 from polarsim.grid import GridOptions
+from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     index_terrain(
-        terrain=int(snakemake.wildcards.terrain),
+        site=Site(**snakemake.params.site),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         positions=snakemake.params.positions,
         source=SourceOptions(**snakemake.params.source),
         seed_options=seed_choice(snakemake.params.seed_options),

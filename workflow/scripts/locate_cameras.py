@@ -5,11 +5,12 @@ from pathlib import Path
 from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.job_files import optional_path
+from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     locate_cameras(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         positions=snakemake.params.positions,
         inventory=Path(snakemake.input.inventory),
         calibration=Path(snakemake.input.calibration),

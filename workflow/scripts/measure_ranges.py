@@ -3,11 +3,12 @@
 from pathlib import Path
 
 from polarsim.cameras.range_maps import measure_ranges
+from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     measure_ranges(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         photos=Path(snakemake.input.photos),
         calibration=Path(snakemake.input.calibration),
         inventory=Path(snakemake.input.inventory),

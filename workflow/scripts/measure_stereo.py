@@ -6,13 +6,16 @@ from polarsim.detect.options import StereoOptions
 from polarsim.detect.stereo.measure import measure_stereo
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.job_files import list_of_paths
+from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     measure_stereo(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         keys=selected_grid(
-            terrain=int(snakemake.wildcards.terrain),
+            site=Site(**snakemake.params.site),
+            terrain=parse_terrain(snakemake.wildcards.terrain),
             positions=snakemake.params.positions,
             grid=GridOptions(**snakemake.params.grid),
         ),

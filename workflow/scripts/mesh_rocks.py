@@ -2,13 +2,14 @@
 
 from pathlib import Path
 
+from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
 from polarsim.rocks.mesh import mesh_rocks
 from polarsim.rocks.options import RocksOptions
 
 with reporting(log=snakemake.log[0]):
     mesh_rocks(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         rocks=Path(snakemake.input.rocks),
         clouds=Path(snakemake.input.clouds),
         meshes=Path(snakemake.output.meshes),

@@ -5,11 +5,12 @@ from pathlib import Path
 from polarsim.cameras.options import RefinementOptions
 from polarsim.cameras.photos import refine_cameras
 from polarsim.job_files import optional_path
+from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     refine_cameras(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         located=Path(snakemake.input.located),
         meshes=Path(snakemake.input.meshes),
         photos=optional_path(snakemake.input.photos),

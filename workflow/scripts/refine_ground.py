@@ -2,13 +2,14 @@
 
 from pathlib import Path
 
+from polarsim.photo import parse_terrain
 from polarsim.relief.refine import refine_ground
 from polarsim.render.options import RenderOptions
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     refine_ground(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         meshes=Path(snakemake.input.meshes),
         cameras=Path(snakemake.input.cameras),
         photos=Path(snakemake.input.photos),

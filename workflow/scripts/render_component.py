@@ -5,15 +5,18 @@ from pathlib import Path
 from polarsim.detect.split import tested_keys
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.job_files import list_of_paths, optional_path
+from polarsim.photo import parse_terrain
 from polarsim.render.options import RenderOptions
 from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     render_twins(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         keys=selected_grid(
-            terrain=int(snakemake.wildcards.terrain),
+            site=Site(**snakemake.params.site),
+            terrain=parse_terrain(snakemake.wildcards.terrain),
             positions=snakemake.params.positions,
             grid=GridOptions(**snakemake.params.grid),
         ),

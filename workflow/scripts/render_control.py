@@ -3,14 +3,15 @@
 from pathlib import Path
 
 from polarsim.cover_photos.twins import photo_keys
+from polarsim.photo import parse_terrain
 from polarsim.render.options import RenderOptions
 from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
     render_twins(
-        terrain=int(snakemake.wildcards.terrain),
-        keys=photo_keys(Path(snakemake.input.photos), int(snakemake.wildcards.terrain)),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
+        keys=photo_keys(Path(snakemake.input.photos), parse_terrain(snakemake.wildcards.terrain)),
         cameras=Path(snakemake.input.cameras),
         meshes=Path(snakemake.input.meshes),
         photos=None,

@@ -2,13 +2,14 @@
 
 from pathlib import Path
 
+from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.repair import repair_rocks
 
 with reporting(log=snakemake.log[0]):
     repair_rocks(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         inventory=Path(snakemake.input.inventory),
         cameras=Path(snakemake.input.cameras),
         meshes=Path(snakemake.input.meshes),

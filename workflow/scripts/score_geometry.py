@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from polarsim.job_files import optional_path
+from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
 from polarsim.scoring.cameras import score_cameras
 from polarsim.scoring.consistency import check_consistency
@@ -10,7 +11,7 @@ from polarsim.scoring.rocks import score_rocks
 
 with reporting(log=snakemake.log[0]):
     score_cameras(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         cameras=Path(snakemake.input.cameras),
         truth=optional_path(snakemake.params.truth),
         matches=Path(snakemake.input.cameras) / "matches.parquet",
@@ -19,7 +20,7 @@ with reporting(log=snakemake.log[0]):
         evaluation=Path(snakemake.output.cameras),
     )
     score_rocks(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         rocks=Path(snakemake.input.rocks),
         meshes=Path(snakemake.input.meshes),
         located=Path(snakemake.input.located),
@@ -31,7 +32,7 @@ with reporting(log=snakemake.log[0]):
         offsets=Path(snakemake.output.offsets),
     )
     check_consistency(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         inventory=Path(snakemake.input.inventory),
         located=Path(snakemake.input.located),
         cameras=Path(snakemake.input.cameras),

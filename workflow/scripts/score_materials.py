@@ -2,12 +2,13 @@
 
 from pathlib import Path
 
+from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
 from polarsim.scoring.materials import score_materials
 
 with reporting(log=snakemake.log[0]):
     score_materials(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         materials=Path(snakemake.input.materials),
         meshes=Path(snakemake.input.meshes),
         cameras=Path(snakemake.input.cameras),

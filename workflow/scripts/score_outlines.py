@@ -3,15 +3,18 @@
 from pathlib import Path
 
 from polarsim.grid import GridOptions, selected_grid
+from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.outlines import score_outlines
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     score_outlines(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         keys=selected_grid(
-            terrain=int(snakemake.wildcards.terrain),
+            site=Site(**snakemake.params.site),
+            terrain=parse_terrain(snakemake.wildcards.terrain),
             positions=snakemake.params.positions,
             grid=GridOptions(**snakemake.params.grid),
         ),

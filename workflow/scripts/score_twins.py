@@ -3,13 +3,14 @@
 from pathlib import Path
 
 from polarsim.job_files import list_of_paths, optional_path
+from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.twins import score_twins
 
 with reporting(log=snakemake.log[0]):
     score_twins(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         boxes=Path(snakemake.input.boxes),
         truth=optional_path(snakemake.params.truth),
         twins=dict(zip(snakemake.params.models, list_of_paths(snakemake.input.twins), strict=True)),

@@ -2,12 +2,13 @@
 
 from pathlib import Path
 
+from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
 from polarsim.scoring.true_scene import write_true_scene
 
 with reporting(log=snakemake.log[0]):
     write_true_scene(
-        terrain=int(snakemake.wildcards.terrain),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         rocks=Path(snakemake.input.rocks),
         meshes=Path(snakemake.input.meshes),
         located=Path(snakemake.input.located),

@@ -20,7 +20,7 @@ from polarsim.detect.stereo.truth import FARTHEST_M, NEAREST_M, depth_truth, roc
 from polarsim.errors import DetectError, with_path
 from polarsim.formats import png, tables
 from polarsim.geometry.casters import make_caster
-from polarsim.photo import ROCK, PhotoKey
+from polarsim.photo import ROCK, PhotoKey, Terrain
 from polarsim.progress import track
 from polarsim.run_files.rigs import read_all_localised
 from polarsim.run_files.scene import read_terrain
@@ -31,7 +31,7 @@ PAIR_COLUMNS, ROCK_COLUMNS = STEREO.columns, STEREO_INSTANCES.columns
 
 def measure_stereo(
     *,
-    terrain: int,
+    terrain: Terrain,
     keys: Iterable[PhotoKey],
     cameras: Path,
     meshes: Path,

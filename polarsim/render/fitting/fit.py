@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from polarsim.photo import Terrain
 from polarsim.randomness import generator
 from polarsim.render.fitting.samples import FitSamples, Setting, with_light_fields
 from polarsim.render.fitting.search import cells_of, fitted_parameters
@@ -31,7 +32,7 @@ Coefficients = Mapping[Domain, Mapping[str, Sequence[float]]]  # light fields by
 
 def fit_materials(
     *,
-    terrain: int,
+    terrain: Terrain,
     cameras: Path,
     meshes: Path,
     photos: Path | None,

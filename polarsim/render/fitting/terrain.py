@@ -10,7 +10,7 @@ import numpy as np
 
 from polarsim.formats import png
 from polarsim.geometry.vectors import dot
-from polarsim.photo import SUNS, PhotoKey, PositionCamera
+from polarsim.photo import SUNS, PhotoKey, PositionCamera, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.render.fitting.exposures import Reader, single_lamps
 from polarsim.render.fitting.samples import FitSamples, samples_of_view
@@ -30,7 +30,7 @@ MAX_STOPS = 0.75
 
 
 def samples_of_terrain(
-    terrain: int,
+    terrain: Terrain,
     cameras: Path,
     mesh: TerrainMesh,
     photos: Mapping[PhotoKey, Path],
@@ -53,7 +53,7 @@ def samples_of_terrain(
             paths.setdefault((key.position, key.camera), {})[key] = path
     views = [view for view in sorted(paths) if view[0] in rigs and not rigs[view[0]].unproven]
     parts: list[FitSamples] = []
-    for number, view in enumerate(track(views, f"photos of terrain {terrain:02d}")):
+    for number, view in enumerate(track(views, f"photos of terrain {terrain_text(terrain)}")):
         rig = rigs[view[0]]
         camera, lamps = rig.camera(view[1]), lamps_of_rig(suns, rig)
         small = camera if scale == 1 else camera.scaled(scale)
@@ -65,7 +65,7 @@ def samples_of_terrain(
     return (samples, views) if samples is not None and len(samples) else None
 
 
-def samples_of_scene(terrain: int, samples: FitSamples) -> FitSamples:
+def samples_of_scene(terrain: Terrain, samples: FitSamples) -> FitSamples:
     """Return the samples without those of Sun lamps whose photos differ too much from the scene (`MAX_STOPS`).
 
     If the median over lamps is too large, no sample is left. Not for cover photos, see `MAX_STOPS`.

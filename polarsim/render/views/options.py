@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BaseModel, Field, PositiveFloat, PositiveIn
 
 from polarsim.formats.files import resolve_from
 from polarsim.formats.yaml_files import read_model
-from polarsim.photo import HEIGHT, WIDTH
+from polarsim.photo import HEIGHT, WIDTH, Terrain
 from polarsim.render.options import RenderOptions
 from polarsim.user_path import UserPath
 
@@ -40,7 +40,7 @@ class SceneSection(ViewsSection):
 
     name: Name
     meshes: UserPath = Field(description="Folder of the meshes of the terrain, `results/<run>/meshes/TerrainNN`.")
-    terrain: int = Field(ge=1, le=99, description="Number of the terrain in the names of the mesh files.")
+    terrain: Terrain = Field(ge=1, le=99, description="Number of the terrain in the names of the mesh files.")
 
 
 class RigLens(ViewsSection):

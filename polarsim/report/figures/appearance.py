@@ -12,7 +12,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.images import resize
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey, terrain_text
 from polarsim.report.figures.canvas import FIGURE_WIDTH, figure_title, note, page, show_image
 from polarsim.report.figures.difference import TONES, TONES_MEANING, difference_bar, difference_of_tones
 from polarsim.run_files.pictures import pictures_at
@@ -114,7 +114,7 @@ def _draw_photo(
     of_control = {other: path for other, path in twins[model].items() if other.terrain == row["control_terrain"]}
     control = twin_of_same_view(key, of_control)
     if control is not None:
-        title = f"Control: terrain {control.terrain:02d}, {model}\n{_scores(row, 'control_')}"
+        title = f"Control: terrain {terrain_text(control.terrain)}, {model}\n{_scores(row, 'control_')}"
         show_image(lower[0], as_grey(photo.toned(of_control[control])[0]), title)
 
 

@@ -29,10 +29,13 @@ from polarsim.photo import (
     SHADOW,
     WIDTH,
     PhotoKey,
+    Terrain,
     by_bracket,
+    terrain_text,
 )
 from polarsim.report.figures.comparison import draw_comparison
 from polarsim.run_files.pictures import pictures_at
+from polarsim.site import Site
 from polarsim.tone import to_8bit
 
 ALWAYS_DOUBTFUL = 0.5  # a label with a lower confidence is always dashed
@@ -125,7 +128,7 @@ def _sheet(tiles: Sequence[Tile], doubtful_below: float, width: int) -> Any:
 
 def _legend(tiles: Sequence[Tile], doubtful_below: float) -> str:
     stations = sorted({tile.key.station for tile in tiles})
-    name = ", ".join(f"Terrain {terrain:02d}, position {position}" for terrain, position in stations)
+    name = ", ".join(f"Terrain {terrain_text(terrain)}, position {position}" for terrain, position in stations)
     marks = "Labels; yellow: rocks with ids; blue: shadows with a line to the rock"
     return f"{name}. {marks}; dashed: confidence below {doubtful_below:.2f}"
 
@@ -179,7 +182,8 @@ def _palette(count: int) -> np.ndarray:
 
 def draw_photos(
     *,
-    terrain: int,
+    site: Site,
+    terrain: Terrain,
     positions: Sequence[str],
     grid: GridOptions,
     photos: Path,
@@ -197,7 +201,7 @@ def draw_photos(
     """
     sources = [photos, *(twins[model] for model in stand_ins)]
     for position, comparison, contact in zip(positions, comparisons, contacts, strict=True):
-        keys = selected_grid(terrain, [position], grid)
+        keys = selected_grid(site, terrain, [position], grid)
         draw_comparison(
             key=shown_photo(keys),
             photos=photos,

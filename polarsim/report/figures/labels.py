@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats.tables import read_parquet
-from polarsim.photo import BOX_CLASSES
+from polarsim.photo import BOX_CLASSES, Terrain, terrain_text
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, LINE, SERIES, figure_title, legend_line, note, page
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.label_pairs import EDGES, TRUE_EDGES
@@ -29,7 +29,7 @@ _ROW_PX = 22  # height of a row of the reliability figure
 
 def draw_label_scores(
     *,
-    terrains: Sequence[int],
+    terrains: Sequence[Terrain],
     pairs: Sequence[Path],
     reliability: Path,
     label_errors: Sequence[Path],
@@ -42,16 +42,16 @@ def draw_label_scores(
     draw_reliability(reliability=reliability, figure=reliability_figure, origin=origin)
 
 
-def draw_label_errors(*, terrain: int, pairs: Path, figure: Path, width: int = FIGURE_WIDTH) -> None:
+def draw_label_errors(*, terrain: Terrain, pairs: Path, figure: Path, width: int = FIGURE_WIDTH) -> None:
     """Write quantiles of the edge errors from `label_pairs`: a panel per kind, a group per edge, a row per task."""
     table = read_parquet(pairs, LABEL_PAIRS.columns)
     errors = edge_errors(table)
     with page(figure, width, round(width * 0.5) if errors else _EMPTY_PX) as sheet:
         if not errors:
-            note(sheet, f"Terrain {terrain:02d}: no label was matched with a true box")
+            note(sheet, f"Terrain {terrain_text(terrain)}: no label was matched with a true box")
             return
         name = TRUTH_NAMES[table["against"].iloc[0]]
-        figure_title(sheet, f"Terrain {terrain:02d}: edges of propagated boxes minus edges of {name}")
+        figure_title(sheet, f"Terrain {terrain_text(terrain)}: edges of propagated boxes minus edges of {name}")
         panels = sheet.subplots(1, len(BOX_CLASSES), sharey=True, squeeze=False)[0]
         shown = [task for task in PROPAGATION_TASKS if any(task == part for _, part in errors)]
         for axes, kind in zip(panels, BOX_CLASSES, strict=True):

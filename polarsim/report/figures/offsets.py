@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats.tables import read_parquet
-from polarsim.photo import NO_ROCK
+from polarsim.photo import NO_ROCK, Terrain, terrain_text
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, LETTER_M, PLAIN, SERIES, name_positions, note, page
 from polarsim.schemas.evaluation import OFFSETS
 from polarsim.survey import SANDBOX_HALF_WIDTH
@@ -19,7 +19,7 @@ SHOWN_SHARE = 95  # minimum percentage of the points within the limit
 COLOURS = "RdBu_r"  # red outside the true surface, blue inside
 
 
-def draw_offsets(*, terrain: int, offsets: Path | None, figure: Path | None, width: int = FIGURE_WIDTH) -> None:
+def draw_offsets(*, terrain: Terrain, offsets: Path | None, figure: Path | None, width: int = FIGURE_WIDTH) -> None:
     """Write a map of the visible mesh points, coloured by the distance from the true surface, and its distribution.
 
     Without ground truth there are no `offsets` and there is no figure.
@@ -33,7 +33,7 @@ def draw_offsets(*, terrain: int, offsets: Path | None, figure: Path | None, wid
             return
         above, distribution = sheet.subplots(1, 2, width_ratios=[1.25, 1])
         reach = range_mm(table["offset_mm"].to_numpy(float))
-        _draw_map(sheet, above, table, f"Terrain {terrain:02d}: reconstructed minus true surface", reach)
+        _draw_map(sheet, above, table, f"Terrain {terrain_text(terrain)}: reconstructed minus true surface", reach)
         _draw_distribution(distribution, table, max(reach, RANGES_MM[2]))
 
 

@@ -14,7 +14,7 @@ from polarsim.geometry.boxes import box_centres, iou, match_by_position_and_size
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import Outlines, outlines_of
-from polarsim.photo import HEIGHT, HEX_COLOURS, NO_ROCK, ROCK, WIDTH, PhotoKey
+from polarsim.photo import HEIGHT, HEX_COLOURS, NO_ROCK, ROCK, WIDTH, PhotoKey, Terrain, terrain_text
 from polarsim.report.figures.canvas import FIGURE_WIDTH, PREDICTED, SERIES, legend_line, note, page, show_image
 from polarsim.report.figures.cover_photos import MIN_SHARE, near_red, share_on_red
 from polarsim.run_files.pictures import cover_photo, pictures_at
@@ -32,7 +32,7 @@ GREY = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)  # replaces a missing image
 
 def draw_residuals(
     *,
-    terrain: int,
+    terrain: Terrain,
     cameras: Path,
     meshes: Path,
     seeds: Path,
@@ -62,7 +62,7 @@ def draw_residuals(
             axes.set_axis_off()
         for axes, (position, rig) in zip(panels, sorted(localised.items()), strict=False):
             boxes = consensus_boxes(annotated.get(position, []))
-            title = f"Terrain {terrain:02d}, position {position}"
+            title = f"Terrain {terrain_text(terrain)}, position {position}"
             _draw_position(axes, title, rig, outlines, boxes, backgrounds.get(position))
         styles = {
             "consensus of seed boxes": {"color": ANNOTATED},

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats import png, yolo
-from polarsim.photo import BOX_CLASSES, COLOURS
+from polarsim.photo import BOX_CLASSES, COLOURS, terrain_text
 from polarsim.report.figures.canvas import FIGURE_WIDTH, boxed, page, show_image
 
 _COLUMNS = 4  # images per terrain
@@ -26,7 +26,7 @@ def draw_scenes(*, scenes: Mapping[int, Path], figure: Path, width: int = FIGURE
             for axes in row[len(paths) :]:
                 axes.set_axis_off()
             for axes, path in zip(row, paths, strict=False):
-                show_image(axes, _with_labels(path, column), f"rocks of terrain {terrain:02d}")
+                show_image(axes, _with_labels(path, column), f"rocks of terrain {terrain_text(terrain)}")
 
 
 def _spread(folder: Path) -> list[Path]:

@@ -16,7 +16,7 @@ from polarsim.geometry.casters import make_caster
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import camera_pose
 from polarsim.geometry.rays import Caster
-from polarsim.photo import NO_ROCK
+from polarsim.photo import NO_ROCK, Terrain, terrain_text
 from polarsim.report.figures.canvas import (
     FAINT,
     FIGURE_WIDTH,
@@ -60,7 +60,7 @@ class TopView:
 
 
 def draw_terrain(
-    *, terrain: int, rocks: Path, meshes: Path, meshes_figure: Path, crops_figure: Path, width: int = FIGURE_WIDTH
+    *, terrain: Terrain, rocks: Path, meshes: Path, meshes_figure: Path, crops_figure: Path, width: int = FIGURE_WIDTH
 ) -> None:
     """Write two figures: the meshes from above and in an oblique view, and the cuboids of the rocks."""
     table = read_parquet(rocks, CUBOID_COLUMNS)
@@ -68,7 +68,7 @@ def draw_terrain(
     rays = make_caster(scene.vertices, scene.faces)
     top = top_view(scene, rays)
     heights = HEIGHTS.get(mesh_origins(meshes).get(obj.ground_name(terrain), ""), HEIGHTS[SCANNED])
-    name = f"Terrain {terrain:02d}"
+    name = f"Terrain {terrain_text(terrain)}"
     with page(meshes_figure, width, round(width * 0.51)) as sheet:
         _draw_meshes(sheet, name, scene, rays, top, width, heights)
     with page(crops_figure, width, round(width * 0.5)) as sheet:

@@ -21,6 +21,7 @@ from polarsim.errors import RoverError
 from polarsim.geometry.meshes import Mesh, subdivide_smoothly
 from polarsim.geometry.outlines import spread_directions
 from polarsim.geometry.topology import hull_faces, remove_unused_vertices
+from polarsim.photo import Terrain
 from polarsim.randomness import generator
 from polarsim.rover.world.hulls import top_at
 from polarsim.rover.world.stitch import TerrainSolids
@@ -40,7 +41,7 @@ RING_RADII = 0.65  # distance from a rock's centre, in diameters, at which the h
 class RockModel:
     """A rock in units of its diameter: centre at x = y = 0, ground at z = 0; a mesh per level of detail."""
 
-    terrain: int
+    terrain: Terrain
     rock: int
     diameter_m: float  # diameter of the original rock
     levels: tuple[Mesh, ...]  # in descending order of detail

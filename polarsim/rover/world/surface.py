@@ -17,6 +17,7 @@ from polarsim.geometry.images import bilinear
 from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.geometry.topology import remove_unused_vertices
 from polarsim.geometry.vectors import cross
+from polarsim.photo import Terrain
 
 ROCK_COLUMNS = (
     "rock", "terrain", "rock_in_terrain", "x_m", "y_m", "height_m", "width_m", "radius_m", "first_face", "faces",
@@ -114,7 +115,7 @@ def bare_world(level: np.ndarray, cell: float, x0: float, y0: float) -> World:
 class PlacedRock:
     """A rock of a terrain with vertices (v, 3) in the world, m, and faces (f, 3) that point outwards."""
 
-    terrain: int
+    terrain: Terrain
     rock: int
     points: np.ndarray
     faces: np.ndarray

@@ -1,0 +1,423 @@
+"""Site: what distinguishes one sandbox or test yard from another, in one file.
+
+A site lists terrains, positions, lamps, exposures, image format, cameras, size and walls of the sandbox, and the names
+of the files. NASA's POLAR is the site file `config/sites/polar.yaml`; `site:` in a configuration names another one.
+
+All lengths are metres in the sandbox frame unless a name says otherwise: origin at the centre of the terrain on the
+ground, +X to Sun azimuth 0, +Y to azimuth 90, +Z up.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from functools import cache, cached_property
+from math import cos, radians, sin
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, Field, PositiveFloat, PositiveInt, field_validator, model_validator
+
+from polarsim.errors import ConfigError, LabelError
+from polarsim.formats.files import packaged, resolve_packaged
+from polarsim.formats.yaml_files import read_model
+from polarsim.photo import LIGHTS, NO_SUN, CameraSide, Light, PhotoKey, Terrain, parse_terrain, terrain_text
+
+Point = tuple[float, float, float]  # x, y, z
+Side = Literal["-x", "+x", "-y", "+y"]  # of the sandbox
+
+DEFAULT = "polar"
+FOLDER = Path("config/sites")  # of the sites that polarsim ships
+FAR_M = 1000.0  # distance at which a directional lamp is placed; over 6 m its direction varies by 0.3 degrees
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]*")  # a name that is safe in photo keys and paths
+_QUERY = re.compile(r"\?(?!d=).*", re.DOTALL)  # of an address; Label Studio's files are `?d=FOLDER/FILE`
+_ENDING = re.compile(r"(?:_[A-Za-z]{3,4}\.rf\.\w+)?(?:\.[A-Za-z]\w{1,4})?\Z")  # of Roboflow's KEY_png.rf.HASH.jpg
+
+
+def _text(value: object) -> object:
+    """Convert a name that YAML reads as a number to text; raise ValueError for a boolean."""
+    if isinstance(value, bool):
+        raise ValueError("YAML reads on, off, yes, no as booleans: put the name in quotes")
+    return str(value) if isinstance(value, int) else value
+
+
+def _name(value: object) -> object:
+    value = _text(value)
+    if isinstance(value, str) and not _NAME.fullmatch(value):
+        raise ValueError(f"{value!r}, expected a name of letters, digits and dashes")
+    return value
+
+
+def _terrain(value: object) -> object:
+    return parse_terrain(str(_name(value)))
+
+
+Name = Annotated[str, BeforeValidator(_name)]
+TerrainName = Annotated[Terrain, BeforeValidator(_terrain)]
+
+
+class _Part(BaseModel, extra="forbid", frozen=True):
+    """Part of a site."""
+
+
+class Tripod(_Part):
+    """Approximate pose of the left (or only) camera at a position."""
+
+    camera_m: Point = Field(description="Centre of the left camera, sandbox frame, m.")
+    yaw_deg: float = Field(description="Heading of the optical axis, from +X towards +Y, degrees.")
+    pitch_deg: float = Field(25.0, description="Downward tilt of the optical axis, degrees.")
+    same_tilt_as: Name | None = Field(None, description="Position with the same tilt: the rig was only moved.")
+
+
+class Lamp(_Part):
+    """A lamp that stands in for the Sun and does not move with the rig."""
+
+    kind: Literal["point", "directional"] = Field(
+        "point", description="'point': a lamp near the sandbox, also with a reflector. 'directional': parallel light."
+    )
+    position_m: Point | None = Field(None, description="Approximate position of a point lamp, sandbox frame, m.")
+    azimuth_deg: float | None = Field(None, description="Direction to a directional lamp, from +X towards +Y, degrees.")
+    elevation_deg: float | None = Field(None, description="Elevation of a directional lamp above the horizon, degrees.")
+
+    @model_validator(mode="after")
+    def _placed(self) -> Lamp:
+        if (self.kind == "point") != (self.position_m is not None):
+            raise ValueError("position_m is required for a point lamp, and only for it")
+        if (self.kind == "directional") != (None not in (self.azimuth_deg, self.elevation_deg)):
+            raise ValueError("azimuth_deg and elevation_deg are required for a directional lamp, and only for it")
+        return self
+
+    @property
+    def point(self) -> Point:
+        """Position; of a directional lamp `FAR_M` away in its direction."""
+        if self.position_m is not None:
+            return self.position_m
+        assert self.azimuth_deg is not None
+        assert self.elevation_deg is not None
+        azimuth, elevation = radians(self.azimuth_deg), radians(self.elevation_deg)
+        return (
+            FAR_M * cos(azimuth) * cos(elevation),
+            FAR_M * sin(azimuth) * cos(elevation),
+            FAR_M * sin(elevation),
+        )
+
+
+class RigLamp(_Part):
+    """A lamp that moves with the rig: `on` or `off` in photo keys."""
+
+    from_camera_m: Point = Field(description="Position in the left camera's frame (x right, y down, z forward), m.")
+    share: PositiveFloat = Field(description="Radiant intensity relative to a fixed lamp.")
+
+
+class Images(_Part):
+    """Format of the photo files."""
+
+    width: PositiveInt = Field(le=16384, description="Width, px.")
+    height: PositiveInt = Field(le=16384, description="Height, px.")
+    bits: int = Field(12, ge=8, le=16, description="Bits of a value. Files with more bits hold them in the low bits.")
+    black: int = Field(16, ge=0, description="Value of an unlit pixel.")
+    white: PositiveInt | None = Field(None, description="Value of a saturated pixel; null: the largest value.")
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height, px."""
+        return self.width, self.height
+
+    @property
+    def white_level(self) -> int:
+        """Value of a saturated pixel."""
+        return self.white if self.white is not None else 2**self.bits - 1
+
+    @model_validator(mode="after")
+    def _levels(self) -> Images:
+        if not self.black < self.white_level < 2**self.bits:
+            raise ValueError(f"black {self.black}, white {self.white_level}: expected black < white < {2**self.bits}")
+        return self
+
+
+class Cameras(_Part):
+    """Camera or stereo rig."""
+
+    stereo: bool = Field(True, description="Two cameras, L and R. False: one camera, named L.")
+    baseline_m: tuple[PositiveFloat, PositiveFloat] | None = Field(
+        None, description="Smallest and largest plausible distance of the two cameras, m. Required for stereo."
+    )
+    calibration: Path | None = Field(
+        None,
+        description="Calibration for terrains without a calibration file, relative to the site file: NASA's "
+        "stereo.calibration, OpenCV YAML, Kalibr YAML or COLMAP cameras.txt (and images.txt).",
+    )
+
+    @model_validator(mode="after")
+    def _baseline(self) -> Cameras:
+        if self.stereo and self.baseline_m is None:
+            raise ValueError("baseline_m is required for two cameras")
+        if self.baseline_m and self.baseline_m[0] > self.baseline_m[1]:
+            raise ValueError("baseline_m: the smallest distance exceeds the largest")
+        return self
+
+    @property
+    def sides(self) -> tuple[CameraSide, ...]:
+        """Names of the cameras."""
+        return ("L", "R") if self.stereo else ("L",)
+
+
+class Sandbox(_Part):
+    """Size and walls of the sandbox."""
+
+    half_width_m: tuple[PositiveFloat, PositiveFloat] = Field(description="Half the size along X and Y, m.")
+    walls_m: Mapping[Side, PositiveFloat | None] = Field(
+        {},
+        description="Height of the wall on each side (-x, +x, -y, +y) above the ground, m; null: none.",
+    )
+    raised: bool = Field(
+        False, description="The sandbox is a box on a floor that the scans show: it defines origin and heading."
+    )
+
+    @property
+    def reach_m(self) -> float:
+        """Distance of the corners from the origin along the longer axis."""
+        return max(self.half_width_m)
+
+    @property
+    def is_walled(self) -> bool:
+        """Whether all four sides have a wall."""
+        return all(self.walls_m.get(side) for side in ("-x", "+x", "-y", "+y"))
+
+
+class Missing(_Part):
+    """Photos that do not exist: all that match every stated field."""
+
+    positions: tuple[Name, ...] | None = None
+    lights: tuple[Annotated[Light, BeforeValidator(_text)], ...] | None = None
+    azimuths: tuple[Name, ...] | None = None
+
+    def matches(self, position: str, light: str, azimuth: str) -> bool:
+        """Return whether photos with these fields are missing."""
+        pairs = ((position, self.positions), (light, self.lights), (azimuth, self.azimuths))
+        return all(names is None or value in names for value, names in pairs)
+
+
+class TerrainOptions(_Part):
+    """Name of a terrain, and where it differs from the site."""
+
+    name: str = Field("", pattern=r"^[A-Za-z0-9-]*$", description="Name in folders of raw data: Terrain01_NAME.")
+    positions: tuple[Name, ...] | None = Field(None, description="Positions; null: those of the site.")
+    exposures_ms: tuple[PositiveInt, ...] | None = Field(None, description="Exposures with a lamp, ms; null: site's.")
+    missing: tuple[Missing, ...] = Field((), description="Photos that do not exist.")
+    sandbox: Sandbox | None = Field(None, description="Another sandbox; null: the site's.")
+    surveyed: bool = Field(True, description="Tripods and lamps of the site apply to this terrain.")
+
+
+class Files(_Part):
+    """Names of the files below `source.root`, with fields in braces.
+
+    Fields: {terrain} {terrain_name} {position} {light} {azimuth} {camera} {exposure_ms} {any}. `exposure_ms` matches an
+    integer, `any` matches any text without a slash; the other fields match names of the site or their `spelling`.
+    """
+
+    photos: str = Field(description="Path of a photo: {terrain}/{position}/{azimuth}/{camera}_{exposure_ms}.png")
+    clouds: str | None = Field(None, description="Path of a scan of a position; null: no scans.")
+    range_maps: str | None = Field(None, description="Path of a range map on the rectified left image; null: none.")
+    calibration: str | None = Field(None, description="Path of a terrain's calibration; null: cameras.calibration.")
+    spelling: Mapping[str, Mapping[str, str]] = Field(
+        {}, description="Texts of names in paths that differ: azimuth: {'45': sun45, 'no': dark}, camera: {L: left}."
+    )
+    cloud_frame: Literal["rectified", "left", "level", "sandbox"] = Field(
+        "left",
+        description="Frame of the clouds: rectified left camera, left camera, a scanner's frame with z up, or sandbox.",
+    )
+    cloud_unit: Literal["mm", "m"] = Field("m", description="Unit of the clouds.")
+
+
+class Site(_Part):
+    """All that is specific to one sandbox or test yard."""
+
+    name: Name = Field(description="Name of the site.")
+    terrains: Mapping[TerrainName, TerrainOptions] = Field(
+        min_length=1, description="Terrains by number or name. All are numbers, or all are names."
+    )
+    positions: tuple[Name, ...] = Field(min_length=1, description="Names of the camera positions of a terrain.")
+    tripods: Mapping[Name, Tripod] = Field({}, description="Approximate poses of the positions, where known.")
+    lamps: Mapping[Name, Lamp] = Field({}, description="Lamps that stand in for the Sun, by name, such as '45'.")
+    without_lamp: bool = Field(False, description=f"Photos with azimuth '{NO_SUN}': no lamp but the rig's.")
+    rig_lamp: RigLamp | None = Field(None, description="Lamp that moves with the rig; null: none, light is always off.")
+    exposures_ms: tuple[PositiveInt, ...] = Field(min_length=1, description="Exposures with a lamp, ms.")
+    exposures_no_sun_ms: tuple[PositiveInt, ...] = Field((), description="Exposures without a lamp, ms.")
+    reference_exposure_ms: PositiveInt | None = Field(None, description="Usual exposure with a lamp, ms; null: median.")
+    images: Images = Field(description="Format of the photo files.")
+    cameras: Cameras = Field(description="Camera or stereo rig.")
+    sandbox: Sandbox = Field(description="Size and walls of the sandbox.")
+    files: Files = Field(description="Names of the files.")
+    max_survey_error_m: PositiveFloat = Field(1.0, description="Largest error of the approximate poses, m.")
+
+    @field_validator("terrains", mode="before")
+    @classmethod
+    def _options_of_terrains(cls, value: object) -> object:
+        if isinstance(value, list | tuple):
+            return dict.fromkeys(value, TerrainOptions())
+        return {key: {} if part is None else part for key, part in value.items()} if isinstance(value, dict) else value
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Site:
+        if len({type(terrain) for terrain in self.terrains}) > 1:
+            raise ValueError("terrains: expected either numbers or names, not both")
+        if NO_SUN in self.lamps:
+            raise ValueError(f"lamps: '{NO_SUN}' means no lamp, expected another name")
+        if not self.lamps and not self.rig_lamp:
+            raise ValueError("lamps: expected a lamp, or a rig_lamp")
+        if self.without_lamp != bool(self.exposures_no_sun_ms):
+            raise ValueError("exposures_no_sun_ms is required with without_lamp: true, and only then")
+        if unknown := sorted(set(self.tripods) - set(self.all_positions)):
+            raise ValueError(f"tripods: {unknown[0]!r} is no position of a terrain")
+        return self
+
+    # Photos
+
+    @property
+    def lights(self) -> tuple[Light, ...]:
+        """States of the rig lamp."""
+        return LIGHTS if self.rig_lamp else ("off",)
+
+    @property
+    def azimuths(self) -> tuple[str, ...]:
+        """Names of the lamps, after `no` if there are photos without a lamp."""
+        return (NO_SUN, *self.lamps) if self.without_lamp else tuple(self.lamps)
+
+    @property
+    def suns(self) -> tuple[str, ...]:
+        """Names of the lamps that stand in for the Sun, in the order of the site."""
+        return tuple(self.lamps)
+
+    @cached_property
+    def usual_exposure_ms(self) -> int:
+        """Usual exposure with a lamp."""
+        return self.reference_exposure_ms or sorted(self.exposures_ms)[len(self.exposures_ms) // 2]
+
+    def options(self, terrain: Terrain) -> TerrainOptions:
+        """Return the options of a terrain; KeyError for an unknown terrain."""
+        return self.terrains[terrain]
+
+    def positions_of(self, terrain: Terrain) -> tuple[str, ...]:
+        """Return the positions of a terrain."""
+        own = self.options(terrain).positions
+        return self.positions if own is None else own
+
+    @property
+    def all_positions(self) -> tuple[str, ...]:
+        """Return the positions of all terrains."""
+        names = [name for terrain in self.terrains for name in self.positions_of(terrain)]
+        return tuple(dict.fromkeys([*self.positions, *names]))
+
+    def exposures_of(self, terrain: Terrain, azimuth: str) -> tuple[int, ...]:
+        """Return the exposures of a terrain and azimuth, ms."""
+        if azimuth == NO_SUN:
+            return self.exposures_no_sun_ms
+        return self.options(terrain).exposures_ms or self.exposures_ms
+
+    def photos_of(self, terrain: Terrain) -> Iterator[PhotoKey]:
+        """Yield the keys of all photos of a terrain."""
+        missing = self.options(terrain).missing
+        for position in self.positions_of(terrain):
+            for light in self.lights:
+                for azimuth in self.azimuths:
+                    if not any(part.matches(position, light, azimuth) for part in missing):
+                        for camera in self.cameras.sides:
+                            for exposure_ms in self.exposures_of(terrain, azimuth):
+                                yield PhotoKey(terrain, position, light, azimuth, camera, exposure_ms)
+
+    def key(self, text: str) -> PhotoKey:
+        """Parse a key of this site. The text must not contain anything else: `..._0256 copy` is rejected."""
+        key = PhotoKey.parse(text)
+        if wrong := "; ".join(self._wrong_fields(key)):
+            raise LabelError(f"{text!r} is not a photo key of the site {self.name}: {wrong}")
+        return key
+
+    def key_of_picture(self, name: str) -> PhotoKey:
+        """Parse the key in the name of an image, which may have folders, a suffix, and a prefix with a dash."""
+        base = _ENDING.sub("", re.split(r"[/\\=]", _QUERY.sub("", name))[-1], count=1)
+        error: LabelError | None = None
+        starts = [0, *(match.end() for match in re.finditer("-", base))]
+        for start in starts:
+            try:
+                return self.key(base[start:])
+            except LabelError as wrong:
+                error = wrong
+        assert error is not None
+        raise LabelError(f"picture {name!r}: {error.reason}") from error
+
+    def _wrong_fields(self, key: PhotoKey) -> Iterator[str]:
+        """Yield a description of each field of a key that the site does not have."""
+        if key.terrain not in self.terrains:
+            yield f"terrain {terrain_text(key.terrain)}, expected {self.terrains_text}"
+            return
+        terrain = terrain_text(key.terrain)
+        for name, value, known, of in (
+            ("position", key.position, self.positions_of(key.terrain), f" of terrain {terrain}"),
+            ("light", key.light, self.lights, ""),
+            ("azimuth", key.azimuth, self.azimuths, ""),
+            ("camera", key.camera, self.cameras.sides, ""),
+        ):
+            if value not in known:
+                yield f"{name} {value!r}, expected {_one_of(known)}{of}"
+        if key.azimuth in self.azimuths and key.exposure_ms not in (
+            times := self.exposures_of(key.terrain, key.azimuth)
+        ):
+            usual = ", ".join(f"{time:04d}" for time in times)
+            yield f"exposure {key.exposure_ms:04d}, expected {usual} of terrain {terrain}, azimuth {key.azimuth}"
+
+    @property
+    def terrains_text(self) -> str:
+        """The terrains, for messages: `01 to 13`, or `yard-a or yard-b`."""
+        names = [terrain_text(terrain) for terrain in self.terrains]
+        numbers = [terrain for terrain in self.terrains if isinstance(terrain, int)]
+        if len(numbers) > 2 and numbers == list(range(numbers[0], numbers[-1] + 1)):
+            return f"{names[0]} to {names[-1]}"
+        return _one_of(names)
+
+    # Geometry
+
+    def sandbox_of(self, terrain: Terrain) -> Sandbox:
+        """Return the sandbox of a terrain."""
+        return self.options(terrain).sandbox or self.sandbox
+
+    def tripods_of(self, terrain: Terrain) -> dict[str, Tripod]:
+        """Return the approximate poses of the positions of a terrain; empty for terrains without survey."""
+        if not self.options(terrain).surveyed:
+            return {}
+        return {name: self.tripods[name] for name in self.positions_of(terrain) if name in self.tripods}
+
+    def folder_of(self, terrain: Terrain) -> str:
+        """Return the folder name of a terrain: `Terrain01_LargeOnly`, or `Terrain02_Unnamed` without a known name."""
+        return f"Terrain{terrain_text(terrain)}_{self.options(terrain).name or 'Unnamed'}"
+
+
+def _one_of(names: Any) -> str:
+    *others, last = map(str, names)
+    return f"{', '.join(others)} or {last}" if others else last
+
+
+def read_site(name: str | Path) -> Site:
+    """Read a site: the name of one that polarsim ships, such as `polar`, or the path of a file."""
+    path = Path(name)
+    if path.suffix not in (".yaml", ".yml"):
+        path = FOLDER / f"{name}.yaml"
+        if not _NAME.fullmatch(str(name)):
+            raise ConfigError(f"site {str(name)!r}: expected {_one_of(shipped_sites())}, or a file with suffix .yaml")
+    site = read_model(path, Site, "site")
+    if site.cameras.calibration is None:
+        return site
+    calibration = resolve_packaged(path).parent / site.cameras.calibration
+    return site.model_copy(update={"cameras": site.cameras.model_copy(update={"calibration": calibration})})
+
+
+def shipped_sites() -> list[str]:
+    """Return the names of the sites that polarsim ships."""
+    return sorted(path.stem for path in packaged(FOLDER).glob("*.yaml"))
+
+
+@cache
+def polar() -> Site:
+    """Return NASA's POLAR data set."""
+    return read_site(DEFAULT)
