@@ -33,7 +33,7 @@ from polarsim.rover.cameras.options import PACKAGED_FILES
 from polarsim.rover.options import RoverOptions
 from polarsim.rover.perception.options import FINE_TUNED, OnboardDetector
 from polarsim.scoring.options import ScoringOptions
-from polarsim.site import DEFAULT, Site, TerrainName, polar, read_site
+from polarsim.site import DEFAULT, Site, SiteChoice, TerrainName, polar, site_of
 from polarsim.sources.registry import SOURCES
 from polarsim.sources.source import DataSource
 
@@ -69,10 +69,10 @@ class Config(BaseModel, extra="forbid", frozen=True):
         pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$",
         description="Name of the run. Results are written to results/<run>/.",
     )
-    site: Site = Field(
+    site: SiteChoice = Field(
         default_factory=polar,
-        description="Sandbox or test yard: the name of a site that polarsim ships (polar, polar-traverse), the path of "
-        "a site file, or its content.",
+        description="Sandbox or test yard: the name of a site that polarsim ships, the path of a site file, or the "
+        "content of such a file.",
     )
     terrains: tuple[TerrainName, ...] = Field(
         (1, 3, 6, 11), min_length=1, description="Terrains to process, of the site. Default of other sites: all."
@@ -106,8 +106,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
         """Read the site, and select all that it has where the configuration selects nothing."""
         if not isinstance(content, dict):
             return content
-        given = content.get("site", DEFAULT)
-        site = read_site(given) if isinstance(given, str | Path) else Site.model_validate(given)
+        site = Site.model_validate(site_of(content.get("site", DEFAULT)))
         whole = {"positions": site.positions, **content, "site": site}
         if site != polar():
             whole = {"terrains": tuple(site.terrains), **whole}

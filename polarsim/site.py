@@ -417,6 +417,14 @@ def shipped_sites() -> list[str]:
     return sorted(path.stem for path in packaged(FOLDER).glob("*.yaml"))
 
 
+def site_of(value: object) -> object:
+    """Return the site of a configuration's `site`: a name, a path or the content of a file."""
+    return read_site(value) if isinstance(value, str | Path) else value
+
+
+SiteChoice = Annotated[Site, BeforeValidator(site_of, json_schema_input_type=str | Site)]
+
+
 @cache
 def polar() -> Site:
     """Return NASA's POLAR data set."""
