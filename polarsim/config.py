@@ -112,11 +112,9 @@ class Config(BaseModel, extra="forbid", frozen=True):
             whole = {"terrains": tuple(site.terrains), **whole}
         chosen = {"lights": site.lights, "azimuths": site.azimuths, "cameras": site.cameras.sides}
         whole["grid"] = _with_defaults(content.get("grid"), chosen)
-        labels = content.get("labels")
-        seeds = labels.get("seeds") if isinstance(labels, dict) else None
-        if seeds is None or isinstance(seeds, dict):
-            parts = {"seeds": _with_defaults(seeds, {"azimuths": site.suns})}
-            whole["labels"] = {**labels, **parts} if isinstance(labels, dict) else parts if labels is None else labels
+        labels = content.get("labels", {})
+        if isinstance(labels, dict) and isinstance(seeds := labels.get("seeds", {}), dict):
+            whole["labels"] = {**labels, "seeds": _with_defaults(seeds, {"azimuths": site.suns})}
         return whole
 
     @field_validator("terrains")

@@ -113,8 +113,8 @@ class RigLamp(_Part):
 class Images(_Part):
     """Format of the photo files."""
 
-    width: PositiveInt = Field(le=16384, description="Width, px.")
-    height: PositiveInt = Field(le=16384, description="Height, px.")
+    width: PositiveInt = Field(le=16384, description="Width of the photos, px.")
+    height: PositiveInt = Field(le=16384, description="Height of the photos, px.")
     bits: int = Field(12, ge=8, le=16, description="Bits of a value. Files with more bits hold them in the low bits.")
     black: int = Field(16, ge=0, description="Value of an unlit pixel.")
     white: PositiveInt | None = Field(None, description="Value of a saturated pixel; null: the largest value.")
@@ -189,9 +189,11 @@ class Sandbox(_Part):
 class Missing(_Part):
     """Photos that do not exist: all that match every stated field."""
 
-    positions: tuple[Name, ...] | None = None
-    lights: tuple[Annotated[Light, BeforeValidator(_text)], ...] | None = None
-    azimuths: tuple[Name, ...] | None = None
+    positions: tuple[Name, ...] | None = Field(None, description="Positions of these photos; null: all.")
+    lights: tuple[Annotated[Light, BeforeValidator(_text)], ...] | None = Field(
+        None, description="States of the rig's lamp, 'on' or 'off'; null: both."
+    )
+    azimuths: tuple[Name, ...] | None = Field(None, description="Lamps of these photos, or 'no'; null: all.")
 
     def matches(self, position: str, light: str, azimuth: str) -> bool:
         """Return whether photos with these fields are missing."""
@@ -217,7 +219,7 @@ class Files(_Part):
     integer, `any` matches any text without a slash; the other fields match names of the site or their `spelling`.
     """
 
-    photos: str = Field(description="Path of a photo: {terrain}/{position}/{azimuth}/{camera}_{exposure_ms}.png")
+    photos: str = Field(description="Path of a photo: {terrain}/{position}/{azimuth}/{camera}_{exposure_ms}.png.")
     clouds: str | None = Field(None, description="Path of a scan of a position; null: no scans.")
     range_maps: str | None = Field(None, description="Path of a range map on the rectified left image; null: none.")
     calibration: str | None = Field(None, description="Path of a terrain's calibration; null: cameras.calibration.")

@@ -187,5 +187,6 @@ def test_every_key_is_in_a_configuration_or_in_the_manual():
     schema = json.loads((CHECKOUT / "config/schema.json").read_text())
     pages = [*(CHECKOUT / "docs").rglob("*.md"), CHECKOUT / "README.md", CHECKOUT / "config/README.md"]
     files = [*pages, *(CHECKOUT / "config").glob("*.yaml"), *(CHECKOUT / "config/overlays").glob("*.yaml")]
+    files += (CHECKOUT / "config/sites").glob("*.yaml")
     words = {word for path in files for word in re.findall(r"\w+", path.read_text())}
     assert sorted(".".join(key) for key in leaves(schema, schema) if key[-1] not in words) == []
