@@ -138,6 +138,8 @@ class Config(BaseModel, extra="forbid", frozen=True):
                 raise ValueError(f"positions: terrain {terrain_text(terrain)} has no position {known}")
         if wrong := next(self.grid.wrong_values(self.site), None):
             raise ValueError(f"grid.{wrong}")
+        if isinstance(seeds := self.labels.seeds, SeedOptions) and (wrong := next(seeds.wrong_values(self.site), None)):
+            raise ValueError(f"labels.seeds.{wrong}")
         return self
 
     @model_validator(mode="after")

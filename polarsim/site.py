@@ -10,7 +10,7 @@ ground, +X to Sun azimuth 0, +Y to azimuth 90, +Z up.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, cached_property
 from math import cos, radians, sin
 from pathlib import Path
@@ -29,6 +29,8 @@ Side = Literal["-x", "+x", "-y", "+y"]  # of the sandbox
 DEFAULT = "polar"
 FOLDER = Path("config/sites")  # of the sites that polarsim ships
 FAR_M = 1000.0  # distance at which a directional lamp is placed; over 6 m its direction varies by 0.3 degrees
+
+KEY_FIELDS = 6  # terrain, position, light, azimuth, camera, exposure
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]*")  # a name that is safe in photo keys and paths
 _QUERY = re.compile(r"\?(?!d=).*", re.DOTALL)  # of an address; Label Studio's files are `?d=FOLDER/FILE`
@@ -331,10 +333,10 @@ class Site(_Part):
 
     def key(self, text: str) -> PhotoKey:
         """Parse a key of this site. The text must not contain anything else: `..._0256 copy` is rejected."""
-        key = PhotoKey.parse(text)
-        if wrong := "; ".join(self._wrong_fields(key)):
+        fields = text.split("_")
+        if len(fields) == KEY_FIELDS and (wrong := "; ".join(self._wrong_fields(fields))):
             raise LabelError(f"{text!r} is not a photo key of the site {self.name}: {wrong}")
-        return key
+        return PhotoKey.parse(text)
 
     def key_of_picture(self, name: str) -> PhotoKey:
         """Parse the key in the name of an image, which may have folders, a suffix, and a prefix with a dash."""
@@ -349,25 +351,30 @@ class Site(_Part):
         assert error is not None
         raise LabelError(f"picture {name!r}: {error.reason}") from error
 
-    def _wrong_fields(self, key: PhotoKey) -> Iterator[str]:
+    def _wrong_fields(self, fields: Sequence[str]) -> Iterator[str]:
         """Yield a description of each field of a key that the site does not have."""
-        if key.terrain not in self.terrains:
-            yield f"terrain {terrain_text(key.terrain)}, expected {self.terrains_text}"
-            return
-        terrain = terrain_text(key.terrain)
-        for name, value, known, of in (
-            ("position", key.position, self.positions_of(key.terrain), f" of terrain {terrain}"),
-            ("light", key.light, self.lights, ""),
-            ("azimuth", key.azimuth, self.azimuths, ""),
-            ("camera", key.camera, self.cameras.sides, ""),
+        terrain, position, light, azimuth, camera, exposure = fields
+        of_terrain = next((known for known in self.terrains if terrain_text(known) == terrain), None)
+        of = f" of terrain {terrain}" if of_terrain is not None else ""
+        if of_terrain is None:
+            yield f"terrain {terrain!r}, expected {self.terrains_text}"
+        positions = self.all_positions if of_terrain is None else self.positions_of(of_terrain)
+        for name, value, known, note in (
+            ("position", position, positions, of),
+            ("light", light, self.lights, ""),
+            ("azimuth", azimuth, self.azimuths, ""),
+            ("camera", camera, self.cameras.sides, ""),
         ):
             if value not in known:
-                yield f"{name} {value!r}, expected {_one_of(known)}{of}"
-        if key.azimuth in self.azimuths and key.exposure_ms not in (
-            times := self.exposures_of(key.terrain, key.azimuth)
-        ):
-            usual = ", ".join(f"{time:04d}" for time in times)
-            yield f"exposure {key.exposure_ms:04d}, expected {usual} of terrain {terrain}, azimuth {key.azimuth}"
+                yield f"{name} {value!r}, expected {_one_of(known)}{note}"
+        terrains = self.terrains if of_terrain is None else (of_terrain,)
+        azimuths = (azimuth,) if azimuth in self.azimuths else self.azimuths
+        times = sorted(
+            {f"{time:04d}" for each in terrains for name in azimuths for time in self.exposures_of(each, name)}
+        )
+        if exposure not in times:
+            note = f"{of}, azimuth {azimuth}" if of and azimuth in self.azimuths else of
+            yield f"exposure {exposure!r}, expected {_one_of(times)}{note}"
 
     @property
     def terrains_text(self) -> str:

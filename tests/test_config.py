@@ -130,6 +130,8 @@ def mixes(**weights):
         (POLAR | {"labels": {"seeds": None}}, "labels.seeds:"),
         (POLAR | {"labels": {"seeds": {"azimuth": 30}}}, "labels.seeds.azimuth:"),
         (POLAR | {"labels": {"seeds": {"camera": "M"}}}, "labels.seeds.camera"),
+        (POLAR | {"labels": {"seeds": {"azimuths": [90]}}}, "labels.seeds.azimuths:"),
+        (POLAR | {"labels": {"seeds": {"exposure": 300}}}, "labels.seeds.exposure:"),
     ],
 )
 def test_an_impossible_setting_is_named_in_one_line(setting, named):

@@ -3,9 +3,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.errors import LabelError
-from polarsim.photo import PhotoKey, exposures, photo_grid, positions
+from polarsim.photo import PhotoKey
+from polarsim.site import polar
 
-ALL = [key for terrain in range(1, 14) for key in photo_grid(terrain)]
+POLAR = polar()
+ALL = [key for terrain in range(1, 14) for key in POLAR.photos_of(terrain)]
 
 
 def test_the_grid_has_as_many_photos_as_nasa_published():
@@ -17,7 +19,7 @@ def test_the_grid_has_as_many_photos_as_nasa_published():
     ("terrain", "pairs"), [(1, 140), (2, 186), *((terrain, 222) for terrain in range(3, 13)), (13, 49)]
 )
 def test_every_terrain_has_its_stated_number_of_pairs(terrain, pairs):
-    assert len(list(photo_grid(terrain))) == 2 * pairs
+    assert len(list(POLAR.photos_of(terrain))) == 2 * pairs
 
 
 def test_a_key_is_written_as_in_the_release():
@@ -50,7 +52,7 @@ def test_a_key_is_written_as_in_the_release():
 )
 def test_names_that_are_no_key_are_refused_by_name(name):
     with pytest.raises(LabelError, match=r"is not a photo key|expected") as caught:
-        PhotoKey.parse(name)
+        POLAR.key(name)
     assert repr(name) in str(caught.value)
 
 
@@ -66,7 +68,7 @@ def test_names_that_are_no_key_are_refused_by_name(name):
 )
 def test_each_wrong_field_of_a_key_is_named_and_no_other(name, wrong):
     with pytest.raises(LabelError) as caught:
-        PhotoKey.parse(name)
+        POLAR.key(name)
     told = str(caught.value).partition(repr(name))[2]
     named = {
         field for field in ("terrain", "position", "light", "azimuth", "camera", "exposure") if f" {field} " in told
@@ -87,18 +89,22 @@ any_key = st.builds(
 
 @given(any_key)
 def test_a_key_is_accepted_where_its_terrain_has_the_position_and_the_exposure(key):
-    possible = key.position in positions(key.terrain) and key.exposure_ms in exposures(key.terrain, key.azimuth)
+    possible = key.position in POLAR.positions_of(key.terrain) and key.exposure_ms in POLAR.exposures_of(
+        key.terrain, key.azimuth
+    )
     if possible:
-        assert PhotoKey.parse(str(key)) == key
+        assert POLAR.key(str(key)) == key
     else:
         with pytest.raises(LabelError):
-            PhotoKey.parse(str(key))
+            POLAR.key(str(key))
 
 
 def test_terrain_1_has_shorter_exposures_and_longer_ones_only_without_sun():
-    assert (exposures(1, "30")[0], exposures(1, "30")[-1]) == (16, 1024)
-    assert (exposures(3, "30")[0], exposures(3, "30")[-1]) == (32, 2048)
-    assert (exposures(3, "no")[0], exposures(3, "no")[-1]) == (32, 8192)
+    ends = [
+        (times[0], times[-1])
+        for times in (POLAR.exposures_of(1, "30"), POLAR.exposures_of(3, "30"), POLAR.exposures_of(3, "no"))
+    ]
+    assert ends == [(16, 1024), (32, 2048), (32, 8192)]
 
 
 def test_parts_of_a_key_name_station_view_and_bracket():
@@ -121,7 +127,7 @@ def test_stops_count_doublings_from_the_usual_exposure(exposure_ms, stops):
     ending=st.sampled_from(["", ".png", ".jpeg", ".txt", "_png.rf.0123abcdEF.jpg", "_jpg.rf.Ab9", ".png?token=a-b/c"]),
 )
 def test_a_key_is_found_in_names_as_tools_store_them(key, folder, prefix, ending):
-    assert PhotoKey.of_picture(f"{folder}{prefix}{key}{ending}") == key
+    assert POLAR.key_of_picture(f"{folder}{prefix}{key}{ending}") == key
 
 
 @pytest.mark.parametrize(
@@ -141,4 +147,4 @@ def test_a_key_is_found_in_names_as_tools_store_them(key, folder, prefix, ending
 )
 def test_a_name_with_anything_else_before_or_behind_its_key_is_refused(name):
     with pytest.raises(LabelError):
-        PhotoKey.of_picture(name.format(ALL[0]))
+        POLAR.key_of_picture(name.format(ALL[0]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -11,6 +12,7 @@ from pydantic import BaseModel, Field, PositiveInt, field_validator, model_valid
 from polarsim.grid import text_values
 from polarsim.photo import Azimuth, Light, PhotoKey
 from polarsim.photo import CameraSide as Camera
+from polarsim.site import Site
 from polarsim.sources.registry import SOURCES
 from polarsim.user_path import UserPath
 
@@ -104,6 +106,19 @@ class SeedOptions(BaseModel, extra="forbid", frozen=True):
         """Return whether a photo may be a seed, regardless of the exposure."""
         lamp = key.has_sun if self.azimuths is None else key.azimuth in self.azimuths
         return lamp and key.light == self.light and key.camera == self.camera
+
+    def wrong_values(self, site: Site) -> Iterator[str]:
+        """Yield a message for each selected value that the site does not have."""
+        times = sorted({time for terrain in site.terrains for time in site.exposures_of(terrain, "")})
+        exposures = (*times, "best")
+        for name, values, known in (
+            ("light", [self.light], site.lights),
+            ("camera", [self.camera], site.cameras.sides),
+            ("azimuths", self.azimuths or (), site.azimuths),
+            ("exposure", [self.exposure], exposures),
+        ):
+            if unknown := [value for value in values if value not in known]:
+                yield f"{name}: {unknown[0]!r}, expected {', '.join(map(str, known)) or 'none'} of the site {site.name}"
 
     @field_validator("light", "azimuths", mode="before")
     @classmethod

@@ -17,6 +17,7 @@ from polarsim.grid import GridOptions
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.rigs import read_rig
+from polarsim.site import polar as polar_site
 
 BOX = "0 0.500000 0.500000 0.100000 0.100000\n"
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
@@ -33,6 +34,7 @@ TRANSLATION_VECTOR: -0.301556 0.000599 0.001489
 def index(tmp_path, source, *, terrain=11, positions="ABC", seeds=None, grid=None):
     out = tmp_path / "out" / f"Terrain{terrain:02d}"
     index_terrain(
+        site=polar_site(),
         terrain=terrain,
         positions=list(positions),
         source=source,

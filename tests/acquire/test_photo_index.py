@@ -7,7 +7,8 @@ from polarsim.acquire.index import describe_photo, index_photos, photo_table
 from polarsim.errors import FormatError
 from polarsim.formats import png
 from polarsim.formats.tables import PHOTO_COLUMNS
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey, photo_grid
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.site import polar
 from polarsim.sources.nasa import log_gaps
 
 KEY = PhotoKey.parse("01_A_off_180_L_0256")
@@ -50,7 +51,7 @@ def test_an_index_without_photos_has_the_same_types(photo):
     assert photo_table([]).dtypes.equals(index_photos([(KEY, photo)]).dtypes)
 
 
-GRID = [key for key in photo_grid(1) if key.position == "A"]
+GRID = [key for key in polar().photos_of(1) if key.position == "A"]
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from polarsim.acquire.options import SourceOptions
 from polarsim.config import parse_config
 from polarsim.formats.tables import read_parquet
 from polarsim.run_files.inventory import Inventory, read_inventory
+from polarsim.site import polar
 from polarsim.sources.registry import SOURCES
 from polarsim.sources.source import DataSource, TerrainContent, path_texts
 
@@ -32,7 +33,7 @@ class SandboxSource:
     def inputs(self, root, terrain):
         return sorted(self.folders(root, terrain)[0].glob("*.xyz"))
 
-    def index(self, root, terrain, positions, grid):
+    def index(self, site, root, terrain, positions, grid):
         clouds = {path.stem: path for path in self.inputs(root, terrain) if path.stem in positions}
         return TerrainContent(Inventory(terrain, "sandbox", clouds=path_texts(clouds)), [])
 
@@ -61,7 +62,7 @@ def sandbox(monkeypatch, tmp_path) -> SourceOptions:
 
 def test_a_registered_source_is_indexed_and_has_inputs(sandbox, tmp_path):
     out = {name: tmp_path / "out" / name for name in ("photos", "calibration", "inventory", "seeds")}
-    index_terrain(terrain=5, positions=["A"], source=sandbox, seed_options="none", **out)
+    index_terrain(site=polar(), terrain=5, positions=["A"], source=sandbox, seed_options="none", **out)
     assert read_inventory(out["inventory"]).clouds == {"A": (tmp_path / "scans/5/A.xyz").as_posix()}
     assert len(read_parquet(out["photos"], ["key"])) == 0
     assert raw_inputs(5, sandbox, "none") == [tmp_path / f"scans/5/{position}.xyz" for position in "AB"]

@@ -1,0 +1,85 @@
+"""Sites: NASA's is a file, and another one has other terrains, lamps, exposures and images."""
+
+import pytest
+
+from polarsim.config import parse_config
+from polarsim.errors import ConfigError, LabelError
+from polarsim.photo import PhotoKey
+from polarsim.site import Site, polar
+from tests.support.other_site import CONTENT, one_camera, other_rig, other_site
+
+
+def test_photos_of_another_site_have_its_names():
+    site = other_site()
+    keys = [str(key) for key in site.photos_of("yard-b")]
+    assert len(keys) == 2 * 2 * 2 * (2 * 3 + 1)  # positions, lights, cameras; lamps with exposures, and without lamp
+    assert keys[0] == "yard-b_gate_off_no_L_0640"
+    assert "yard-b_mast_on_135_R_0160" in keys
+    assert [site.key(key) for key in keys] == list(site.photos_of("yard-b"))
+
+
+def test_a_site_with_one_camera_has_half_the_photos():
+    keys = list(one_camera().photos_of("yard-a"))
+    assert {key.camera for key in keys} == {"L"}
+    assert 2 * len(keys) == len(list(other_site().photos_of("yard-a")))
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("01_A_off_30_L_0256", ("terrain", "position", "azimuth", "exposure")),
+        ("yard-a_gate_off_45_R_0020", ("exposure",)),
+        ("yard-a_gate_off_45_R_40", ("exposure",)),
+        ("yard-c_gate_off_45_R_0040", ("terrain",)),
+    ],
+)
+def test_wrong_fields_of_a_key_are_named_with_the_names_of_the_site(text, named):
+    with pytest.raises(LabelError) as caught:
+        other_site().key(text)
+    assert [
+        field for field in ("terrain", "position", "azimuth", "exposure") if f"{field} '" in caught.value.reason
+    ] == [*named]
+
+
+def test_a_run_of_another_site_selects_all_that_the_site_has():
+    config = parse_config({"site": CONTENT, "source": {"kind": "analog", "root": "data"}})
+    assert (config.terrains, config.positions) == (("yard-a", "yard-b"), ("gate", "mast"))
+    assert config.grid.azimuths == ("no", "45", "135")
+    assert config.labels.seeds.azimuths == ("45", "135")
+    with pytest.raises(ConfigError, match="azimuths: '30'"):
+        parse_config({"site": CONTENT, "source": {"kind": "analog", "root": "data"}, "grid": {"azimuths": [30]}})
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"terrains": ["yard-a", 1]}, "terrains:"),
+        ({"terrains": ["yard_a"]}, "terrains"),
+        ({"lamps": {}, "rig_lamp": None}, "lamps:"),
+        ({"cameras": {"stereo": True}}, "cameras"),
+        ({"exposures_no_sun_ms": []}, "exposures_no_sun_ms"),
+        ({"images": {"width": 640, "height": 480, "bits": 8, "black": 300}}, "images"),
+        ({"tripods": {"roof": {"camera_m": [0, 0, 1], "yaw_deg": 0}}}, "tripods:"),
+    ],
+)
+def test_an_impossible_site_is_a_one_line_error(changes, named):
+    with pytest.raises(ConfigError) as caught:
+        parse_config({"site": CONTENT | changes, "source": {"kind": "analog", "root": "data"}})
+    assert named in caught.value.reason
+    assert "\n" not in str(caught.value)
+
+
+def test_the_default_site_is_that_of_nasa():
+    assert parse_config({"source": {"kind": "analog", "root": "data"}}).site == polar()
+    assert Site.model_validate(polar().model_dump(mode="json")) == polar()
+
+
+def test_the_rig_of_the_other_site_has_the_size_of_its_images():
+    site, rig = other_site(), other_rig()
+    assert (rig.left.width, rig.left.height) == site.images.size
+    low, high = site.cameras.baseline_m
+    assert low < rig.left_from_right.translation[0] < high
+
+
+def test_a_key_of_the_form_is_parsed_without_a_site():
+    assert PhotoKey.parse("yard-a_gate_on_45_R_0040") == PhotoKey("yard-a", "gate", "on", "45", "R", 40)
