@@ -6,9 +6,10 @@ from polarsim.detect.options import SplitOptions
 from polarsim.detect.split import draw_split, draw_val, read_split, shared_units, split_photos
 from polarsim.errors import DetectError
 from polarsim.formats.files import read_json
-from polarsim.photo import TERRAINS, PhotoKey, photo_grid
+from polarsim.photo import PhotoKey
+from polarsim.site import polar
 
-GRID = [key for terrain in TERRAINS for key in photo_grid(terrain)]
+GRID = [key for terrain in polar().terrains for key in polar().photos_of(terrain)]
 OPTIONS = SplitOptions()
 STRICT = ("view", "position", "terrain")
 

@@ -8,6 +8,7 @@ from polarsim.formats.tables import label_table, write_parquet
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.photo import HEIGHT, WIDTH
 from polarsim.run_files.inventory import Inventory, write_inventory
+from polarsim.site import polar
 from tests.workflow.conftest import SMALL
 from tests.workflow.figures import find_picture, resized
 
@@ -15,7 +16,7 @@ SHEET = "results/small/figures/contact_Terrain01_PosA.png"
 
 
 def test_a_contact_sheet_ignores_images_in_the_working_folder(checkout, snakemake, rng):
-    keys = selected_grid(1, ["A"], GridOptions(**SMALL["grid"]))
+    keys = selected_grid(polar(), 1, ["A"], GridOptions(**SMALL["grid"]))
     for key in keys:
         coarse = rng.uniform(200, 4000, (12, 19)).astype(np.float32)
         png.write_png(checkout / f"data/{key}.png", resized(coarse, WIDTH)[:HEIGHT].astype(np.uint16))

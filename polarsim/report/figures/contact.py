@@ -28,6 +28,7 @@ from polarsim.photo import (
     ROCK,
     SHADOW,
     WIDTH,
+    Azimuth,
     PhotoKey,
     Terrain,
     by_bracket,
@@ -203,7 +204,7 @@ def draw_photos(
     for position, comparison, contact in zip(positions, comparisons, contacts, strict=True):
         keys = selected_grid(site, terrain, [position], grid)
         draw_comparison(
-            key=shown_photo(keys),
+            key=shown_photo(keys, site.suns),
             photos=photos,
             inventory=inventory,
             twins=twins,
@@ -214,6 +215,9 @@ def draw_photos(
         draw_contact(keys=keys, labels=labels, pictures=sources, figure=contact)
 
 
-def shown_photo(keys: Sequence[PhotoKey]) -> PhotoKey:
-    """Return the photo of a position with Sun azimuth 30, rover light off, camera L and near 256 ms, if available."""
-    return min(keys, key=lambda key: (key.azimuth != "30", key.light, key.camera, key.stops_off_usual))
+def shown_photo(keys: Sequence[PhotoKey], suns: Sequence[Azimuth]) -> PhotoKey:
+    """Return the photo of a position with the first Sun lamp, rig lamp off, camera L and near the usual exposure.
+
+    `suns`: names of the Sun lamps of the site. Without such a photo, the nearest in this order is returned.
+    """
+    return min(keys, key=lambda key: (key.azimuth not in suns[:1], key.light, key.camera, key.stops_off_usual))
