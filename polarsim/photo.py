@@ -54,7 +54,7 @@ _KEY = re.compile(
 
 def terrain_text(terrain: Terrain) -> str:
     """Return a terrain as written in keys and paths: `01`, or a name."""
-    return f"{terrain:02d}" if isinstance(terrain, int) else terrain
+    return terrain if isinstance(terrain, str) else f"{terrain:02d}"
 
 
 def parse_terrain(text: str) -> Terrain:

@@ -33,6 +33,7 @@ FAR_M = 1000.0  # distance at which a directional lamp is placed; over 6 m its d
 KEY_FIELDS = 6  # terrain, position, light, azimuth, camera, exposure
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]*")  # a name that is safe in photo keys and paths
+_NO_VALUE = ("na", "nan", "none", "null")  # names that readers of CSV files replace by missing values
 _QUERY = re.compile(r"\?(?!d=).*", re.DOTALL)  # of an address; Label Studio's files are `?d=FOLDER/FILE`
 _ENDING = re.compile(r"(?:_[A-Za-z]{3,4}\.rf\.\w+)?(?:\.[A-Za-z]\w{1,4})?\Z")  # of Roboflow's KEY_png.rf.HASH.jpg
 
@@ -48,6 +49,8 @@ def _name(value: object) -> object:
     value = _text(value)
     if isinstance(value, str) and not _NAME.fullmatch(value):
         raise ValueError(f"{value!r}, expected a name of letters, digits and dashes")
+    if isinstance(value, str) and value.lower() in _NO_VALUE:
+        raise ValueError(f"{value!r} in a table is read as a missing value, expected another name")
     return value
 
 

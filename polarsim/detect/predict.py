@@ -21,6 +21,7 @@ from polarsim.detect.split import TEST
 from polarsim.digest import code_digest
 from polarsim.errors import DetectError, with_path
 from polarsim.formats.table_parts import write_in_parts
+from polarsim.formats.tables import typed
 from polarsim.geometry import boxes
 from polarsim.photo import HEIGHT, WIDTH
 from polarsim.provenance import digest
@@ -130,7 +131,7 @@ def _detect_at(
 
 def prediction_table(rows: Sequence[tuple[Any, ...]]) -> pd.DataFrame:
     """Return rows of `PREDICTION_COLUMNS` as a rounded table, sorted by photo, kind and descending confidence."""
-    table = pd.DataFrame(list(rows), columns=list(PREDICTION_COLUMNS)).astype(PREDICTIONS.dtypes)
+    table = typed(rows, PREDICTIONS)
     table = table.round({"confidence": 5, **dict.fromkeys(BOX_COLUMNS, 2)})
     order = [True, True, False, *[True] * 4]
     return table.sort_values(list(PREDICTION_COLUMNS), ascending=order, kind="stable", ignore_index=True)

@@ -5,16 +5,37 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
+from pandas.api.types import infer_dtype
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import text_of, writing
 from polarsim.formats.readers import reader
 from polarsim.photo import PhotoKey
 from polarsim.schemas.photos import LABELS, PHOTOS
+from polarsim.schemas.table import Dtype, Table
 
 PHOTO_COLUMNS, LABEL_COLUMNS = PHOTOS.columns, LABELS.columns
+_TEXTS = ("key", "position", "light", "azimuth", "terrain")  # columns of names, which may consist of digits
+
+
+def typed(rows: Sequence[Any] | pd.DataFrame, schema: Table, *, without: Sequence[str] = ()) -> pd.DataFrame:
+    """Return rows as a table with the columns of a declared table and their types. It may be empty.
+
+    `without`: columns that the table does not have yet.
+    """
+    columns = schema.without(*without)
+    table = pd.DataFrame(rows, columns=list(columns))
+    return table.astype({name: _pandas_type(schema.dtypes[name], table[name]) for name in columns})
+
+
+def _pandas_type(declared: Dtype, values: pd.Series) -> str:
+    """Return the type of a column in pandas. An empty column of terrains has the type of numbers."""
+    if declared != "terrain":
+        return declared
+    return "int64" if infer_dtype(values) in ("integer", "empty") else "str"
 
 
 def write_parquet(path: str | Path, table: pd.DataFrame) -> None:
@@ -44,9 +65,11 @@ def write_csv(path: str | Path, table: pd.DataFrame) -> None:
 
 @reader("CSV table")
 def read_csv(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
-    """Read a table that must have `columns`."""
-    text = io.StringIO(text_of(path))
-    return _with_columns(pd.read_csv(text, dtype={"azimuth": str, "light": str, "key": str}), columns, path)
+    """Read a table that must have `columns`. The parts of photo keys are text, and terrains int64 or text."""
+    table = pd.read_csv(io.StringIO(text_of(path)), dtype=dict.fromkeys(_TEXTS, "str"))
+    if "terrain" in table.columns and table["terrain"].str.isdecimal().all():
+        table["terrain"] = table["terrain"].astype("int64")
+    return _with_columns(table, columns, path)
 
 
 def _with_columns(table: pd.DataFrame, columns: Sequence[str], path: str | Path) -> pd.DataFrame:
@@ -72,7 +95,7 @@ def key_columns(key: PhotoKey) -> dict[str, object]:
 
 def label_table(rows: list[dict[str, object]] | pd.DataFrame) -> pd.DataFrame:
     """Return a table with `LABEL_COLUMNS` and their types, sorted by photo, kind, rock and box. It may be empty."""
-    table = pd.DataFrame(rows, columns=list(LABEL_COLUMNS)).astype(LABELS.dtypes)
+    table = typed(rows, LABELS)
     return table.sort_values(["key", "kind", "rock", "x0", "y0"], kind="stable", ignore_index=True)
 
 

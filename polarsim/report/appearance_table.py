@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.tables import read_parquet
+from polarsim.formats.tables import read_parquet, typed
 from polarsim.intervals import (
     RESAMPLES,
     bootstrap_draws,
@@ -23,7 +23,7 @@ from polarsim.report.layout import MISSING, write_blocks, write_table
 from polarsim.report.render_table import values_of_group
 from polarsim.schemas.evaluation import APPEARANCE_PAIRS
 from polarsim.schemas.report import APPEARANCE, APPEARANCE_DIFFERENCES
-from polarsim.scoring.twin_photos import subject_of
+from polarsim.scoring.twin_photos import NO_TERRAIN, subject_of
 
 GROUPS = ("all", "terrain", "position", "azimuth", "light")
 METRICS = ("psnr_db", "ssim", "correlation", "stops")
@@ -65,7 +65,7 @@ def appearance_rows(pairs: pd.DataFrame) -> pd.DataFrame:
         values = pairs.assign(group=group, value=values_of_group(pairs, group))
         for names, part in values.groupby(["model", "relation", "group", "value"]):
             rows.append(dict(zip(("model", "relation", "group", "value"), names, strict=True)) | _metrics(part))
-    return pd.DataFrame(rows, columns=list(APPEARANCE.columns)).astype(APPEARANCE.dtypes)
+    return typed(rows, APPEARANCE)
 
 
 def difference_rows(pairs: pd.DataFrame) -> pd.DataFrame:
@@ -82,7 +82,7 @@ def difference_rows(pairs: pd.DataFrame) -> pd.DataFrame:
             for (one, other, value), part in values.groupby(["subject", "subject_second", "value"]):
                 row = {"first": one, "second": other, "group": group, "value": value}
                 rows.append(row | _differences(part))
-    return pd.DataFrame(rows, columns=list(APPEARANCE_DIFFERENCES.columns)).astype(APPEARANCE_DIFFERENCES.dtypes)
+    return typed(rows, APPEARANCE_DIFFERENCES)
 
 
 def _differences(part: pd.DataFrame) -> dict[str, Any]:
@@ -148,7 +148,8 @@ def _metrics(part: pd.DataFrame) -> dict[str, Any]:
     weights = np.where(known, matches, 0)
     chance = (part["agreement_by_chance"].fillna(0).to_numpy(float) * weights).sum()
     row |= {"agreement_by_chance": chance / weights.sum() if weights.any() else np.nan}
-    row |= {"controlled": int((part["control_terrain"] >= 0).sum()), "better_share": part["better_than_control"].mean()}
+    controlled = ~part["control_terrain"].isin(["", NO_TERRAIN])
+    row |= {"controlled": int(controlled.sum()), "better_share": part["better_than_control"].mean()}
     for gain, name in GAINS.items():
         row |= _median(gain, (part[name] - part[f"control_{name}"]).to_numpy(float), view, drawn)
     return row | {"control": control_verdict([row[f"{gain}_low"] for gain in GAINS], views)}

@@ -11,9 +11,10 @@ import numpy as np
 import pandas as pd
 
 from polarsim.errors import PolarsimError
-from polarsim.formats.tables import read_csv
-from polarsim.photo import terrain_text
+from polarsim.formats.tables import read_csv, typed
+from polarsim.photo import Terrain, terrain_text
 from polarsim.report.layout import MISSING, format_value, write_table
+from polarsim.schemas.evaluation import EVALUATION
 from polarsim.scoring.consistency_warnings import warnings_of
 from polarsim.scoring.metrics import BOX_METRICS, COLUMNS, STAGES, metrics_table
 
@@ -47,15 +48,13 @@ def join_metrics(parts: Sequence[pd.DataFrame]) -> pd.DataFrame:
     parts = [part for part in parts if len(part)]
     if not parts:
         return metrics_table("", 0, [])
-    table = pd.concat(parts, ignore_index=True)[list(COLUMNS)]
-    table = table.astype({"unit": "str", "subject": "str", "value": "float64", "terrain": "int64", "n": "int64"})
-    return sort_by_stage(table)
+    return sort_by_stage(typed(pd.concat(parts, ignore_index=True), EVALUATION))
 
 
 def sort_by_stage(table: pd.DataFrame) -> pd.DataFrame:
     """Sort rows by stage, then by terrain; the sort is stable."""
     index = [STAGES.index(stage) if stage in STAGES else len(STAGES) for stage in table["stage"]]
-    order = np.lexsort((np.arange(len(table)), table["terrain"].to_numpy(), np.array(index)))
+    order = np.lexsort((np.arange(len(table)), table["terrain"].rank(method="dense"), np.array(index)))
     return table.iloc[order].reset_index(drop=True)
 
 
@@ -73,7 +72,12 @@ def format_evaluation(table: pd.DataFrame) -> pd.DataFrame:
             shown[index, terrain] = text
     order.sort(key=lambda index: STAGES.index(index[0]) if index[0] in STAGES else len(STAGES))
     rows = [[*index, *(shown.get((index, terrain), MISSING) for terrain in terrains)] for index in order]
-    return pd.DataFrame(rows, columns=[*ROW_NAMES, *(f"T{terrain_text(terrain)}" for terrain in terrains)])
+    return pd.DataFrame(rows, columns=[*ROW_NAMES, *map(_heading, terrains)])
+
+
+def _heading(terrain: Terrain) -> str:
+    """Return the name of the column of a terrain."""
+    return terrain if isinstance(terrain, str) else f"T{terrain_text(terrain)}"
 
 
 def _shown_rows(table: pd.DataFrame) -> list[tuple[tuple[str, ...], str]]:
@@ -175,7 +179,7 @@ def format_runs(table: pd.DataFrame, runs: Sequence[str], *, differences: bool =
         unit = str(metrics["unit"].iloc[0])
         values = metrics.set_index(["terrain", "run"])["value"].to_dict()
         cells = {
-            f"T{terrain_text(terrain)}": " / ".join(
+            _heading(terrain): " / ".join(
                 shown_value(values[terrain, run], unit) if (terrain, run) in values else MISSING for run in runs
             )
             for terrain in sorted(set(table["terrain"]))

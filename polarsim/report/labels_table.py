@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats.tables import read_parquet
-from polarsim.photo import AZIMUTHS, BOX_CLASSES
+from polarsim.photo import AZIMUTHS, BOX_CLASSES, terrain_text
 from polarsim.report.layout import MISSING, grid, write_blocks, write_table
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.schemas.report import LABELS
@@ -97,7 +97,7 @@ def _values(boxes: pd.DataFrame, group: str, size: str) -> np.ndarray | pd.Serie
         return np.full(len(boxes), "all")
     if group == "size":
         return size_class(boxes[size].to_numpy(float))
-    return boxes[group].map("{:02d}".format) if group == "terrain" else boxes[group]
+    return boxes[group].map(terrain_text) if group == "terrain" else boxes[group]
 
 
 def _metrics(sums: pd.DataFrame) -> pd.DataFrame:

@@ -93,7 +93,7 @@ def _cells(rows: pd.DataFrame, metrics: Sequence[str], forms: Sequence[str]) -> 
 
 
 def values_of_group(pairs: pd.DataFrame, group: str) -> pd.Series:
-    """Return the value of a group for each row: `all`, the number of the terrain as text, or a column of the key."""
+    """Return the value of a group for each row: `all`, the text of the terrain, or a column of the key."""
     if group == "all":
         return pd.Series("all", pairs.index, dtype="str")
-    return pairs["terrain"].map("{:02d}".format).astype("str") if group == "terrain" else pairs[group]
+    return pairs["terrain"].map(terrain_text).astype("str") if group == "terrain" else pairs[group]

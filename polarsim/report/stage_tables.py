@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.tables import read_csv, read_parquet
+from polarsim.formats.tables import read_csv, read_parquet, typed
 from polarsim.geometry.poses import yaw_pitch_roll
 from polarsim.photo import CAMERAS, Terrain
 from polarsim.report.layout import write_table
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.schemas import report
-from polarsim.schemas.table import Table
 from polarsim.scoring.metrics import COLUMNS as METRIC_COLUMNS
 
 CAMERA_METRICS = ("sd_mm", "sd_deg", "off_survey_m", "off_survey_deg", "median_off_before_px", "median_off_px")
@@ -54,9 +53,9 @@ def tabulate_cameras(
     rows = [
         _camera_row(terrain, *item, metrics) for terrain, rigs in localised.items() for item in sorted(rigs.items())
     ]
-    _write(table, _typed(rows, report.CAMERAS), CAMERA_CAPTION, origin)
+    _write(table, typed(rows, report.CAMERAS), CAMERA_CAPTION, origin)
     rows = [row for terrain, folder in sorted(cameras.items()) for row in _alignment_rows(terrain, folder)]
-    _write(alignment, _typed(rows, report.ALIGNMENT), ALIGNMENT_CAPTION, origin)
+    _write(alignment, typed(rows, report.ALIGNMENT), ALIGNMENT_CAPTION, origin)
 
 
 def tabulate_rocks(
@@ -114,10 +113,6 @@ def _alignment_rows(terrain: Terrain, folder: Path) -> list[dict[str, Any]]:
         }
         for position, rig in sorted(read_all_localised(folder).items())
     ]
-
-
-def _typed(rows: list[dict[str, Any]], schema: Table) -> pd.DataFrame:
-    return pd.DataFrame(rows, columns=list(schema.columns)).astype(schema.dtypes)
 
 
 def _write(stem: Path, table: pd.DataFrame, caption: str, origin: Mapping[str, str]) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from polarsim.formats.tables import read_parquet
-from polarsim.photo import terrain_text
+from polarsim.photo import PhotoKey, terrain_text
 from polarsim.report import paper
 from polarsim.report.layout import write_blocks
 from polarsim.report.training_seeds import interval_text
@@ -37,7 +37,7 @@ def tabulate_stereo(*, stereo: Path, instances: Path, ipd: Path, stem: Path, ori
 
 def tidy_stereo(pairs: pd.DataFrame, rocks: pd.DataFrame, source: str) -> pd.DataFrame:
     """Return a row per domain and terrain, and one per domain for all terrains."""
-    rocks = rocks.assign(terrain=rocks["key"].str[:2].astype("int64"))
+    rocks = rocks.assign(terrain=[PhotoKey.parse(str(key)).terrain for key in rocks["key"]])
     rows = []
     for domain in paper.sorted_domains({str(name) for name in pairs["domain"]}):
         domain_pairs, domain_rocks = pairs[pairs["domain"] == domain], rocks[rocks["domain"] == domain]

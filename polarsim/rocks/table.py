@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import pandas as pd
 
+from polarsim.formats.tables import typed
 from polarsim.rocks.overrides import Cuboid
 from polarsim.schemas.stages import ROCKS
 
@@ -46,6 +47,6 @@ def row(
 
 def rock_table(rows: Sequence[Mapping[str, object]]) -> pd.DataFrame:
     """Rows in the order of ids, to a tenth of a millimetre; also when there are none."""
-    table = pd.DataFrame(rows, columns=list(ROCKS.columns)).astype(ROCKS.dtypes)
+    table = typed(rows, ROCKS)
     rounded = {name: 4 for name, kind in ROCKS.dtypes.items() if kind == "float64" and name != "volume_m3"}
     return table.round({**rounded, "volume_m3": 7}).sort_values("rock", ignore_index=True)

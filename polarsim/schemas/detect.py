@@ -105,7 +105,7 @@ IPD = SHARED.table("""
 IPD_ROCKS = SHARED.table("""
     detect/rocks.parquet: A detector, pair of domains, terrain and rock
     = split seed pair
-    terrain | int64 | | Terrain
+    terrain | terrain | | Terrain
     = rock kind performances
 """)
 INSTANCES = SHARED.table("""

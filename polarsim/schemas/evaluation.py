@@ -6,7 +6,7 @@ from polarsim.schemas.table import Shared
 IN_PLACE, HELD_OUT, NOT_FITTED = "in place", "held out", "not fitted"  # relations of a photo to the fits of a twin
 SHARED = Shared(
     """
-    terrain | int64 | | Terrain
+    terrain | terrain | | Terrain
     brightness: log2_twin_over_photo | float64 | stops | Brightness of the twin over that of the photo, median on lit
         sand
     brightness: log2_difference | float64 | stops | Median absolute difference of brightness on lit sand
@@ -91,7 +91,8 @@ APPEARANCE_PAIRS = SHARED.table("""
     matches | int64 | count | Matches of features of photo and twin
     agreement | float64 | 1 | Share of the matches at the same position, within 4 px of the photo
     agreement_by_chance | float64 | 1 | The same share of matches with exchanged positions
-    control_terrain | int64 | | Terrain of the control, the twin of the same view and Sun of another terrain; -1: none
+    control_terrain | terrain | | Terrain of the control, the twin of the same view and Sun of another terrain; -1 or
+        empty: none
     control_psnr_db | float64 | dB | PSNR of the photo and the control
     control_ssim control_correlation | float64 | 1 | Structural similarity and correlation of the photo and the control
     better_than_control | float64 | | Whether the PSNR of the photo's own twin is higher, 0 or 1; empty without control

@@ -4,10 +4,10 @@ from polarsim.schemas.table import Shared
 
 SHARED = Shared("""
     key_name: key | str | | Photo key, such as `01_A_off_180_L_0256`
-    key_terrain: terrain | int64 | | Terrain, the first part of the key
+    key_terrain: terrain | terrain | | Terrain, the first part of the key
     exposure_ms | int64 | ms | Exposure, the last part of the key
     key: = key_name key_terrain
-    key: position light azimuth camera | str | | Further parts of the key; azimuth in degrees, or `no`
+    key: position light azimuth camera | str | | Further parts of the key; azimuth: name of the lamp, or `no`
     key: = exposure_ms
     kind | str | | `rock` or `shadow`
     rock | int64 | | Rock id; of a shadow: id of the rock that casts the shadow; -1 if unknown

@@ -2,7 +2,8 @@
 
 A line `names | type | unit | description` declares columns of the same type, unit and description; further lines of a
 description are indented. The type `interval` declares a metric and the bounds of the 95 % interval: `name`, `name_low`,
-`name_high`. A line `= name name` refers to shared columns.
+`name_high`. The type `terrain` is int64 if the terrains of the site are numbers, and str if they are names. A line
+`= name name` refers to shared columns.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from dataclasses import dataclass
 from textwrap import dedent
 from typing import Literal, cast, get_args
 
-Dtype = Literal["str", "int64", "float64", "bool"]
+Dtype = Literal["str", "int64", "float64", "bool", "terrain"]
 
 
 @dataclass(frozen=True)
@@ -21,13 +22,17 @@ class Columns:
     """Columns with the same type, unit (`1` for shares and ratios, empty for text and identifiers) and description."""
 
     names: str  # separated by blanks
-    dtype: Dtype  # name of the type in pandas
+    dtype: Dtype  # name of the type in pandas, or `terrain`: int64 for numbers, str for names
     unit: str
     description: str  # Markdown without a full stop at the end
 
     @property
     def each(self) -> tuple[str, ...]:
         return tuple(self.names.split())
+
+    @property
+    def shown_type(self) -> str:
+        return "int64 or str" if self.dtype == "terrain" else self.dtype
 
 
 class Table:
@@ -53,8 +58,8 @@ class Table:
     def markdown(self) -> str:
         """Return the columns as a table in Markdown."""
         rows = [
-            f"| {', '.join(f'`{name}`' for name in group.each)} | {group.dtype} | {group.unit} | {group.description} |"
-            for group in self.declared
+            f"| {', '.join(f'`{name}`' for name in part.each)} | {part.shown_type} | {part.unit} | {part.description} |"
+            for part in self.declared
         ]
         return "\n".join(["| column | type | unit | description |", "|---|---|---|---|", *rows])
 

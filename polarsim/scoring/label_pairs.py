@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.tables import LABEL_COLUMNS, key_columns
+from polarsim.formats.tables import LABEL_COLUMNS, key_columns, typed
 from polarsim.geometry.boxes import area, iou, match_by_iou, match_by_summed_iou
 from polarsim.photo import BOX_CLASSES, NO_ROCK, SHADOW, SHADOWS_ANNOTATED_FROM_MS, PhotoKey
 from polarsim.schemas.evaluation import LABEL_PAIRS
@@ -81,7 +81,7 @@ def pair_labels(
     rows["iou"], rows["iou_best"] = pairs.iou, pairs.iou_best
     rows[list(TRUE_EDGES)], rows["truth_px"] = pairs.truth, np.sqrt(area(pairs.truth))
     rows["hit"] = rows["iou"].notna()
-    return _with_labels(rows, table, row).assign(against=against).astype(LABEL_PAIRS.dtypes)[list(LABEL_PAIRS.columns)]
+    return typed(_with_labels(rows, table, row).assign(against=against), LABEL_PAIRS)
 
 
 def shadows_annotated(key: PhotoKey, true_shadows: int, against: Against) -> bool:

@@ -8,7 +8,6 @@ from math import log2
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from polarsim.errors import LabelError
 from polarsim.formats import tables
@@ -47,7 +46,7 @@ def score_masks(*, masks: Sequence[Path], root: Path, scores: Path, resamples: i
         raise LabelError(f"no polygons of the {len(path_of)} photos", path=root)
     log.info("scoring masks of %d of %d photos; other photos have no polygons", len(counts[SAND]), len(path_of))
     rows = [row for region, of_photos in counts.items() for row in _rows(region, of_photos, seed, resamples)]
-    table = pd.DataFrame(rows, columns=list(MASK_SCORES.columns)).astype(MASK_SCORES.dtypes)
+    table = tables.typed(rows, MASK_SCORES)
     tables.write_parquet(scores, table)
 
 

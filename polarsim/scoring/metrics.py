@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.tables import write_csv
+from polarsim.formats.tables import typed, write_csv
 from polarsim.photo import Terrain
 from polarsim.schemas.evaluation import EVALUATION
 
@@ -56,9 +56,8 @@ def metrics_of(subject: str, n: int, against: Against, **values: tuple[float, st
 
 def metrics_table(stage: str, terrain: Terrain, metrics: Iterable[Metric]) -> pd.DataFrame:
     """Return metrics as a table with `COLUMNS`, in the given order."""
-    table = pd.DataFrame([(stage, terrain, *astuple(metric)) for metric in metrics], columns=list(COLUMNS))
-    table["value"] = table["value"].astype("float64").round(9)  # removes rounding noise
-    return table.astype({"terrain": "int64", "n": "int64"})
+    table = typed([(stage, terrain, *astuple(metric)) for metric in metrics], EVALUATION)
+    return table.round({"value": 9})  # removes rounding noise
 
 
 def write_metrics(path: Path, stage: str, terrain: Terrain, metrics: Sequence[Metric]) -> None:

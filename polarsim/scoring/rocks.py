@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.tables import read_parquet, write_csv, write_parquet
+from polarsim.formats.tables import read_parquet, typed, write_csv, write_parquet
 from polarsim.geometry.poses import angle_between
 from polarsim.photo import NO_ROCK, Terrain
 from polarsim.randomness import generator
@@ -51,7 +51,7 @@ def score_rocks(
     found = read_parquet(rocks, ROCK_COLUMNS)
     scene = read_terrain(meshes, terrain)
     against_truth: list[Metric] = []
-    offset_table = pd.DataFrame(columns=list(OFFSETS.columns)).astype(OFFSETS.dtypes)
+    offset_table = typed([], OFFSETS)
     rows = soundness_rows(scene, meshes, terrain, generator(SEED, "mesh samples", terrain), HAUSDORFF_SAMPLES)
     if truth is not None:
         true = read_parquet(truth / "rocks.parquet", ROCK_COLUMNS)
@@ -59,7 +59,7 @@ def score_rocks(
         against_truth, of_rocks = _against_truth(true, found, compared)
         against_truth += _in_cameras_frame(true, found, compared, Surface(scene.vertices, scene.faces))
         against_truth += _reprojection(terrain, cameras, truth, compared)
-        offset_table = compared.reconstructed.table().astype(OFFSETS.dtypes)
+        offset_table = typed(compared.reconstructed.table(), OFFSETS)
         rows = [{**row, **of_rocks.get(int(str(row["rock"])), {})} for row in rows]
     table = mesh_table(rows)
     metrics = counts(found) + soundness(table) + against_truth + _copies(table) + _by_rock(table)

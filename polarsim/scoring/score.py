@@ -15,7 +15,7 @@ from polarsim.errors import FormatError, LabelError
 from polarsim.formats import class_lists, release, yolo
 from polarsim.formats.files import existing_folder
 from polarsim.geometry.boxes import iou, match_by_iou, match_by_summed_iou
-from polarsim.photo import BOX_CLASSES, PhotoKey
+from polarsim.photo import BOX_CLASSES, PhotoKey, terrain_text
 
 KEY_GROUPS = ("terrain", "position", "light", "azimuth", "camera")
 
@@ -105,7 +105,7 @@ def score_boxes(
     total = {name: MatchCounts() for name in BOX_CLASSES}
     groups: dict[str, dict[str, dict[str, MatchCounts]]] = {group: {} for group in KEY_GROUPS}
     for key in sorted(truth):
-        parts = dict(zip(KEY_GROUPS, str(key).split("_"), strict=False)) if isinstance(key, PhotoKey) else {}
+        parts = dict(zip(KEY_GROUPS, _key_parts(key), strict=True)) if isinstance(key, PhotoKey) else {}
         for name, counts in count_photo(truth[key], labels.get(key, PhotoLabels.none()), threshold).items():
             total[name] += counts
             for group, value in parts.items():
@@ -220,6 +220,11 @@ def _label_files(folder: Path) -> release.KeyFiles:
 def _names(paths: list[Path], folder: Path) -> list[str]:
     release.log_strays(paths, str(folder))
     return [path.relative_to(folder).as_posix() for path in paths]
+
+
+def _key_parts(key: PhotoKey) -> tuple[str, ...]:
+    """Return the values of `KEY_GROUPS`."""
+    return terrain_text(key.terrain), key.position, key.light, key.azimuth, key.camera
 
 
 def _metrics(parts: Mapping[str, MatchCounts]) -> dict[str, dict[str, float | int | None]]:

@@ -19,7 +19,7 @@ import pandas as pd
 
 from polarsim.errors import FormatError
 from polarsim.formats import png
-from polarsim.formats.tables import key_columns
+from polarsim.formats.tables import key_columns, typed
 from polarsim.photo import PhotoKey, Terrain, by_bracket
 from polarsim.run_files.fitted_photos import FittedPhotos
 from polarsim.run_files.instances import GROUND, instance_map_name
@@ -29,7 +29,7 @@ from polarsim.scoring.appearance import ReducedPhoto, compare_reduced, reduce_ph
 from polarsim.scoring.feature_agreement import compare_features, find_features
 
 COMPARED_PHOTOS = 32  # maximum number per terrain, with at most a single photo per exposure bracket
-NO_TERRAIN = -1  # terrain of the control without a twin of the same view and Sun
+NO_TERRAIN = -1  # terrain of the control without a twin of the same view and Sun; empty for named terrains
 _CONTROLLED = ("psnr_db", "ssim", "correlation")  # metrics after the tone curve
 
 
@@ -80,7 +80,7 @@ def compare_twins(
                 | asdict(compare_features(features, of_twin))
                 | _control(reduced, key, others.get(model, {}), photo.shape)
             )
-    table = pd.DataFrame(rows, columns=list(APPEARANCE_PAIRS.columns)).astype(APPEARANCE_PAIRS.dtypes)
+    table = typed(rows, APPEARANCE_PAIRS)
     better = (table["psnr_db"] > table["control_psnr_db"]).astype("float64")
     return table.assign(better_than_control=better.where(table["control_psnr_db"].notna()))
 
@@ -151,6 +151,6 @@ def _control(
     """Return the columns of the comparison with the twin of another terrain; empty without such a twin."""
     other = twin_of_same_view(key, others)
     if other is None:
-        return {"control_terrain": NO_TERRAIN}
+        return {"control_terrain": NO_TERRAIN if isinstance(key.terrain, int) else ""}
     control = asdict(compare_reduced(photo, reduce_picture(read_in_size(others[other], shape))))
     return {"control_terrain": other.terrain} | {f"control_{name}": control[name] for name in _CONTROLLED}

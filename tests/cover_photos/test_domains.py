@@ -28,7 +28,7 @@ OPTIONS = ComparisonOptions(resampled="photo", resamples=100)
 def predicted(keys, shift):
     box = np.array(BOX, float) + np.array([shift, 0, shift, 0])
     rows = [(key, "rock", 0.9, *box) for key in keys]
-    return pd.DataFrame(rows, columns=list(PREDICTIONS.columns)).astype(PREDICTIONS.dtypes)
+    return tables.typed(rows, PREDICTIONS)
 
 
 def write_inputs(folder):

@@ -29,7 +29,7 @@ def finds(key, width, boxes, kind="rock", confidence=0.9):
 
 
 def write_found(path, rows):
-    tables.write_parquet(path, pd.DataFrame(rows, columns=list(COVER_FOUND.columns)).astype(COVER_FOUND.dtypes))
+    tables.write_parquet(path, tables.typed(rows, COVER_FOUND))
     return path
 
 

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import png
-from polarsim.formats.tables import key_columns, read_csv, write_parquet
+from polarsim.formats.tables import key_columns, read_csv, typed, write_parquet
 from polarsim.photo import BLACK_LEVEL, HEIGHT, WIDTH, PhotoKey
 from polarsim.report.appearance_table import (
     BETTER,
@@ -44,7 +44,7 @@ def pairs_of(gain: float, **relation_of_azimuth: str) -> pd.DataFrame:
         }
         for number, key in enumerate(KEYS)
     ]  # fmt: skip
-    return pd.DataFrame(rows, columns=list(APPEARANCE_PAIRS.columns)).astype(APPEARANCE_PAIRS.dtypes)
+    return typed(rows, APPEARANCE_PAIRS)
 
 
 def test_metrics_are_medians_with_intervals_over_views():

@@ -1,11 +1,10 @@
 import numpy as np
-import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
 from polarsim.cli import app
 from polarsim.errors import PolarsimError
-from polarsim.formats.tables import key_columns, read_csv, write_csv, write_parquet
+from polarsim.formats.tables import key_columns, read_csv, typed, write_csv, write_parquet
 from polarsim.photo import PhotoKey
 from polarsim.report.evaluation_table import compare_runs
 from polarsim.report.label_comparison import compare_labels
@@ -101,7 +100,7 @@ def pairs(folder, run, hits, task="light on", skipped=()):
             found = {"hit": azimuth in hits, "label_px": 20.0 if azimuth in hits else np.nan}
             row = {**key_columns(key), "task": task, "kind": "rock", "annotated": False, "truth_px": 20.0, **found}
             rows.append(row | {"rock": 1, "source": "fused", "against": "truth"})
-    table = pd.DataFrame(rows).reindex(columns=list(LABEL_PAIRS.columns)).astype(LABEL_PAIRS.dtypes)
+    table = typed(rows, LABEL_PAIRS)
     write_parquet(folder / run / "evaluation/label_pairs_Terrain03.parquet", table)
     measured(folder, run, 3, 1.0)
 

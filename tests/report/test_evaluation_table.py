@@ -63,3 +63,14 @@ def test_counts_have_no_decimals_and_shares_have():
     shown = [shown_value(value, "1") for value in (1.0, 0.5, 2190130.0, float("nan"))]
     assert shown == ["1.000", "0.500", "2190130", "–"]
     assert (shown_value(2.0, "mm"), shown_value(12.0, "rocks")) == ("2.00", "12")
+
+
+def test_named_terrains_have_a_column_with_their_name(tmp_path):
+    for terrain, error in (("yard-b", 1.5), ("yard-a", 0.25)):
+        metric = Metric("1", "position_error_aligned", error, "mm", 1, "truth")
+        write_metrics(tmp_path / f"cameras_{terrain}.csv", "cameras", terrain, [metric])
+    write_metrics(tmp_path / "rocks_yard-a.csv", "rocks", "yard-a", [])
+    gather_evaluation(parts=sorted(tmp_path.glob("*.csv")), stem=tmp_path / "evaluation", origin=ORIGIN)
+    assert read_parquet(tmp_path / "evaluation.parquet")["terrain"].tolist() == ["yard-a", "yard-b"]
+    shown = format_evaluation(read_csv(tmp_path / "evaluation.csv"))
+    assert shown[["subject", "yard-a", "yard-b"]].values.tolist() == [["1", "0.25", "1.50"]]

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import obj, png, release, yolo
-from polarsim.formats.tables import label_table, write_csv, write_parquet
+from polarsim.formats.tables import label_table, typed, write_csv, write_parquet
 from polarsim.geometry.boxes import box_around_points
 from polarsim.geometry.casters import make_caster
 from polarsim.photo import BOX_CLASSES, PhotoKey
@@ -180,9 +180,9 @@ def label_pairs(*rows):
         table.loc[row, ["kind", "task", "hit", "against"]] = [kind, task, None not in (box, true), "truth"]
         table.loc[row, list(EDGES)] = box or [np.nan] * 4
         table.loc[row, list(TRUE_EDGES)] = true or [np.nan] * 4
-    defaults = {"bool": False, "float64": np.nan, "int64": 0, "str": ""}
+    defaults = {"bool": False, "float64": np.nan, "int64": 0, "terrain": 0, "str": ""}
     filled = {name: table[name].fillna(defaults[kind]) for name, kind in LABEL_PAIRS.dtypes.items()}
-    return pd.DataFrame(filled).astype(LABEL_PAIRS.dtypes)
+    return typed(filled, LABEL_PAIRS)
 
 
 def test_edge_errors_are_differences_to_the_true_box_by_kind_and_task():

@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.formats.tables import key_columns, read_csv, write_csv, write_parquet
+from polarsim.formats.tables import key_columns, read_csv, typed, write_csv, write_parquet
 from polarsim.photo import PhotoKey
 from polarsim.report.render_table import brightness_rows, tabulate_render
 from polarsim.schemas.evaluation import APPEARANCE_PAIRS
@@ -27,8 +27,8 @@ def pairs():
         for key in keys
     ]
     table = pd.DataFrame(rows, columns=list(APPEARANCE_PAIRS.dtypes))
-    counts = [name for name, dtype in APPEARANCE_PAIRS.dtypes.items() if dtype == "int64"]
-    return table.fillna(dict.fromkeys(counts, 0)).astype(APPEARANCE_PAIRS.dtypes)
+    counts = [name for name, dtype in APPEARANCE_PAIRS.dtypes.items() if dtype in ("int64", "terrain")]
+    return typed(table.fillna(dict.fromkeys(counts, 0)), APPEARANCE_PAIRS)
 
 
 def test_medians_are_grouped_by_position_azimuth_and_terrain(pairs):

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.formats.tables import key_columns
+from polarsim.formats.tables import key_columns, typed
 from polarsim.photo import PhotoKey
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.reliability import (
@@ -29,7 +29,7 @@ def pair_rows(*labels):
         | {"confidence": confidence, "x0": x0, "y0": 0.0, "x1": x0 + 10.0, "y1": 10.0, "against": "truth"}
         for key, x0, confidence, hit in labels
     ]
-    return pd.DataFrame(rows, columns=list(LABEL_PAIRS.dtypes)).astype(LABEL_PAIRS.dtypes)
+    return typed(rows, LABEL_PAIRS)
 
 
 @pytest.mark.parametrize(
