@@ -95,7 +95,7 @@ def _features(path: Path) -> Features:
     import cv2
 
     try:
-        grey = to_8bit(png.read_photo(path))[..., 0]
+        grey = to_8bit(png.read_photo(path, None))[..., 0]
     except PolarsimError as error:
         log.warning("%s: not used to check the calibration", error)
         return Features(np.empty((0, 2)), np.empty((0, 128), np.float32))

@@ -45,7 +45,7 @@ def localise_by_features(
     rig = next(iter(localised.values())).rig
     lens = rig.left.scaled(FEATURE_SCALE)
     shown: dict[str, ViewPhotos] = {
-        view[0]: {azimuth: read_resized(path, lens) for azimuth, path in by_azimuth.items()}
+        view[0]: {azimuth: read_resized(path, rig.left, FEATURE_SCALE) for azimuth, path in by_azimuth.items()}
         for view, by_azimuth in pictures.items()
         if view[1] == "L"
     }

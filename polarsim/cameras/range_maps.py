@@ -27,6 +27,7 @@ from polarsim.errors import ReconstructionError, RegistrationError
 from polarsim.formats import nasa, png
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.features import match_features, sift_features
+from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig, epipolar_distances, rectified_left, triangulated_depth
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, Terrain, terrain_text
@@ -65,7 +66,7 @@ def measure_ranges(
     """
     rig = read_rig(calibration)
     pictures = best_pictures(terrain, photos)
-    pairs = _read_pairs(terrain, pictures)
+    pairs = _read_pairs(terrain, pictures, rig)
     if not pairs:
         raise ReconstructionError("no position has a left and a right photo under the same Sun lamp", path=photos)
     features = {position: _matched_features(pictures, position, rig) for position in pairs}
@@ -99,7 +100,7 @@ def measure_ranges(
     write_inventory(measured, replace(read_inventory(inventory), range_maps=paths, clouds={}))
 
 
-def _read_pairs(terrain: Terrain, pictures: BestPhotos) -> dict[str, StereoPhotos]:
+def _read_pairs(terrain: Terrain, pictures: BestPhotos, rig: StereoRig) -> dict[str, StereoPhotos]:
     """Return the photos of each position under the lamps of which left and right photos exist."""
     pairs = {}
     for position in sorted({view[0] for view in pictures}):
@@ -108,13 +109,16 @@ def _read_pairs(terrain: Terrain, pictures: BestPhotos) -> dict[str, StereoPhoto
         if not azimuths:
             log.warning("terrain %02d, position %s: no left and right photo of a Sun lamp", terrain, position)
             continue
-        pairs[position] = StereoPhotos(*([_light(side[azimuth]) for azimuth in azimuths] for side in (left, right)))
+        pairs[position] = StereoPhotos(
+            [_light(left[azimuth], rig.left) for azimuth in azimuths],
+            [_light(right[azimuth], rig.right) for azimuth in azimuths],
+        )
     return pairs
 
 
-def _light(path: Path) -> np.ndarray:
+def _light(path: Path, lens: Lens) -> np.ndarray:
     """Read a photo as light above black (h, w) float32, NaN where it may be clipped."""
-    grey = png.read_photo(path).astype(np.float32)
+    grey = png.read_photo(path, (lens.width, lens.height)).astype(np.float32)
     return np.where(grey < _CLIPPED, np.maximum(grey - BLACK_LEVEL, 0), np.nan).astype(np.float32)
 
 
@@ -126,7 +130,8 @@ def _matched_features(pictures: BestPhotos, position: str, rig: StereoRig) -> St
     for azimuth in sorted(set(pictures[position, "L"]) & set(pictures[position, "R"])):
         found = []
         for camera in "LR":
-            grey = to_8bit(png.read_photo(pictures[position, camera][azimuth]))[..., 0]
+            lens = rig.lens(camera)
+            grey = to_8bit(png.read_photo(pictures[position, camera][azimuth], (lens.width, lens.height)))[..., 0]
             small = cv2.resize(grey, None, fx=_FEATURE_SCALE, fy=_FEATURE_SCALE, interpolation=cv2.INTER_AREA)
             found.append(sift_features(small, _MAX_FEATURES))
         first, second = match_features(*found)

@@ -20,7 +20,7 @@ import numpy as np
 from polarsim.errors import FormatError
 from polarsim.formats.files import write_bytes
 from polarsim.formats.readers import reader
-from polarsim.photo import HEIGHT, WHITE_LEVEL, WIDTH
+from polarsim.photo import WHITE_LEVEL
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # number of channels by PNG colour type
@@ -145,14 +145,17 @@ def _pillow_size(content: bytes) -> tuple[int, int, int]:
 
 
 @reader("photo")
-def read_photo(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> np.ndarray:
-    """Read a raw photo (h, w), uint16 with 12-bit values."""
+def read_photo(path: str | Path, size: tuple[int, int] | None) -> np.ndarray:
+    """Read a photo (h, w) in polarsim's format: uint16 with 12-bit values.
+
+    `size`: expected width and height, px; None: any size.
+    """
     pixels = read_png(path)
     if pixels.dtype != np.uint16 or pixels.ndim != 2:
         raise FormatError(
             f"{pixels.dtype} with shape {pixels.shape}, expected a photo with a single channel of 16 bits", path=path
         )
-    if (pixels.shape[1], pixels.shape[0]) != size:
+    if size is not None and (pixels.shape[1], pixels.shape[0]) != size:
         raise FormatError(f"{pixels.shape[1]} x {pixels.shape[0]} pixels, expected {size[0]} x {size[1]}", path=path)
     if pixels.max(initial=0) > WHITE_LEVEL:
         raise FormatError(f"value {pixels.max()}, expected 12 bits (0 to {WHITE_LEVEL})", path=path)

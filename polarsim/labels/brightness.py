@@ -72,7 +72,7 @@ class PhotoBrightness:
 
     def _brightness(self, bracket: Bracket) -> Brightness | None:
         """Return the rates and exposures of a bracket; None without a readable photo."""
-        rate, exposures = read_rate(self._brackets.get(bracket, ()), "skipped in the propagation of labels")
+        rate, exposures = read_rate(self._brackets.get(bracket, ()), None, "skipped in the propagation of labels")
         return None if rate is None else Brightness(rate, exposures)
 
 

@@ -73,6 +73,7 @@ def _picture(paths: Sequence[Path], exposures_ms: Sequence[int]) -> tuple[np.nda
     if first.dtype == np.uint8:
         grey = first if first.ndim == 2 else first[..., 0]
         return np.where(grey > BRIGHTEST_GREY, np.nan, grey.astype(np.float32)), False
-    merged = merge_exposures((png.read_photo(path), time) for path, time in zip(paths, exposures_ms, strict=True))
+    size = first.shape[1], first.shape[0]
+    merged = merge_exposures((png.read_photo(path, size), time) for path, time in zip(paths, exposures_ms, strict=True))
     assert merged is not None
     return np.where(np.isfinite(merged.variance), merged.rate, np.nan).astype(np.float32), True

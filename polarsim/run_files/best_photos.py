@@ -38,7 +38,7 @@ def best_pictures(terrain: Terrain, photos: Path) -> BestPhotos:
         if key.terrain != terrain or key.light == "on" or key.azimuth not in SUNS:
             continue
         try:
-            sparse = png.read_photo(path)[::_SPARSE, ::_SPARSE]
+            sparse = png.read_photo(path, None)[::_SPARSE, ::_SPARSE]
         except PolarsimError as error:
             log.warning("%s: not used for the cameras", error)
             continue
@@ -56,16 +56,17 @@ def read_all_resized(
     pictures: BestPhotos, localised: Mapping[str, LocalisedRig], scale: float
 ) -> dict[PositionCamera, ViewPhotos]:
     """Read the photos of every view by the azimuth of the Sun lamp, resized by a factor."""
-    lenses = {(position, camera): localised[position].rig.lens(camera).scaled(scale) for position, camera in pictures}
+    lenses = {(position, camera): localised[position].rig.lens(camera) for position, camera in pictures}
     return {
-        view: {azimuth: read_resized(path, lenses[view]) for azimuth, path in by_azimuth.items()}
+        view: {azimuth: read_resized(path, lenses[view], scale) for azimuth, path in by_azimuth.items()}
         for view, by_azimuth in pictures.items()
     }
 
 
-def read_resized(path: Path, lens: Lens) -> np.ndarray:
-    """Read the grey values (h, w) float32 of a photo, resized to the image size of a lens."""
+def read_resized(path: Path, lens: Lens, scale: float) -> np.ndarray:
+    """Read the grey values (h, w) float32 of a photo of a lens, resized by a factor."""
     import cv2
 
-    shrunk = cv2.resize(png.read_photo(path), (lens.width, lens.height), interpolation=cv2.INTER_AREA)
+    photo, small = png.read_photo(path, (lens.width, lens.height)), lens.scaled(scale)
+    shrunk = cv2.resize(photo, (small.width, small.height), interpolation=cv2.INTER_AREA)
     return np.asarray(shrunk, np.float32)

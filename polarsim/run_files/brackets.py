@@ -16,23 +16,26 @@ log = logging.getLogger("polarsim")
 CLIPPED_DN = WHITE_LEVEL - BLACK_LEVEL - 100.0  # signal above which a pixel may be clipped
 
 
-def read_rate(photos: Iterable[tuple[int, Path]], skipped: str) -> tuple[np.ndarray | None, tuple[int, ...]]:
+def read_rate(
+    photos: Iterable[tuple[int, Path]], size: tuple[int, int] | None, skipped: str
+) -> tuple[np.ndarray | None, tuple[int, ...]]:
     """Return grey values above black per millisecond (h, w) float32, and the exposures of the readable photos, ms.
 
     Each pixel is taken from the longest exposure in which it is not clipped. Pixels that are clipped in the shortest
     exposure have a lower bound.
 
-    `photos`: exposure time, ms, and file of each photo, shortest first. `skipped`: use of the photos, for the warning
-    about an unreadable photo.
+    `photos`: exposure time, ms, and file of each photo, shortest first. `size`: width and height, px; None: those of
+    the first photo. `skipped`: use of the photos, for the warning about an unreadable photo.
     """
     rate: np.ndarray | None = None
     exposures = []
     for exposure, path in photos:
         try:
-            signal = png.read_photo(path).astype(np.float32) - BLACK_LEVEL
+            signal = png.read_photo(path, size).astype(np.float32) - BLACK_LEVEL
         except PolarsimError as error:
             log.warning("%s: photo %s", error, skipped)
             continue
+        size = (signal.shape[1], signal.shape[0])
         rate = signal / exposure if rate is None else np.where(signal < CLIPPED_DN, signal / exposure, rate)
         exposures.append(exposure)
     return rate, tuple(exposures)

@@ -209,7 +209,9 @@ def measure_edges(
         if photos.is_dir():
             rate = _published(pictures[keys[0]], masks.get(keys[0]), localised[position].camera(camera))
         else:
-            rate, _ = read_rate([(key.exposure_ms, pictures[key]) for key in keys], "not used for the walls")
+            lens = localised[position].rig.lens(camera)
+            paths = [(key.exposure_ms, pictures[key]) for key in keys]
+            rate, _ = read_rate(paths, (lens.width, lens.height), "not used for the walls")
         if rate is not None:
             parts[azimuth].append(profiles[azimuth].measure(rate, localised[position].camera(camera)))
     return {azimuth: EdgeSamples.joined(of_sun) for azimuth, of_sun in parts.items()}

@@ -43,7 +43,10 @@ def photos_of_both(localised: Mapping[str, LocalisedRig], surface: Caster, pictu
             visible = cast_stereo(surface, rig.sandbox_from_left, small)
             ties = [
                 match_stereo_windows(
-                    visible, read_resized(left[azimuth], small.left), read_resized(right[azimuth], small.right), WINDOW
+                    visible,
+                    read_resized(left[azimuth], rig.rig.left, SCALE),
+                    read_resized(right[azimuth], rig.rig.right, SCALE),
+                    WINDOW,
                 )
                 for azimuth in azimuths
             ]

@@ -147,7 +147,7 @@ def published(photographed, tmp_path_factory):
     edge = lamp[0] - (lamp[0] - 2.05) * lamp[2] / (lamp[2] - 0.28)
     line = np.column_stack([np.full(2000, edge), along, np.zeros(2000)])
     for path in sorted(photographed.parent.glob("*.png")):
-        grey = 200 * np.sqrt((png.read_photo(path).astype(float) - BLACK_LEVEL).clip(0) / 2040)
+        grey = 200 * np.sqrt((png.read_photo(path, (1936, 1216)).astype(float) - BLACK_LEVEL).clip(0) / 2040)
         column, row = np.floor(RIG.camera(path.stem[12]).project(line)).astype(int).T
         drawn = np.zeros(grey.shape, np.uint8)
         for shift in range(-4, 5):

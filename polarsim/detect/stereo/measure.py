@@ -91,7 +91,7 @@ def _pairs(paths: Mapping[PhotoKey, Path]) -> list[tuple[PhotoKey, PhotoKey]]:
 def _picture(path: Path, rig: Rectification) -> np.ndarray:
     """Read a photo, reduce it, and convert it to 8 bits by the tone curve of detectors."""
     with with_path(path):
-        pixels = png.read_photo(path)
+        pixels = png.read_photo(path, None)
     return tone.to_8_bits(tone.shrink(pixels, max(rig.lens.width, rig.lens.height)))
 
 
