@@ -33,7 +33,7 @@ from polarsim.detect.options import PredictionOptions, TrainingOptions
 from polarsim.detect.predict import predict
 from polarsim.detect.train import train_detector
 from polarsim.formats import png, tables, yolo
-from polarsim.photo import HEIGHT, WIDTH, photo_grid
+from polarsim.site import polar
 
 PAPER_TRAINED, PAPER_EPOCHS, PAPER_DETECTORS = 3460, 200, 3
 PAPER_PREDICTED, PAPER_PAIRS = 5190, 9
@@ -43,14 +43,15 @@ SHORT, LONG = 1, 4  # epochs
 def make_dataset(root: Path, imgsz: int, train: int, test: int) -> Path:
     """Write a data set in the format of `polarsim.detect.dataset`."""
     random = np.random.default_rng(0)
-    height = round(imgsz * HEIGHT / WIDTH)
+    width_px, height_px = polar().images.size
+    height = round(imgsz * height_px / width_px)
     parts = ["train"] * train + ["val"] * 2 + ["test"] * test
-    keys = [str(key) for terrain in range(1, 13) for key in sorted(photo_grid(terrain))][: len(parts)]
+    keys = [str(key) for terrain in range(1, 13) for key in sorted(polar().photos_of(terrain))][: len(parts)]
     for key, part in zip(keys, parts, strict=True):
         pixels = random.normal(90, 12, (height, imgsz))
-        low = random.uniform(0, (WIDTH - 130, HEIGHT - 100), (20, 2))
+        low = random.uniform(0, (width_px - 130, height_px - 100), (20, 2))
         boxes = np.concatenate([low, low + random.uniform(30, (120, 90), (20, 2))], axis=1)
-        for x0, y0, x1, y1 in np.rint(boxes * imgsz / WIDTH).astype(int):
+        for x0, y0, x1, y1 in np.rint(boxes * imgsz / width_px).astype(int):
             pixels[y0:y1, x0:x1] = 200
         png.write_png(root / "images" / part / f"{key}.png", np.clip(pixels, 0, 255).astype(np.uint8))
         yolo.write_boxes(root / "labels" / part / f"{key}.txt", np.zeros(20, int), boxes)
@@ -137,6 +138,7 @@ def _predict(root: Path, dataset: Path, options: PredictionOptions, threads: int
         weights=root / "detector.pt",
         dataset=dataset,
         predictions=root / "predictions.parquet",
+        size=polar().images.size,
         options=options,
         threads=threads,
     )

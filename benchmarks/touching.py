@@ -37,8 +37,7 @@ from polarsim.analog.generate import generate_terrain
 from polarsim.analog.options import AnalogOptions
 from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.options import LocalisationOptions
-from polarsim.formats import nasa_layout, obj
-from polarsim.formats.calibrations import read_calibration
+from polarsim.formats import nasa, nasa_layout, obj
 from polarsim.geometry.poses import Pose
 from polarsim.rocks import splitting
 from polarsim.rocks.creases import COEFFICIENTS, TERMS, Joining, chance_of_two, cut_along_creases
@@ -49,7 +48,6 @@ from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.regions import Limits, find_regions, standing
 from polarsim.run_files.inventory import Inventory, read_inventory, write_inventory
 from polarsim.run_files.rigs import read_all_localised, read_localised, write_rig
-from polarsim.site import polar
 
 OPTIONS = RocksOptions()
 LIMITS = Limits(FOOT_HEIGHT, OPTIONS.min_height_mm / 1000, CONFIRMED_HEIGHT, OPTIONS.min_size_mm / 1000)
@@ -80,7 +78,7 @@ def make(folder: Path, name: str) -> None:
         write_inventory(folder / "inventory.json", Inventory(number, "polar", range_maps=files))
         write_rig(
             folder / "calibration.json",
-            read_calibration(nasa_layout.find_terrain_folder(folder, number) / nasa_layout.CALIBRATION_NAME, polar()),
+            nasa.read_calibration(nasa_layout.find_terrain_folder(folder, number) / nasa_layout.CALIBRATION_NAME),
             "file",
         )
     else:

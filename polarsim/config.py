@@ -331,7 +331,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
         )
 
     @property
-    def cover_folds(self) -> tuple[tuple[int, ...], ...]:
+    def cover_folds(self) -> tuple[tuple[Terrain, ...], ...]:
         """Test terrains of each fold of cover photos; default: one fold per terrain."""
         return self.covers.folds or tuple((terrain,) for terrain in self.terrains)
 

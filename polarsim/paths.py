@@ -553,7 +553,7 @@ class CoverPaths:
         }
         self.carved_rocks = min(300, covers.carved_scenes)  # a scene shows several
         # Further detectors: of carved rocks, the start of all other trainings, and of all terrains, for publication.
-        self.not_tested = {"carved": [CARVED], "all": self.strewn}
+        self.not_tested: dict[str, list[Terrain]] = {"carved": [CARVED], "all": self.strewn}
         self.trainings = [RENDERED, *([FINE_TUNED] if covers.fine_tuning.windows else [])]  # the last is the best
         self.first_seed = run.seeds[0]
         self.best = f"{{fold}}/seed{self.first_seed}/{self.trainings[-1]}"
@@ -638,11 +638,11 @@ class CoverPaths:
         """Return the number of scenes with a terrain's rocks."""
         return self.covers.carved_scenes if parse_terrain(wildcards.terrain) == CARVED else self.covers.scenes.number
 
-    def tested_in(self, wildcards: Wildcards) -> Sequence[int]:
+    def tested_in(self, wildcards: Wildcards) -> Sequence[Terrain]:
         """Return the terrains that a fold's detector is tested on."""
         return self.folds.get(wildcards.fold, ())
 
-    def trained_in(self, wildcards: Wildcards) -> list[int]:
+    def trained_in(self, wildcards: Wildcards) -> list[Terrain]:
         """Return the training terrains of a fold: all except the test terrains."""
         if wildcards.fold in self.not_tested:
             return self.not_tested[wildcards.fold]

@@ -111,6 +111,10 @@ class PhotoKey:
         """Whether a lamp stands in for the Sun."""
         return self.azimuth != NO_SUN
 
+    def stops_off(self, exposure_ms: float) -> float:
+        """Absolute difference to an exposure time, ms, in stops (factors of two)."""
+        return abs(log2(self.exposure_ms / exposure_ms))
+
     @property
     def stops_off_usual(self) -> float:
         """Absolute difference to the usual exposure, in stops (factors of two)."""

@@ -17,14 +17,12 @@ from polarsim.analog.terrain import AnalogTerrain, build_terrain
 from polarsim.analog.truth import AlbedoMap, write_truth
 from polarsim.errors import ConfigError
 from polarsim.formats import nasa, nasa_layout, obj, tables
-from polarsim.formats.calibrations import read_calibration
 from polarsim.formats.files import write_json, writing_folder
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, camera_pose, yaw_pitch_roll
 from polarsim.geometry.stereo import RectifiedGrid, StereoRig, rectified_left
 from polarsim.photo import PhotoKey, Terrain, positions, terrain_text
 from polarsim.randomness import generator
-from polarsim.site import polar
 from polarsim.survey import terrain_folder
 
 _SCANNER_OFFSET = 0.06  # metres, standard deviation: offset of the scanner from the left camera
@@ -57,7 +55,7 @@ def generate_terrain(
     with ExitStack() as stack:
         raw, ranges, seeds, truth = (stack.enter_context(writing_folder(root / place)) for place in places)
         nasa.write_calibration(raw / nasa_layout.CALIBRATION_NAME, made.stations.calibration)
-        calibration = read_calibration(raw / nasa_layout.CALIBRATION_NAME, polar())  # with the rounding of the file
+        calibration = nasa.read_calibration(raw / nasa_layout.CALIBRATION_NAME)  # with the rounding of the file
         _write_scans(made, calibration, raw, ranges, options, threads)
         write_truth(made, truth, options)
         albedo = AlbedoMap()

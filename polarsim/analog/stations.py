@@ -8,14 +8,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from polarsim.analog.options import AnalogOptions
-from polarsim.formats.calibrations import stated_rig
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, camera_pose
-from polarsim.geometry.stereo import StereoRig
+from polarsim.geometry.stereo import StereoRig, default_rig
 from polarsim.photo import SUNS, Terrain, positions
 from polarsim.randomness import generator
-from polarsim.site import polar
 from polarsim.survey import NOMINAL_YAW_DEG, ROVER_LIGHT_FROM_LEFT, SUN_LAMPS
 
 ROVER = "rover"  # name of the light between the cameras; Sun lamps are named by their azimuth
@@ -65,7 +63,7 @@ def make_stations(terrain: Terrain, options: AnalogOptions) -> Stations:
 
 def _true_rig(rng: np.random.Generator) -> StereoRig:
     """Return a random rig similar to NASA's rig."""
-    stated = stated_rig(polar())
+    stated = default_rig()
 
     def lens(nominal: Lens) -> Lens:
         k1, k2, p1, p2, k3 = nominal.distortion
@@ -88,7 +86,7 @@ def _calibrated(rig: StereoRig, rng: np.random.Generator) -> StereoRig:
         cx, cy = rng.normal(0, _PRINCIPAL_ERROR_PX, 2)
         terms = [true.distortion[0] + rng.normal(0, _K1_ERROR), *true.distortion[1:]]
         matrix = replace(true, fx=true.fx + focal, fy=true.fy + focal, cx=true.cx + cx, cy=true.cy + cy).opencv_matrix()
-        return Lens.from_opencv(_six_digits(matrix), _six_digits(np.array(terms)), (true.width, true.height))
+        return Lens.from_opencv(_six_digits(matrix), _six_digits(np.array(terms)))
 
     right_from_left = rig.left_from_right.inverse()
     moved = right_from_left.translation + rng.normal(0, _BASELINE_ERROR_MM / 1000, 3)

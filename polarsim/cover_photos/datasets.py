@@ -11,7 +11,7 @@ from polarsim.detect.dataset import Entry, image_entry, write_yolo_dataset
 from polarsim.detect.split import PARTS, TEST, TRAIN, VAL
 from polarsim.errors import DetectError, LabelError, with_path
 from polarsim.formats.files import writing_folder
-from polarsim.photo import PhotoKey, Terrain, terrain_text
+from polarsim.photo import PhotoKey, Terrain, parse_terrain, terrain_text
 from polarsim.randomness import generator
 from polarsim.scenes.options import SCENE_NAME
 
@@ -19,7 +19,7 @@ DOMAIN = "covers"  # domain of the data sets
 
 
 def make_cover_dataset(
-    *, scenes: Mapping[int, Path], covers: Path | None, test: Sequence[int], dataset: Path, seed: int
+    *, scenes: Mapping[Terrain, Path], covers: Path | None, test: Sequence[Terrain], dataset: Path, seed: int
 ) -> None:
     """Write a data set of scenes for training and validation, and cover photos for the test.
 
@@ -27,11 +27,11 @@ def make_cover_dataset(
 
     Parameters
     ----------
-    scenes : mapping of int to Path
+    scenes : mapping of Terrain to Path
         Folders written by `render_scenes`, by the terrain of the rocks.
     covers : Path, optional
         Folder of cover photos written by `read_covers`. The data set does not include their labels.
-    test : sequence of int
+    test : sequence of Terrain
         Test terrains. If empty, the data set has no test part.
     """
     entries = _all_scenes(scenes, test, seed)
@@ -43,7 +43,7 @@ def make_cover_dataset(
 
 
 def make_fine_tuning_dataset(
-    *, scenes: Mapping[int, Path], windows: Path, test: Sequence[int], dataset: Path, seed: int
+    *, scenes: Mapping[Terrain, Path], windows: Path, test: Sequence[Terrain], dataset: Path, seed: int
 ) -> None:
     """Write a data set of windows of cover photos (`cut_windows`) without test terrains, and of images of scenes."""
     pictures = _all_scenes(scenes, test, seed)
@@ -55,7 +55,7 @@ def make_fine_tuning_dataset(
 
 
 def make_twin_dataset(
-    *, domain: str, pictures: Path, windows: Path, test: Sequence[int], dataset: Path, seed: int
+    *, domain: str, pictures: Path, windows: Path, test: Sequence[Terrain], dataset: Path, seed: int
 ) -> None:
     """Write a data set of a domain of `pair_covers_with_twins`, with entire images without labels for the test.
 
@@ -74,23 +74,27 @@ def make_twin_dataset(
         write_yolo_dataset(domain, dataset, entries, folder, {"test": sorted(test)})
 
 
-def _windows_without(windows: Path, test: Sequence[int]) -> list[str]:
+def _windows_without(windows: Path, test: Sequence[Terrain]) -> list[str]:
     """Return the sorted names of the windows without windows of test terrains."""
     return [path.stem for path in sorted((windows / "images").glob("*.png")) if terrain_of_window(path) not in test]
 
 
 def _write(
-    scenes: Mapping[int, Path], test: Sequence[int], dataset: Path, entries: Sequence[Entry], needed: Sequence[str]
+    scenes: Mapping[Terrain, Path],
+    test: Sequence[Terrain],
+    dataset: Path,
+    entries: Sequence[Entry],
+    needed: Sequence[str],
 ) -> None:
     with writing_folder(dataset) as folder:
         facts = {"test": sorted(test), "train": sorted(scenes)}
         write_yolo_dataset(DOMAIN, dataset, entries, folder, facts, needed=needed)
 
 
-def _all_scenes(scenes: Mapping[int, Path], test: Sequence[int], seed: int) -> list[Entry]:
+def _all_scenes(scenes: Mapping[Terrain, Path], test: Sequence[Terrain], seed: int) -> list[Entry]:
     """Return the images of all scenes, none of which may have rocks of a test terrain."""
     if shared := sorted(set(test) & set(scenes)):
-        raise DetectError(f"terrain {shared[0]:02d} is in both training and test, remove it from one of them")
+        raise DetectError(f"terrain {terrain_text(shared[0])} is in both training and test, remove it from one of them")
     return [entry for terrain in sorted(scenes) for entry in _scenes(terrain, scenes[terrain], seed)]
 
 
@@ -99,7 +103,7 @@ def _scenes(terrain: Terrain, folder: Path, seed: int) -> list[Entry]:
     images: dict[int, list[str]] = {}
     for path in sorted((folder / "images").glob("*.png")):
         name = SCENE_NAME.fullmatch(path.stem)
-        if not name or int(name[1]) != terrain:
+        if not name or parse_terrain(name[1]) != terrain:
             raise LabelError(f"{path.stem!r} is not an image of rocks of terrain {terrain_text(terrain)}", path=path)
         images.setdefault(int(name[2]), []).append(path.stem)
     if len(images) < 2:

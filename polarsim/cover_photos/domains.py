@@ -31,6 +31,7 @@ def compare_domains(
     photo_domain: str,
     tables_of: Mapping[str, Path],
     photos: Path,
+    size: tuple[int, int],
     options: ComparisonOptions,
     training: TrainingOptions,
     start: str,
@@ -52,15 +53,17 @@ def compare_domains(
         Tables to write, by a name of `detect.evaluate`.
     photos : Path
         Table to write: the IPD of each photo between `photo_domain` and each domain of twins.
+    size : (int, int)
+        Width and height of the photos, px.
     training, imgsz
         Training options of the detectors and longer side of their input, px, for the tables.
     start : str
         Name of the initial weights in the tables.
     """
     keys = sorted(key for dataset in datasets for key in dataset_images(dataset, TEST))
-    truth = {domain: read_evaluation_labels(path) for domain, path in labels.items()}
+    truth = {domain: read_evaluation_labels(path, size) for domain, path in labels.items()}
     evaluations = {
-        sides: DomainEvaluation(keys, truth[sides[1]], table, options)
+        sides: DomainEvaluation(keys, truth[sides[1]], table, options, size)
         for sides, table in pool_folds(predictions).items()
     }
     facts = {"split": TERRAIN, "shares_views": False, **detector_facts(training, imgsz), "start": start}

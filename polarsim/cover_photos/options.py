@@ -5,8 +5,9 @@ from __future__ import annotations
 from pydantic import BaseModel, Field, field_validator
 
 from polarsim.detect.options import InferenceWidth
-from polarsim.photo import TERRAINS, PhotoKey
+from polarsim.photo import PhotoKey, Terrain
 from polarsim.scenes.options import SceneOptions
+from polarsim.site import TerrainName
 
 CARVED = 0  # terrain number of scenes with rocks of the generator of the analog instead of scanned rocks
 VAL_SHARE = 0.08  # validation share of the scenes of each terrain and of the windows of photos
@@ -32,7 +33,7 @@ class CoversOptions(BaseModel, extra="forbid", frozen=True):
     run: bool = Field(
         False, description="Add this stage to the default target. Takes hours on a CPU and requires the release."
     )
-    folds: tuple[tuple[int, ...], ...] = Field(
+    folds: tuple[tuple[TerrainName, ...], ...] = Field(
         (),
         description="Test terrains of each fold, excluded from its training. Empty: one fold per terrain.",
     )
@@ -69,10 +70,8 @@ class CoversOptions(BaseModel, extra="forbid", frozen=True):
 
     @field_validator("folds")
     @classmethod
-    def _terrains_once(cls, folds: tuple[tuple[int, ...], ...]) -> tuple[tuple[int, ...], ...]:
+    def _terrains_once(cls, folds: tuple[tuple[Terrain, ...], ...]) -> tuple[tuple[Terrain, ...], ...]:
         tested = [terrain for fold in folds for terrain in fold]
-        if unknown := sorted(set(tested) - set(TERRAINS)):
-            raise ValueError(f"terrain {unknown[0]}, expected 1 to 13")
         if len(set(tested)) < len(tested) or not all(folds):
             raise ValueError("a fold without terrains, or a terrain in two folds")
         return folds

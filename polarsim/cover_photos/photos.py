@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import log2
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,7 @@ from polarsim.formats import png, release, tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.geometry import boxes
 from polarsim.geometry.images import resize
-from polarsim.photo import BOX_CLASSES, HEIGHT, REFERENCE_EXPOSURE_MS, ROCK, SHADOW, WIDTH, PhotoKey, Terrain
+from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey, Terrain
 from polarsim.scenes.strokes import erase_strokes, find_drawn_boxes, find_strokes
 
 SOURCE = "annotated"  # source of human labels
@@ -45,6 +44,8 @@ def read_covers(
     root: Path,
     terrains: Sequence[Terrain],
     keys: Sequence[str],
+    size: tuple[int, int],
+    usual_exposure_ms: int,
     pictures: Path,
     labels: Path,
     pairing: Path,
@@ -60,6 +61,10 @@ def read_covers(
     ----------
     keys : sequence of str
         Known photo keys, which override the match of shadows.
+    size : (int, int)
+        Width and height of the photos, px.
+    usual_exposure_ms : int
+        Exposure of the label files of brackets, if there is a choice, ms.
     pairing : Path
         CSV to write: a row per cover photo and exposure bracket, with the measures of the match.
     drawn : Path, optional
@@ -74,15 +79,15 @@ def read_covers(
         for position, path in release.cover_photos(root, terrain).items():
             key = named.pop((terrain, position), None)
             try:
-                cover = read_cover(path)
-                paired = pair_cover(cover, _brackets(files, position, key), key)
+                cover = read_cover(path, size)
+                paired = pair_cover(cover, _brackets(files, position, key, usual_exposure_ms), key)
             except PolarsimError as error:
                 log.warning("%s: skipped: %s", path.name, error)
                 continue
             rows += [(path.name, *row) for row in paired.itertuples(index=False)]
             key = PhotoKey.parse(str(paired.loc[paired["shown"], "key"].item()))
             photos[key] = cover
-            annotated += annotation_rows(key, files[key])
+            annotated += annotation_rows(key, files[key], size)
     if named:
         raise DetectError(f"no cover photo for key {next(iter(named.values()))}", path=root)
     if not photos:
@@ -99,21 +104,22 @@ def read_covers(
     tables.write_csv(pairing, table.round({"drawn_iou": 3, "shadow_contrast": 3}))
 
 
-def read_cover(path: Path) -> Cover:
-    """Read a cover photo of any size and bit depth, grey or colour, and resize it to the size of a photo."""
+def read_cover(path: Path, size: tuple[int, int]) -> Cover:
+    """Read a cover photo of any size and bit depth, grey or colour, and resize it to the size of a photo, px."""
     picture = png.read_png(path)
     height, width = picture.shape[:2]
-    if width < _MIN_WIDTH or abs(width * HEIGHT / (height * WIDTH) - 1) > _MAX_ASPECT_ERROR:
+    if width < _MIN_WIDTH or abs(width * size[1] / (height * size[0]) - 1) > _MAX_ASPECT_ERROR:
         raise DetectError(
-            f"{width} x {height} px, expected {WIDTH} x {HEIGHT} or the same aspect ratio, width {_MIN_WIDTH} or more"
+            f"{width} x {height} px, expected {size[0]} x {size[1]} or the same aspect ratio, "
+            f"width {_MIN_WIDTH} or more"
         )
     picture = in_eight_bits(picture)
     if picture.ndim == 2:
         picture = np.repeat(picture[..., None], 3, axis=-1)
     picture = np.ascontiguousarray(picture[..., :3])
     strokes = find_strokes(picture)
-    covered = resize(np.where(strokes, 255, 0).astype(np.uint8), (WIDTH, HEIGHT)) > 0
-    return Cover(resize(erase_strokes(picture), (WIDTH, HEIGHT)), find_drawn_boxes(strokes) * (WIDTH / width), covered)
+    covered = resize(np.where(strokes, 255, 0).astype(np.uint8), size) > 0
+    return Cover(resize(erase_strokes(picture), size), find_drawn_boxes(strokes) * (size[0] / width), covered)
 
 
 def in_eight_bits(picture: np.ndarray) -> np.ndarray:
@@ -128,7 +134,7 @@ def pair_cover(cover: Cover, brackets: Mapping[PhotoKey, Path], known: PhotoKey 
     """
     rows = []
     for key, path in sorted(brackets.items()):
-        classes, corners = yolo.read_boxes(path)
+        classes, corners = yolo.read_boxes(path, cover.photo.shape[::-1])
         rocks, shadows = (corners[classes == BOX_CLASSES.index(kind)] for kind in (ROCK, SHADOW))
         overlap = boxes.iou(cover.drawn, rocks) if len(cover.drawn) and len(rocks) else np.zeros((0, 0))
         total = overlap[boxes.match_by_summed_iou(overlap)] if overlap.size else np.zeros(0)
@@ -170,9 +176,9 @@ def shadow_contrast(photo: np.ndarray, shadows: np.ndarray, rocks: np.ndarray) -
     return float(np.mean(values)) if values else float("nan")
 
 
-def annotation_rows(key: PhotoKey, path: Path) -> list[dict[str, object]]:
-    """Return rows of the label table for the human boxes of a label file."""
-    classes, corners = yolo.read_boxes(path)
+def annotation_rows(key: PhotoKey, path: Path, size: tuple[int, int]) -> list[dict[str, object]]:
+    """Return rows of the label table for the human boxes of a label file of a photo of a size, px."""
+    classes, corners = yolo.read_boxes(path, size)
     return [
         tables.key_columns(key)
         | {"kind": BOX_CLASSES[kind], "rock": -1, "source": SOURCE, "confidence": 1.0}
@@ -181,13 +187,15 @@ def annotation_rows(key: PhotoKey, path: Path) -> list[dict[str, object]]:
     ]
 
 
-def _brackets(files: Mapping[PhotoKey, Path], position: str, known: PhotoKey | None) -> dict[PhotoKey, Path]:
-    """Return a label file of each bracket without rover light, with the exposure closest to `REFERENCE_EXPOSURE_MS`."""
+def _brackets(
+    files: Mapping[PhotoKey, Path], position: str, known: PhotoKey | None, usual_exposure_ms: int
+) -> dict[PhotoKey, Path]:
+    """Return a label file of each bracket without rover light, with the exposure closest to the usual one."""
     if known is not None and known not in files:
         raise DetectError(f"no label file {known}.txt")
-    keys = [key for key in files if key.position == position and key.light == "off" and key.azimuth != "no"]
+    keys = [key for key in files if key.position == position and key.light == "off" and key.has_sun]
     nearest: dict[object, PhotoKey] = {}
-    for key in sorted(keys, key=lambda key: (abs(log2(key.exposure_ms / REFERENCE_EXPOSURE_MS)), key)):
+    for key in sorted(keys, key=lambda key: (key.stops_off(usual_exposure_ms), key)):
         nearest.setdefault(key.bracket, key)
     if known is not None:
         nearest[known.bracket] = known

@@ -14,7 +14,7 @@ from polarsim.detect.pictures import picture_paths
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables
 from polarsim.formats.files import share_file, writing_folder
-from polarsim.photo import FIRST_ID_WITHOUT_MESH, HEIGHT, NO_ROCK, ROCK, WIDTH, PhotoKey, Terrain
+from polarsim.photo import FIRST_ID_WITHOUT_MESH, NO_ROCK, ROCK, PhotoKey, Terrain
 
 _SAME_OBJECT_IOU = 0.5  # minimum IoU of a human box and the run's box of the same object
 log = logging.getLogger("polarsim")
@@ -103,7 +103,7 @@ def photo_keys(photos: Path, terrain: Terrain | None = None) -> list[PhotoKey]:
 def _write_twins(twins: Mapping[PhotoKey, Path], exact: pd.DataFrame, pictures: Path, labels: Path) -> None:
     with writing_folder(pictures) as folder:
         for key, path in twins.items():
-            png.write_png(folder / f"{key}.png", tone.to_8_bits(png.read_photo(path, (WIDTH, HEIGHT))))
+            png.write_png(folder / f"{key}.png", tone.to_8_bits(png.read_photo(path, None)))
     tables.write_parquet(labels, tables.label_table(exact))
 
 

@@ -28,9 +28,19 @@ WidthPredictions = dict[str, dict[int, np.ndarray]]  # photo -> width, px -> box
 
 
 def predict_multiscale(
-    *, weights: Path, dataset: Path, found: Path, widths: Sequence[int], options: PredictionOptions, threads: int
+    *,
+    weights: Path,
+    dataset: Path,
+    found: Path,
+    size: tuple[int, int],
+    widths: Sequence[int],
+    options: PredictionOptions,
+    threads: int,
 ) -> None:
-    """Write the predictions of a detector in the test photos of a data set at several inference widths, px."""
+    """Write the predictions of a detector in the test photos of a data set at several inference widths, px.
+
+    Boxes are in pixels of photos of a size (width, height).
+    """
     detector = detectors.read_detector(weights)
     with with_path(weights):
         loaded = detectors.load_detector(detector, found.parent, options, threads)
@@ -38,9 +48,8 @@ def predict_multiscale(
     for key in dataset_images(dataset, TEST):
         picture = read_picture(dataset / "images" / TEST / f"{key}.png")
         for width in sorted({detector.imgsz, *widths}):
-            boxes = next(
-                predict_images(loaded, [picture], ClassInferenceWidths.same(InferenceWidths((width,))), options.nms_iou)
-            )
+            single = ClassInferenceWidths.same(InferenceWidths((width,)))
+            boxes = next(predict_images(loaded, [picture], single, options.nms_iou, size))
             rows += [(key, width, *row[1:]) for row in detection_rows(key, boxes)]
     table = tables.typed(rows, COVER_FOUND)
     tables.write_parquet(found, table.round({"confidence": 5, **dict.fromkeys(BOX_COLUMNS, 2)}))

@@ -53,6 +53,7 @@ def write_ablation(
     twin: str,
     replaced: Mapping[str, str],
     ablation: Path,
+    size: tuple[int, int],
     options: ComparisonOptions,
     training: TrainingOptions,
     imgsz: int,
@@ -69,16 +70,18 @@ def write_ablation(
         Domains of the photos and of the unmodified twin.
     replaced
         Text description of each component, in the order of the ablation.
+    size
+        Width and height of the photos, px.
     """
     keys = sorted(set.intersection(*(set(dataset_images(dataset, TEST)) for dataset in datasets.values())))
     if not keys:
         raise DetectError("the domains of the ablation have no common test image", path=datasets[photo])
-    truth = {domain: read_evaluation_labels(path) for domain, path in labels.items()}
+    truth = {domain: read_evaluation_labels(path, size) for domain, path in labels.items()}
     facts = {"model": twin, **detector_facts(training, imgsz)}
     parts = []
     for trained in track(sorted({trained for trained, _ in predictions}), "ablation"):
         evaluations = {
-            domain: DomainEvaluation(keys, truth[domain], tables.read_parquet(path, PREDICTION_COLUMNS), options)
+            domain: DomainEvaluation(keys, truth[domain], tables.read_parquet(path, PREDICTION_COLUMNS), options, size)
             for (detector, domain), path in predictions.items()
             if detector == trained
         }

@@ -15,7 +15,7 @@ from polarsim.detect.split import PARTS, PHOTO, TERRAIN, TEST, TRAIN, VAL, draw_
 from polarsim.errors import DetectError
 from polarsim.formats import tables
 from polarsim.formats.files import share_file, write_json, write_text, writing_folder
-from polarsim.photo import BOX_CLASSES, PhotoKey
+from polarsim.photo import BOX_CLASSES, PhotoKey, parse_terrain
 from polarsim.randomness import generator
 from polarsim.schemas.detect import PARTS as PARTS_TABLE
 
@@ -43,6 +43,7 @@ def make_dataset(
     labels: Path,
     split: Path,
     dataset: Path,
+    size: tuple[int, int],
     options: PicturesOptions,
     by: str = PHOTO,
     wanted: Sequence[str] = PARTS,
@@ -55,6 +56,7 @@ def make_dataset(
             pictures=pictures,
             labels=labels,
             keys=list(parts),
+            size=size,
             folder=folder / "pictures",
             options=options,
         )
@@ -160,7 +162,7 @@ def _parts_of_views(
     return {
         str(key): part_of_camera[str(camera)]
         for key, camera, terrains in zip(states["key"], states["camera"], states["terrains"], strict=True)
-        if not test_terrains & set(map(int, terrains.split()))
+        if not test_terrains & set(map(parse_terrain, terrains.split()))
     }
 
 

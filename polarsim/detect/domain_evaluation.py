@@ -30,6 +30,7 @@ class DomainEvaluation:
     labels: pd.DataFrame  # key, kind, rock, x0, y0, x1, y1
     predictions: pd.DataFrame  # key, kind, confidence, x0, y0, x1, y1
     options: ComparisonOptions
+    size: tuple[int, int]  # width and height of the photos, px
 
     @cached_property
     def performance(self) -> pd.DataFrame:
@@ -38,7 +39,9 @@ class DomainEvaluation:
 
     @cached_property
     def false_positives(self) -> pd.DataFrame:
-        return false_positives_of_photos(self.keys, self.labels, self.predictions, self.options.iou_confidence)
+        return false_positives_of_photos(
+            self.keys, self.labels, self.predictions, self.options.iou_confidence, self.size
+        )
 
     @cached_property
     def precision(self) -> dict[str, np.ndarray]:

@@ -54,6 +54,7 @@ def evaluate(
     split: Path,
     by: str = PHOTO,
     tables_of: Mapping[str, Path],
+    size: tuple[int, int],
     options: ComparisonOptions,
     training: TrainingOptions,
     imgsz: int,
@@ -70,11 +71,13 @@ def evaluate(
         Split of the data sets by photo, view, position or terrain.
     tables_of : mapping of str to Path
         Tables to write: detection, breakdown, curves, false_positives, ipd, rocks, instances, differences.
+    size : (int, int)
+        Width and height of the photos, px.
     training, imgsz
         Training options of the detectors and longer side of their input, px, for the tables.
     """
     leaked = bool(shared_units(read_split(split, by), "view"))
-    truth = {domain: read_evaluation_labels(path) for domain, path in labels.items()}
+    truth = {domain: read_evaluation_labels(path, size) for domain, path in labels.items()}
     evaluations: dict[Sides, DomainEvaluation] = {}
     for path in sorted(predictions):
         trained, _, evaluated = path.stem.partition("_on_")
@@ -83,6 +86,7 @@ def evaluate(
             truth[evaluated],
             tables.read_parquet(path, PREDICTION_COLUMNS),
             options,
+            size,
         )
     left_out = {
         (trained, evaluated): count_left_out(datasets[trained], (TRAIN, VAL))
@@ -164,7 +168,11 @@ def _tables_of_domain(evaluation: DomainEvaluation) -> dict[str, pd.DataFrame]:
     photos, options = (evaluation.keys, evaluation.labels, evaluation.predictions), evaluation.options
     matched = match_predictions(*photos, evaluation.performance, options.resampled)
     wrong = false_positives(
-        *photos, confidence=options.iou_confidence, unit=options.resampled, resamples=options.resamples
+        *photos,
+        size=evaluation.size,
+        confidence=options.iou_confidence,
+        unit=options.resampled,
+        resamples=options.resamples,
     )
     return {
         "instances": evaluation.performance,
@@ -174,14 +182,14 @@ def _tables_of_domain(evaluation: DomainEvaluation) -> dict[str, pd.DataFrame]:
     }
 
 
-def read_evaluation_labels(path: Path) -> pd.DataFrame:
+def read_evaluation_labels(path: Path, size: tuple[int, int]) -> pd.DataFrame:
     """Read the labels for the evaluation of detectors."""
-    return clip_labels(tables.read_parquet(path, tables.LABEL_COLUMNS))
+    return clip_labels(tables.read_parquet(path, tables.LABEL_COLUMNS), size)
 
 
-def clip_labels(labels: pd.DataFrame) -> pd.DataFrame:
-    """Clip labels at the border of the photo, as in the data set; drop labels outside the photo."""
-    corners = boxes.clip(labels[list(BOX_COLUMNS)].to_numpy(float))
+def clip_labels(labels: pd.DataFrame, size: tuple[int, int]) -> pd.DataFrame:
+    """Clip labels at the border of photos of a size, px, as in the data set; drop labels outside the photo."""
+    corners = boxes.clip(labels[list(BOX_COLUMNS)].to_numpy(float), *size)
     clipped = labels.assign(**dict(zip(BOX_COLUMNS, corners.T, strict=True)))
     return clipped[boxes.area(corners) > 0]
 

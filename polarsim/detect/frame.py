@@ -9,7 +9,6 @@ import numpy as np
 from polarsim.errors import DetectError
 from polarsim.formats import png
 from polarsim.geometry.images import resize_longer_side
-from polarsim.photo import HEIGHT, WIDTH
 
 STRIDE = 32  # the sides of the network input are multiples of this, px
 PADDING = 114  # grey value of the padding, as in training
@@ -28,13 +27,11 @@ def read_picture(path: Path) -> np.ndarray:
     return pixels
 
 
-def letterbox(
-    picture: np.ndarray, imgsz: int, full: tuple[int, int] = (WIDTH, HEIGHT)
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def letterbox(picture: np.ndarray, imgsz: int, full: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Resize an image (h, w) uint8 to the longer side `imgsz` and pad it to multiples of `STRIDE`.
 
     Return the network input, the position (x, y) of the image in it, px, and the pixels (x, y) of the original image,
-    of size `full`, per pixel of the network input.
+    of size `full` (width, height), per pixel of the network input.
     """
     picture = resize_longer_side(picture, imgsz)
     height, width = picture.shape

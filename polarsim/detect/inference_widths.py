@@ -14,6 +14,7 @@ from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
 from polarsim.photo import BOX_CLASSES
 
+GATES_WIDTH = 1936  # px: gates are box sizes in an image of this width
 _OVERLAP = 1.25  # boxes within this factor of a gate are used from both widths before suppression
 _GATES_PX = (32.0, 48.0, 64.0, 96.0, 128.0)  # candidate gates between two widths
 
@@ -22,8 +23,8 @@ _GATES_PX = (32.0, 48.0, 64.0, 96.0, 128.0)  # candidate gates between two width
 class InferenceWidths:
     """Inference widths, ascending, and the box sizes (gates) at which detection switches between adjacent widths.
 
-    Boxes with a longer side below `gates_px[n]` (px of a photo 1936 px wide) are detected at `widths[n + 1]`, larger
-    boxes at `widths[n]`. There is one gate between each two adjacent widths.
+    Boxes with a longer side below `gates_px[n]` (px of an image `GATES_WIDTH` wide) are detected at `widths[n + 1]`,
+    larger boxes at `widths[n]`. There is one gate between each two adjacent widths.
     """
 
     widths: tuple[int, ...]
@@ -72,7 +73,7 @@ def merge(
 ) -> np.ndarray:
     """Merge the boxes (n, 6) of one image at each width.
 
-    Boxes are x0, y0, x1, y1 in pixels of an image with `factor` times the width of a photo, confidence, class; the
+    Boxes are x0, y0, x1, y1 in pixels of an image of `factor` times `GATES_WIDTH`, confidence, class; the
     result is in descending order of confidence.
     """
     if len(sizes.widths) == 1:

@@ -16,7 +16,7 @@ from polarsim.detect.split import TEST
 from polarsim.errors import with_path
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.lens import HALF_PIXEL
-from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
+from polarsim.photo import BOX_CLASSES
 from polarsim.progress import track
 from polarsim.run_files import class_masks
 
@@ -24,14 +24,20 @@ MaskInference = tuple[detectors.LoadedMasks, tuple[int, ...]]  # mask inference 
 
 
 def segment_pictures(
-    *, weights: Sequence[Path], dataset: Path, masks: Path, options: PredictionOptions, threads: int
+    *,
+    weights: Sequence[Path],
+    dataset: Path,
+    masks: Path,
+    size: tuple[int, int],
+    options: PredictionOptions,
+    threads: int,
 ) -> None:
-    """Write the class mask `KEY.png`, as large as a photo, of each image in the test part of a data set."""
+    """Write the class mask `KEY.png`, of the size of photos, of each image in the test part of a data set."""
     loaded = [load_segmenter(path, options, threads) for path in weights]
     with writing_folder(masks) as folder:
         for key in track(dataset_images(dataset, TEST), "masks"):
             picture = read_picture(dataset / "images" / TEST / f"{key}.png")
-            class_masks.write_class_mask(folder / f"{key}.png", class_mask(loaded, picture))
+            class_masks.write_class_mask(folder / f"{key}.png", class_mask(loaded, picture, size))
 
 
 def load_segmenter(path: Path, options: PredictionOptions, threads: int) -> MaskInference:
@@ -42,9 +48,7 @@ def load_segmenter(path: Path, options: PredictionOptions, threads: int) -> Mask
     return loaded, options.mask_widths or tuple(inference_widths_of(detector, options).widths)
 
 
-def class_mask(
-    loaded: Sequence[MaskInference], picture: np.ndarray, full: tuple[int, int] = (WIDTH, HEIGHT)
-) -> np.ndarray:
+def class_mask(loaded: Sequence[MaskInference], picture: np.ndarray, full: tuple[int, int]) -> np.ndarray:
     """Return the most probable class (height, width) uint8 of each pixel of an image of size `full` (width, height).
 
     Probabilities are averaged over detectors and inference widths. The picture (h, w) uint8 may be a reduced copy.

@@ -19,7 +19,7 @@ from polarsim.formats import png, tables, yolo
 from polarsim.formats.files import read_json, write_json, writing_folder
 from polarsim.formats.readers import reason_of
 from polarsim.geometry import boxes
-from polarsim.photo import BOX_CLASSES, HEIGHT, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey, Terrain, terrain_text
+from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, SHADOW, PhotoKey, Terrain, parse_terrain, terrain_text
 from polarsim.progress import track
 from polarsim.run_files import class_masks, instances
 from polarsim.schemas.detect import PICTURES
@@ -38,7 +38,7 @@ class ImageSource:
     path: Path | None  # None: missing
     camera: str  # group of correlated images
     terrains: tuple[Terrain, ...]  # visible terrains
-    size: tuple[int, int] | None = (WIDTH, HEIGHT)  # expected size, px; None: any
+    size: tuple[int, int] | None  # expected width and height, px; None: any
 
 
 def convert_domain(
@@ -47,6 +47,7 @@ def convert_domain(
     pictures: Path,
     labels: Sequence[Path],
     keys: Sequence[PhotoKey],
+    size: tuple[int, int],
     folder: Path,
     options: PicturesOptions,
     masks: Sequence[Path] = (),
@@ -56,7 +57,14 @@ def convert_domain(
         convert_views(views=pictures, folder=folder, options=options)
     else:
         convert_photos(
-            domain=domain, pictures=pictures, labels=labels[0], keys=keys, folder=folder, options=options, masks=masks
+            domain=domain,
+            pictures=pictures,
+            labels=labels[0],
+            keys=keys,
+            size=size,
+            folder=folder,
+            options=options,
+            masks=masks,
         )
 
 
@@ -66,6 +74,7 @@ def convert_photos(
     pictures: Path,
     labels: Path,
     keys: Sequence[PhotoKey],
+    size: tuple[int, int],
     folder: Path,
     options: PicturesOptions,
     masks: Sequence[Path] = (),
@@ -78,6 +87,8 @@ def convert_photos(
         Either `photos.parquet` (columns key and path) or the folder of the twins of a reflectance model.
     labels : Path
         Label table of the domain, `LABEL_COLUMNS`.
+    size : (int, int)
+        Width and height of the photos, px; images of another size are corrupt.
     folder : Path
         Folder to write: `images/KEY.png`, `labels/KEY.txt`, `domain.json`, and `pictures.csv` with the state of each
         image: used, missing or corrupt. Corrupt images and labels are skipped with a warning.
@@ -89,7 +100,8 @@ def convert_photos(
     if missing := len(keys) - len(paths):
         log.warning("%s: %d of %d images are missing and skipped", pictures, missing, len(keys))
     sources = [
-        ImageSource(str(key), paths.get(key), f"{key.position} {key.camera}", (key.terrain,)) for key in sorted(keys)
+        ImageSource(str(key), paths.get(key), f"{key.position} {key.camera}", (key.terrain,), size)
+        for key in sorted(keys)
     ]
     table = _read_labels(labels)
     names = [source.key for source in sources]
@@ -109,7 +121,7 @@ def convert_photos(
 def convert_views(*, views: Path, folder: Path, options: PicturesOptions) -> None:
     """Convert the output of `polarsim render VIEWS.yaml`, 12-bit images and labels, like `convert_photos`."""
     index = tables.read_csv(views / "index.csv", VIEW_COLUMNS)
-    terrains_of: dict[str, tuple[int, ...]] = {}
+    terrains_of: dict[str, tuple[Terrain, ...]] = {}
     sources = []
     for row in index.sort_values("name").to_dict("records"):
         name, scene = str(row["name"]), str(row["scene"])
@@ -126,9 +138,9 @@ def convert_views(*, views: Path, folder: Path, options: PicturesOptions) -> Non
     _convert(VIEWS, sources, labelled, folder, options)
 
 
-def _terrains_of_view(sidecar: Path) -> tuple[int, ...]:
+def _terrains_of_view(sidecar: Path) -> tuple[Terrain, ...]:
     try:
-        return tuple(sorted({int(terrain["terrain"]) for terrain in read_json(sidecar)["terrains"]}))
+        return tuple(sorted({parse_terrain(str(terrain["terrain"])) for terrain in read_json(sidecar)["terrains"]}))
     except (KeyError, TypeError, ValueError) as error:
         raise DetectError("no list of visible terrains, expected key 'terrains'", path=sidecar) from error
 

@@ -14,7 +14,7 @@ from polarsim.detect import detectors
 from polarsim.detect.dataset import dataset_images
 from polarsim.detect.frame import letterbox, read_picture
 from polarsim.detect.grouping import BOX_COLUMNS, detection_rows
-from polarsim.detect.inference_widths import ClassInferenceWidths, InferenceWidths, merge
+from polarsim.detect.inference_widths import GATES_WIDTH, ClassInferenceWidths, InferenceWidths, merge
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.sand_filter import SandFilter
 from polarsim.detect.split import TEST
@@ -23,7 +23,6 @@ from polarsim.errors import DetectError, with_path
 from polarsim.formats.table_parts import write_in_parts
 from polarsim.formats.tables import typed
 from polarsim.geometry import boxes
-from polarsim.photo import HEIGHT, WIDTH
 from polarsim.provenance import digest
 from polarsim.schemas.detect import PREDICTIONS
 
@@ -37,13 +36,16 @@ def predict_domains(
     weights: Path,
     datasets: Sequence[Path],
     predictions: Sequence[Path],
+    size: tuple[int, int],
     options: PredictionOptions,
     threads: int,
     cameras: Sequence[Path] = (),
     meshes: Sequence[Path] = (),
 ) -> None:
     """Apply `predict` to the test part of each data set."""
-    of_dataset = partial(predict, weights=weights, options=options, threads=threads, cameras=cameras, meshes=meshes)
+    of_dataset = partial(
+        predict, weights=weights, size=size, options=options, threads=threads, cameras=cameras, meshes=meshes
+    )
     for dataset, table in zip(datasets, predictions, strict=True):
         of_dataset(dataset=dataset, predictions=table)
 
@@ -53,12 +55,13 @@ def predict(
     weights: Path,
     dataset: Path,
     predictions: Path,
+    size: tuple[int, int],
     options: PredictionOptions,
     threads: int,
     cameras: Sequence[Path] = (),
     meshes: Sequence[Path] = (),
 ) -> None:
-    """Write the predictions of a detector on the test part of a data set, boxes in pixels of the full photo.
+    """Write the predictions of a detector on the test part of a data set, boxes in pixels of photos of a size, px.
 
     Memory does not grow with the number of images. An interrupted call resumes. Boxes outside the sand are dropped on
     terrains with folders of camera poses and meshes.
@@ -76,7 +79,7 @@ def predict(
         rows: list[tuple[Any, ...]] = []
         for group in (some[n : n + BATCH] for n in range(0, len(some), BATCH)):
             pictures = [read_picture(paths[key]) for key in group]
-            results = predict_images(loaded, pictures, sizes, options.nms_iou)
+            results = predict_images(loaded, pictures, sizes, options.nms_iou, size)
             rows += [
                 row
                 for key, result in zip(group, results, strict=True)
@@ -104,7 +107,7 @@ def predict_images(
     pictures: list[np.ndarray],
     sizes: ClassInferenceWidths,
     nms_iou: float,
-    full: tuple[int, int] = (WIDTH, HEIGHT),
+    full: tuple[int, int],
 ) -> Iterator[np.ndarray]:
     """Yield the boxes (n, 6) x0, y0, x1, y1, confidence, class of each image (h, w) uint8; images have equal sizes.
 
@@ -115,7 +118,7 @@ def predict_images(
     widths = sizes.widths
     by_width = [_detect_at(loaded, pictures, width, full) for width in widths]
     for results in zip(*by_width, strict=True):
-        yield merge(dict(zip(widths, results, strict=True)), sizes, nms_iou, full[0] / WIDTH)
+        yield merge(dict(zip(widths, results, strict=True)), sizes, nms_iou, full[0] / GATES_WIDTH)
 
 
 def _detect_at(

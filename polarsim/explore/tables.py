@@ -13,6 +13,7 @@ from polarsim.geometry.matching_numba import match_predictions_of_photo
 from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, PhotoKey, Terrain, terrain_text
 from polarsim.run_files.run import PHOTO, Run
 from polarsim.schemas.photos import BOX
+from polarsim.site import polar
 
 EDGES = list(BOX.each)
 MIN_CONFIDENCE = 0.05  # of shown predictions
@@ -94,7 +95,8 @@ def shown_predictions(run: Run, name: str) -> pd.DataFrame:
     predicted = predicted[predicted["confidence"] >= MIN_CONFIDENCE].sort_values(
         ["key", "confidence"], ascending=[True, False], kind="stable", ignore_index=True
     )
-    labels = clip_labels(run.all_labels(of_twins=domain != PHOTO))
+    size = polar().images.size
+    labels = clip_labels(run.all_labels(of_twins=domain != PHOTO), size)
     by_photo = labels.groupby(["key", "kind"]).indices
     boxes, rocks = labels[EDGES].to_numpy(float), labels["rock"].to_numpy()
     count = len(predicted)
@@ -109,7 +111,7 @@ def shown_predictions(run: Run, name: str) -> pd.DataFrame:
         rock[rows] = np.where(overlap[rows] > 0, rocks[label_rows][ious.argmax(axis=1)], NO_ROCK)
         matched, _ = match_predictions_of_photo(ious, np.array([MIN_IOU]), np.zeros((1, len(label_rows)), bool))
         correct[rows] = matched[0, 0]
-    false_positive = mark_false_positives(labels, predicted)["false_positive"]
+    false_positive = mark_false_positives(labels, predicted, size)["false_positive"]
     return predicted.assign(iou=overlap, rock=rock, right=correct, false_positive=false_positive)
 
 

@@ -13,7 +13,7 @@ from polarsim.formats import obj, png, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.heightfields import smooth_noise
 from polarsim.geometry.images import resize
-from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, HEIGHT, ROCK, SHADOW, WHITE_LEVEL, WIDTH, Terrain, terrain_text
+from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, ROCK, SHADOW, WHITE_LEVEL, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.randomness import generator
 from polarsim.render.ground_truth import boxes_of_ids
@@ -25,7 +25,7 @@ from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files import class_masks
 from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.scenes.layout import RandomScene, RockShape, draw_scene
-from polarsim.scenes.options import Range, SceneOptions, SceneRanges
+from polarsim.scenes.options import PHOTO_SIZE, Range, SceneOptions, SceneRanges
 from polarsim.scenes.strokes import augment_with_annotations
 from polarsim.scenes.viewpoints import coarse_sand, draw_lamp
 from polarsim.tone import encode_tone
@@ -81,7 +81,7 @@ def render_scenes(
                 name = f"t{terrain_text(terrain)}_s{scene:03d}_l{lamp}"
                 png.write_png(folder / "images" / f"{name}.png", rendered.image)
                 class_masks.write_class_mask(folder / "masks" / f"{name}.png", rendered.mask)
-                size = round(WIDTH * options.scale), round(HEIGHT * options.scale)
+                size = round(PHOTO_SIZE[0] * options.scale), round(PHOTO_SIZE[1] * options.scale)
                 classes = np.array([BOX_CLASSES.index(kind) for kind, _, _ in rendered.labels], int)
                 corners = np.array([box for _, _, box in rendered.labels], float).reshape(-1, 4)
                 yolo.write_boxes(folder / "labels" / f"{name}.txt", classes, corners, size)
@@ -107,8 +107,8 @@ def render_random_scene(
         ]
         image = curve[expose(radiance, light, scene.options, random if ranges.noise else None)]
         width = min(stored_px, image.shape[1])
-        stored = resize(image, (width, round(width * HEIGHT / WIDTH)))  # the aspect ratio of a photo
-        stored = augment_with_annotations(stored, ranges.max_strokes, random, WIDTH)
+        stored = resize(image, (width, round(width * PHOTO_SIZE[1] / PHOTO_SIZE[0])))
+        stored = augment_with_annotations(stored, ranges.max_strokes, random, PHOTO_SIZE[0])
         mask = class_masks.of_ids(ids, {_NUMBERS[kind] + rock for kind, rock, _ in labels})
         yield SceneImage(stored, class_masks.resized(mask, (stored.shape[1], stored.shape[0])), labels)
 

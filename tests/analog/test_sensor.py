@@ -5,7 +5,7 @@ from polarsim.analog.light import DiscLamp
 from polarsim.analog.sensor import blur_and_vignette, expose_raw, lamp_glare
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import camera_pose
-from tests.support.polar_rig import default_rig
+from polarsim.geometry.stereo import default_rig
 
 FLAT = np.ones((300, 300), np.float32)
 

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from polarsim.formats import png, yolo
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import PhotoKey
 from polarsim.scenes.strokes import COLOURS, draw_strokes
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 KEY = PhotoKey.parse("01_A_off_30_L_0256")
 ROCKS = np.array([[200.0, 300, 300, 380], [900, 500, 1000, 620]])

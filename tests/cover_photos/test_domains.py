@@ -15,6 +15,7 @@ from polarsim.schemas.covers import PHOTO_IPD
 from polarsim.schemas.detect import PREDICTIONS
 from polarsim.schemas.report import REAL_DETECTION, REAL_IPD, REAL_PHOTOS
 from tests.support.label_rows import label_row
+from tests.support.polar_photos import SIZE
 
 FOLDS = {"01": ["01_A_off_30_L_0256", "01_C_off_30_L_0256"], "03": ["03_A_off_30_R_0256"]}
 KEYS = [key for keys in FOLDS.values() for key in keys]
@@ -56,7 +57,7 @@ def compare(folder):
     compare_domains(
         predictions=predictions, labels={domain: folder / f"{domain}.parquet" for domain in DOMAINS},
         datasets=datasets, photo_domain="real", tables_of={name: folder / f"{name}.parquet" for name in names},
-        photos=folder / "photos.parquet", options=OPTIONS, training=TrainingOptions(model="compact"),
+        photos=folder / "photos.parquet", size=SIZE, options=OPTIONS, training=TrainingOptions(model="compact"),
         start="carved rocks", imgsz=512,
     )  # fmt: skip
     return {name: tables.read_parquet(folder / f"{name}.parquet") for name in (*names, "photos")}
@@ -99,7 +100,7 @@ def test_rendered_boxes_have_a_performance_in_photos():
     human = [label_row(KEYS[0], rock=1, box=BOX), label_row(KEYS[0], rock=2, box=(900, 300, 950, 350))]
     rendered = [label_row(KEYS[0], rock=1, box=(400, 300, 450, 400)), label_row(KEYS[0], "shadow", box=BOX)]
     photo, twin = (
-        DomainEvaluation(KEYS[:1], pd.DataFrame(rows), predicted([], 0), OPTIONS) for rows in (human, rendered)
+        DomainEvaluation(KEYS[:1], pd.DataFrame(rows), predicted([], 0), OPTIONS, SIZE) for rows in (human, rendered)
     )
     assert rendered_performance(photo, twin)["label_iou"].tolist() == [0.5, 0]
 

@@ -11,13 +11,14 @@ from polarsim.errors import DetectError
 from polarsim.formats import png, release, tables
 from polarsim.photo import PhotoKey
 from tests.cover_photos.conftest import KEY, ROCKS, SAND, SHADE, SHADOWS
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 NAME = "CoverPhotoOfIndices/cover_photo_indexed_01_A.png"
 
 
 def read(root, keys=(), terrains=(1,)):
     read_covers(
-        root=root, terrains=terrains, keys=keys,
+        root=root, terrains=terrains, keys=keys, size=(WIDTH, HEIGHT), usual_exposure_ms=256,
         pictures=root / "photos", labels=root / "labels.parquet", pairing=root / "pairing.csv", drawn=root / "drawn",
     )  # fmt: skip
     return sorted(path.stem for path in (root / "photos").iterdir())
@@ -79,10 +80,10 @@ def test_a_known_key_without_a_cover_photo_is_named(made_release, key):
 
 @pytest.mark.parametrize("scale", [0.5, 1.1])
 def test_a_cover_of_another_size_gives_the_same_photo_and_boxes(made_release, cover, scale):
-    whole = read_cover(made_release / NAME)
+    whole = read_cover(made_release / NAME, (WIDTH, HEIGHT))
     small = cv2.resize(cover, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     png.write_png(made_release / NAME, small)
-    found = read_cover(made_release / NAME)
+    found = read_cover(made_release / NAME, (WIDTH, HEIGHT))
     assert found.photo.shape == whole.photo.shape
     np.testing.assert_allclose(found.drawn, whole.drawn, atol=4)
     left, top, right, bottom = (int(edge) for edge in SHADOWS["30"])
@@ -99,7 +100,7 @@ def test_grey_of_any_depth_becomes_eight_bits(bits, levels):
 
 def test_a_grey_cover_is_matched_by_shadows(made_release, cover):
     png.write_png(made_release / NAME, cover.min(axis=-1))
-    assert not len(read_cover(made_release / NAME).drawn)
+    assert not len(read_cover(made_release / NAME, (WIDTH, HEIGHT)).drawn)
     assert read(made_release) == [str(KEY)]
 
 
@@ -121,7 +122,7 @@ def test_published_covers_have_the_keys_determined_by_hand(release_root, tmp_pat
         "01_A_off_30_L", "01_C_off_30_L", "11_A_off_30_L", "11_C_off_350_L", "12_A_off_30_R", "12_C_off_30_L",
     }  # fmt: skip
     read_covers(
-        root=release_root, terrains=[1, 11, 12], keys=[],
+        root=release_root, terrains=[1, 11, 12], keys=[], size=(WIDTH, HEIGHT), usual_exposure_ms=256,
         pictures=tmp_path / "photos", labels=tmp_path / "labels.parquet", pairing=tmp_path / "pairing.csv",
     )  # fmt: skip
     assert {path.stem.rsplit("_", 1)[0] for path in (tmp_path / "photos").iterdir()} == known

@@ -10,8 +10,9 @@ from polarsim.cover_photos.twins import convert_control, pair_covers_with_twins,
 from polarsim.detect.tone import to_8_bits
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables
-from polarsim.photo import HEIGHT, NO_ROCK, WIDTH, PhotoKey
+from polarsim.photo import NO_ROCK, PhotoKey
 from tests.support.label_rows import label_row
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 KEYS = ["01_A_off_30_L_0256", "01_C_off_30_R_0256", "03_A_off_180_L_0256"]
 MODELS = ("principled", "hapke")

@@ -13,11 +13,12 @@ from polarsim.errors import DetectError
 from polarsim.formats import obj, png, tables
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
+from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.schemas.covers import COVER_FOUND, COVER_SCORES
 from polarsim.schemas.detect import PREDICTIONS
 from tests.cover_photos.test_scores import label_rows_of
-from tests.support.polar_rig import default_rig
+from tests.support.polar_photos import SIZE
 
 KEYS = {"01": "01_A_off_30_L_0256", "03": "03_A_off_30_R_0256", "04": "04_A_off_30_L_0256"}
 SMALL, LARGE = np.array([10.0, 10, 30, 30]), np.array([100.0, 100, 400, 400])
@@ -104,7 +105,7 @@ def test_predictions_include_the_training_width(tmp_path):
     png.write_png(dataset / "images" / "test" / f"{key}.png", np.full((80, 128), 60, np.uint8))
     tables.write_csv(dataset / "pictures.csv", pd.DataFrame({"key": [key], "part": ["test"]}))
     predict_multiscale(
-        weights=weights, dataset=dataset, found=tmp_path / "found.parquet", widths=[64, 128],
+        weights=weights, dataset=dataset, found=tmp_path / "found.parquet", size=SIZE, widths=[64, 128],
         options=PredictionOptions(nms_iou=0.5, confidence=0.001), threads=1,
     )  # fmt: skip
     by_width = read_found(tmp_path / "found.parquet", [key])[key]

@@ -12,9 +12,10 @@ from polarsim.detect.dataset import dataset_images
 from polarsim.detect.training_windows import draw_windows
 from polarsim.errors import DetectError, PolarsimError
 from polarsim.formats import png, tables, yolo
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import PhotoKey
 from polarsim.run_files import class_masks
 from tests.cover_photos.test_datasets import make_scenes
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 KEYS = ("01_A_off_30_L_0256", "01_C_off_30_L_0256", "03_A_off_30_R_0256")
 BOXES = np.array([[400.0, 300, 800, 700], [1200, 800, 1500, 1000]])
@@ -35,7 +36,7 @@ def covers(tmp_path):
     for key in KEYS:
         png.write_png(tmp_path / "photos" / f"{key}.png", photo_of(BOXES))
         yolo.write_boxes(tmp_path / f"{key}.txt", [0, 1], BOXES)
-        rows += annotation_rows(PhotoKey.parse(key), tmp_path / f"{key}.txt")
+        rows += annotation_rows(PhotoKey.parse(key), tmp_path / f"{key}.txt", (WIDTH, HEIGHT))
     tables.write_parquet(tmp_path / "labels.parquet", tables.label_table(rows))
     return {"photos": tmp_path / "photos", "labels": tmp_path / "labels.parquet"}
 
@@ -61,7 +62,7 @@ def test_a_window_is_bright_where_its_boxes_are_and_dark_elsewhere(seed, width):
 
 def test_windows_do_not_depend_on_the_location(covers, tmp_path):
     for name in ("one", "two"):
-        cut_windows(**covers, windows=tmp_path / name, count=3, stored_px=64, seed=4)
+        cut_windows(**covers, windows=tmp_path / name, size=(WIDTH, HEIGHT), count=3, stored_px=64, seed=4)
     files = sorted(path.relative_to(tmp_path / "one") for path in (tmp_path / "one").rglob("*.*"))
     assert len(files) == 3 * 3 * len(KEYS)
     assert all((tmp_path / "one" / path).read_bytes() == (tmp_path / "two" / path).read_bytes() for path in files)
@@ -72,7 +73,7 @@ def test_windows_do_not_depend_on_the_location(covers, tmp_path):
 
 def test_no_window_of_a_tested_terrain_is_trained_on(covers, tmp_path, monkeypatch):
     monkeypatch.setattr("polarsim.cover_photos.datasets.SCENE_PICTURES", 12)
-    cut_windows(**covers, windows=tmp_path / "windows", count=10, stored_px=64, seed=0)
+    cut_windows(**covers, windows=tmp_path / "windows", size=(WIDTH, HEIGHT), count=10, stored_px=64, seed=0)
     scenes = {3: make_scenes(tmp_path / "T3", 3, 10)}
     dataset = tmp_path / "dataset"
     fine_tuning = {"windows": tmp_path / "windows", "dataset": dataset, "seed": 0}

@@ -12,7 +12,8 @@ from polarsim.detect.options import PicturesOptions, PredictionOptions, SplitOpt
 from polarsim.detect.split import split_photos
 from polarsim.detect.train import train_detector
 from polarsim.formats import png, tables
-from polarsim.photo import HEIGHT, ROCK, SHADOW, WIDTH, PhotoKey
+from polarsim.photo import ROCK, SHADOW, PhotoKey
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as in `devices`, before any test imports torch
 

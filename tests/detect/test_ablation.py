@@ -9,9 +9,10 @@ from polarsim.detect.ablation import ABLATION_COLUMNS, DomainEvaluation, effect_
 from polarsim.detect.gap_options import Component, GapOptions
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.formats import tables
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import PhotoKey
 from polarsim.schemas.detect import CHANGE_ENDS
 from polarsim.schemas.detect import CHANGES as CHANGE_COLUMNS
+from tests.support.polar_photos import HEIGHT, SIZE, WIDTH
 
 ONE, OTHER = "01_A_off_180_L_0256", "01_A_off_180_R_0256"  # two views
 OPTIONS = ComparisonOptions(resamples=1000)
@@ -33,7 +34,7 @@ def seen(performance, false_positives=(), keys=(ONE, OTHER), options=OPTIONS):
     found = boxes([(key, rock, SIDE * rock, SIDE * iou) for (key, rock), iou in performance.items()])
     false = [(key, "rock", 0, 0.0, HEIGHT - 50.0, 40.0, float(HEIGHT)) for key in false_positives]
     predictions = pd.concat([found, pd.DataFrame(false, columns=found.columns)], ignore_index=True)
-    return DomainEvaluation(keys, labels, predictions.assign(confidence=0.9), options)
+    return DomainEvaluation(keys, labels, predictions.assign(confidence=0.9), options, SIZE)
 
 
 def rocks(photo, twin, replaced):
@@ -121,7 +122,7 @@ def test_the_ablation_has_a_row_per_component_detector_and_class(tmp_path):
     replaced = {"pose": "cameras: truth", "labels": "labels: propagated"}
     write_ablation(
         predictions=predictions, labels=labels, datasets=datasets, photo="analog", twin="hapke", replaced=replaced,
-        ablation=tmp_path / "ablation.parquet", options=OPTIONS, training=TrainingOptions(), imgsz=320,
+        ablation=tmp_path / "ablation.parquet", size=SIZE, options=OPTIONS, training=TrainingOptions(), imgsz=320,
     )  # fmt: skip
     table = tables.read_parquet(tmp_path / "ablation.parquet", ABLATION_COLUMNS)
     assert list(zip(table["trained"], table["component"], table["kind"], strict=True)) == [

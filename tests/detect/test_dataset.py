@@ -12,6 +12,7 @@ from polarsim.detect.split import draw_split, split_photos
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables, yolo
 from polarsim.formats.files import read_json
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 OPTIONS, SPLIT = PicturesOptions(imgsz=160), SplitOptions()
 
@@ -29,7 +30,12 @@ def made(world, few, tmp_path):
         split_photos(keys=list(keys), by="photo", split=tmp_path / "split.csv", options=SPLIT)
         arguments = {"pictures": world / "photos.parquet", "labels": world / "labels.parquet"} | changes
         make_dataset(
-            domain="real", split=tmp_path / "split.csv", dataset=tmp_path / "real", options=options, **arguments
+            domain="real",
+            split=tmp_path / "split.csv",
+            dataset=tmp_path / "real",
+            size=(WIDTH, HEIGHT),
+            options=options,
+            **arguments,
         )
         return tmp_path / "real"
 
@@ -118,6 +124,7 @@ def converted(world, keys, tmp_path_factory):
             pictures=pictures,
             labels=world / "labels.parquet",
             keys=keys,
+            size=(WIDTH, HEIGHT),
             folder=root / domain,
             options=OPTIONS,
         )

@@ -4,6 +4,7 @@ import pytest
 from polarsim.detect.differences import paired_differences
 from polarsim.detect.domain_evaluation import DomainEvaluation
 from polarsim.detect.options import ComparisonOptions
+from tests.support.polar_photos import SIZE
 
 VIEWS = ("01_A_off_180_L_0256", "01_A_off_180_R_0256", "01_B_off_180_L_0256", "01_C_off_180_L_0256")
 OPTIONS = ComparisonOptions(resamples=500)
@@ -24,6 +25,7 @@ def seen(overlaps, found=1.0):
         pd.DataFrame(labels, columns=["key", "kind", "rock", "x0", "y0", "x1", "y1"]),
         pd.DataFrame(boxes, columns=["key", "kind", "confidence", "x0", "y0", "x1", "y1"]),
         OPTIONS,
+        SIZE,
     )
 
 

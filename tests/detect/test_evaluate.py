@@ -10,6 +10,7 @@ from polarsim.errors import DetectError
 from polarsim.formats import tables
 from polarsim.photo import PhotoKey
 from polarsim.schemas.detect import CURVES, INSTANCES
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 TESTED, TRAINED, DARK = "01_A_off_180_L_0256", "01_B_off_180_L_0256", "01_A_off_180_R_0256"
 SPLIT = f"key,part\n{TRAINED},train\n01_B_off_180_R_0256,val\n{TESTED},test\n{DARK},test\n"
@@ -55,6 +56,7 @@ def run(root: Path, by: str, out: Path | None = None, **options: object) -> pd.D
         split=root / "split.csv",
         by=by,
         tables_of={name: (out or root) / f"{name}.parquet" for name in TABLES},
+        size=(WIDTH, HEIGHT),
         options=ComparisonOptions(**options),
         training=TrainingOptions(),
         imgsz=320,

@@ -2,7 +2,7 @@ import pandas as pd
 import pytest
 
 from polarsim.detect.false_positives import TERRAIN, TILES, false_positives
-from polarsim.photo import HEIGHT, WIDTH
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 EMPTY, ROCKY, OTHER_VIEW = "06_A_off_180_L_0256", "01_A_off_180_L_0256", "06_A_off_180_R_0256"
 
@@ -19,7 +19,7 @@ LABELS = table((ROCKY, "rock", (300, 350, 400, 450)), (EMPTY, "shadow", (0, 0, 5
 def rates(*rows, keys=(EMPTY, OTHER_VIEW, ROCKY), **options):
     options = {"confidence": 0.25, "resamples": 200} | options
     found = table(*rows, confidence=0.9)
-    return false_positives(list(keys), LABELS, found, **options).set_index("region")
+    return false_positives(list(keys), LABELS, found, size=(WIDTH, HEIGHT), **options).set_index("region")
 
 
 def test_the_evaluated_area_is_the_photo_or_its_free_tiles():
@@ -59,3 +59,18 @@ def test_unlabelled_photos_of_terrains_with_rocks_use_tiles():
     found = rates(keys=("01_A_off_180_R_0256",))
     assert found.index.tolist() == [TILES]
     assert found.loc[TILES, "photo_areas"] == 1
+
+
+def test_rates_do_not_depend_on_the_size_and_the_names_of_photos():
+    """Photos of a third of the size, of a terrain with a name: tiles and areas are shares of the photo."""
+    boxes = [(100, 100, 200, 300), (850, 300, 1000, 620)]
+    large = rates(*((ROCKY, "rock", box) for box in boxes), keys=(ROCKY,))
+    key = ROCKY.replace("01", "yard-a")
+    (rock,) = LABELS[LABELS["kind"] == "rock"][["x0", "y0", "x1", "y1"]].to_numpy() / 3
+    labels = table((key, "rock", rock))
+    found = table(*((key, "rock", [edge / 3 for edge in box]) for box in boxes), confidence=0.9)
+    size = (WIDTH / 3, HEIGHT / 3)
+    small = false_positives([key], labels, found, size=size, confidence=0.25, resamples=200).set_index("region")
+    assert small.loc[TILES, "terrains"] == "yard-a"
+    numbers = ["photo_areas", "false_positives", "area_share"]
+    assert small.loc[TILES, numbers].tolist() == pytest.approx(large.loc[TILES, numbers].tolist())

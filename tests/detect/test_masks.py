@@ -16,7 +16,6 @@ from polarsim.detect.masks import class_mask, segment_pictures, within_boxes
 from polarsim.detect.options import PACKAGED, PredictionOptions, TrainingOptions
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables, yolo
-from polarsim.photo import HEIGHT, WIDTH
 from polarsim.run_files import class_masks
 from tests.detect.conftest import train
 
@@ -27,6 +26,7 @@ from polarsim.detect.detectors.compact.network import STRIDE  # noqa: E402
 from polarsim.detect.detectors.compact.pictures import TrainingImage, augment, class_shares  # noqa: E402
 from polarsim.detect.detectors.compact.training import _mean_iou, fitness_of  # noqa: E402
 from polarsim.detect.detectors.compact.weights import network  # noqa: E402
+from tests.support.polar_photos import HEIGHT, WIDTH  # noqa: E402
 
 PREDICTION = PredictionOptions(device="cpu")
 SIZE = (64, 40)  # width and height of test images, px
@@ -74,7 +74,14 @@ def test_the_loss_decreases_and_masks_agree_with_the_images(dataset, weights, tm
     curve = tables.read_csv(weights.with_suffix(".csv"))
     assert curve["train_mask_loss"].iloc[-1] < 0.5 * curve["train_mask_loss"].iloc[0]
     assert curve["val_mask_iou"].iloc[-1] > 0.6
-    segment_pictures(weights=[weights], dataset=dataset, masks=tmp_path / "masks", options=PREDICTION, threads=1)
+    segment_pictures(
+        weights=[weights],
+        dataset=dataset,
+        masks=tmp_path / "masks",
+        size=(WIDTH, HEIGHT),
+        options=PREDICTION,
+        threads=1,
+    )
     for name in dataset_images(dataset, "test"):
         seen = class_masks.read_class_mask(tmp_path / f"masks/{name}.png")
         assert seen.shape == (HEIGHT, WIDTH)

@@ -13,10 +13,11 @@ from polarsim.detect.split import split_photos
 from polarsim.errors import DetectError, FormatError
 from polarsim.formats import png, tables, yolo
 from polarsim.formats.files import read_json
-from polarsim.photo import GREY_VALUES, HEIGHT, ROCK, SHADOW, WIDTH
+from polarsim.photo import GREY_VALUES, ROCK, SHADOW
 from polarsim.run_files import class_masks
 from polarsim.run_files.instances import GROUND, ROCK_IDS, SHADOW_IDS
 from tests.detect.conftest import blobs
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 OPTIONS = PicturesOptions(imgsz=160)
 
@@ -43,6 +44,7 @@ def states(world, few, tmp_path):
             pictures=pictures,
             labels=labels or world / "labels.parquet",
             keys=few,
+            size=(WIDTH, HEIGHT),
             folder=tmp_path / "made",
             options=options,
         )
@@ -199,7 +201,7 @@ def test_masks_of_photos_and_twins_are_converted(world, keys, tmp_path):
     grey[:608, :968], grey[608:, :968], grey[:, 1500:] = (GREY_VALUES[kind] for kind in (ROCK, SHADOW, "background"))
     png.write_png(folder / f"{photos[0]}.png", grey)
     convert_photos(
-        domain="hapke", pictures=world / "twins", labels=tmp_path / "labels.parquet", keys=photos,
+        domain="hapke", pictures=world / "twins", labels=tmp_path / "labels.parquet", keys=photos, size=(WIDTH, HEIGHT),
         folder=tmp_path / "made", options=OPTIONS, masks=[folder],
     )  # fmt: skip
     for key in photos:
@@ -213,7 +215,7 @@ def test_masks_of_photos_and_twins_are_converted(world, keys, tmp_path):
 def test_an_image_without_mask_is_skipped_with_a_warning(world, few, tmp_path, caplog):
     (tmp_path / f"Terrain{few[0].terrain:02d}").mkdir()
     convert_photos(
-        domain="hapke", pictures=world / "twins", labels=world / "labels.parquet", keys=few,
+        domain="hapke", pictures=world / "twins", labels=world / "labels.parquet", keys=few, size=(WIDTH, HEIGHT),
         folder=tmp_path / "made", options=OPTIONS, masks=list(tmp_path.glob("Terrain*")),
     )  # fmt: skip
     assert set(read_states(tmp_path / "made")["state"]) == {"corrupt"}

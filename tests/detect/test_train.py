@@ -21,6 +21,7 @@ from polarsim.errors import DetectError
 from polarsim.formats import png, tables
 from tests.detect import conftest
 from tests.detect.conftest import make_real
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 pytestmark = [
     pytest.mark.slow,
@@ -46,7 +47,14 @@ def train(root: Path, name: str, options: TrainingOptions, dataset: Path | None 
 
 
 def run_predict(root: Path, name: str, options: PredictionOptions = PREDICTION) -> None:
-    predict(weights=root / "real.pt", dataset=root / "real", predictions=root / name, options=options, threads=1)
+    predict(
+        weights=root / "real.pt",
+        dataset=root / "real",
+        predictions=root / name,
+        size=(WIDTH, HEIGHT),
+        options=options,
+        threads=1,
+    )
 
 
 def test_the_curve_has_a_row_per_epoch_and_the_class_loss_decreases(matched):
@@ -171,6 +179,7 @@ def test_newer_models_train_and_predict_by_name(matched, tmp_path, model):
         weights=tmp_path / f"{model}.pt",
         dataset=matched / "real",
         predictions=tmp_path / "found.parquet",
+        size=(WIDTH, HEIGHT),
         options=PredictionOptions(confidence=1e-6),
         threads=1,
     )

@@ -13,10 +13,11 @@ from polarsim.explore.site import overview
 from polarsim.explore.tables import facts_of_rocks, picture_table, shown_predictions
 from polarsim.explore.terrain import clustered, terrain_setup, thinned_terrain
 from polarsim.geometry.polygons import signed_area
-from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
+from polarsim.photo import BOX_CLASSES
 from polarsim.run_files.run import Run
 from polarsim.schemas.detect import PREDICTIONS
 from tests.made_terrain import make_sand
+from tests.support.polar_photos import HEIGHT, SIZE, WIDTH
 
 from .made_run import KEYS, MODELS, RIG, SEED, boxes_of
 
@@ -78,8 +79,8 @@ def test_the_explorer_counts_the_false_positives_of_the_table(made, rows):
     run.predictions, run.found = {"photo/seed0/a_on_analog": made}, found
     shown = shown_predictions(run, "photo/seed0/a_on_analog")
     sure = shown[shown["confidence"] >= 0.25]
-    labels = clip_labels(run.labels(3))
-    table = false_positives([str(key) for key in KEYS], labels, found, confidence=0.25, resamples=2)
+    labels = clip_labels(run.labels(3), SIZE)
+    table = false_positives([str(key) for key in KEYS], labels, found, size=SIZE, confidence=0.25, resamples=2)
     assert sure["false_positive"].sum() == table["false_positives"].sum()
     assert not shown.loc[shown["kind"] == "shadow", "false_positive"].any()
     assert not shown.loc[(shown["key"] == str(SEED)) & (shown["x1"] == x0 + 5), "false_positive"].any()

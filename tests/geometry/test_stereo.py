@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.geometry.poses import Pose
-from polarsim.geometry.stereo import StereoRig, epipolar_distances, rectified_left, triangulated_depth
-from tests.support.polar_rig import default_rig
+from polarsim.geometry.stereo import StereoRig, default_rig, epipolar_distances, rectified_left, triangulated_depth
 
 
 def test_the_rectified_grid_of_the_stated_calibration():

@@ -1,6 +1,7 @@
 """Detectors trained on randomised scenes, fine-tuned on photos, and tested on cover photos of other terrains."""
 
 from polarsim.cover_photos.options import CARVED
+from polarsim.photo import terrain_text
 
 
 rule cover_photos:
@@ -287,7 +288,7 @@ rule report_covers:
         predictions=COVERS.best_predictions(),
         scenes=of_run(
             "results/{run}/covers/scenes/Terrain{terrain}",
-            terrain=[f"{terrain:02d}" for terrain in COVERS.strewn],
+            terrain=[terrain_text(terrain) for terrain in COVERS.strewn],
         ),
     output:
         **table_files(covers="real cover photos"),

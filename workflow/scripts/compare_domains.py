@@ -6,6 +6,7 @@ from polarsim.cover_photos.domains import compare_domains
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     compare_domains(
@@ -15,6 +16,7 @@ with reporting(log=snakemake.log[0]):
         photo_domain=snakemake.params.photo_domain,
         tables_of={name: Path(table) for name, table in snakemake.output.items() if name != "photos"},
         photos=Path(snakemake.output.photos),
+        size=Site(**snakemake.params.site).images.size,
         options=ComparisonOptions(**snakemake.params.options),
         training=TrainingOptions(**snakemake.params.training),
         start=snakemake.params.start,

@@ -7,6 +7,7 @@ from polarsim.detect.options import PicturesOptions
 from polarsim.detect.split import TEST
 from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     make_dataset(
@@ -15,6 +16,7 @@ with reporting(log=snakemake.log[0]):
         labels=Path(snakemake.input.labels),
         split=Path(snakemake.input.split),
         dataset=Path(snakemake.output.dataset),
+        size=Site(**snakemake.params.site).images.size,
         options=PicturesOptions(**snakemake.params.options),
         by=snakemake.wildcards.split,
         wanted=[TEST],

@@ -20,6 +20,7 @@ with reporting(log=snakemake.log[0]):
             positions=snakemake.params.positions,
             grid=GridOptions(**snakemake.params.grid),
         ),
+        size=Site(**snakemake.params.site).images.size,
         folder=Path(snakemake.output.pictures),
         options=PicturesOptions(**snakemake.params.options),
         masks=list_of_paths(snakemake.input.masks),

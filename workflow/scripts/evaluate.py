@@ -6,6 +6,7 @@ from polarsim.detect.evaluate import evaluate
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     evaluate(
@@ -15,6 +16,7 @@ with reporting(log=snakemake.log[0]):
         split=Path(snakemake.input.split),
         by=snakemake.wildcards.split,
         tables_of={name: Path(table) for name, table in snakemake.output.items()},
+        size=Site(**snakemake.params.site).images.size,
         options=ComparisonOptions(**snakemake.params.options),
         training=TrainingOptions(**snakemake.params.training),
         imgsz=snakemake.params.imgsz,

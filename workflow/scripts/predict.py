@@ -6,12 +6,14 @@ from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import predict_domains
 from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     predict_domains(
         weights=Path(snakemake.input.weights),
         datasets=list_of_paths(snakemake.input.datasets),
         predictions=list_of_paths(snakemake.output.predictions),
+        size=Site(**snakemake.params.site).images.size,
         options=PredictionOptions(**snakemake.params.options),
         threads=snakemake.threads,
         cameras=list_of_paths(snakemake.input.cameras),

@@ -6,6 +6,7 @@ from polarsim.detect.ablation import write_ablation
 from polarsim.detect.options import ComparisonOptions, TrainingOptions
 from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     write_ablation(
@@ -16,6 +17,7 @@ with reporting(log=snakemake.log[0]):
         twin=snakemake.params.twin,
         replaced=snakemake.params.replaced,
         ablation=Path(snakemake.output.ablation),
+        size=Site(**snakemake.params.site).images.size,
         options=ComparisonOptions(**snakemake.params.options),
         training=TrainingOptions(**snakemake.params.training),
         imgsz=snakemake.params.imgsz,

@@ -14,7 +14,6 @@ from polarsim.errors import DetectError
 from polarsim.formats import yolo
 from polarsim.geometry.boxes import area, clip
 from polarsim.geometry.lens import HALF_PIXEL
-from polarsim.photo import HEIGHT, WIDTH
 from polarsim.run_files import class_masks
 
 _CACHE_BYTES = 1 << 30  # memory of cached images; the remaining images are read in every epoch
@@ -59,15 +58,20 @@ class TrainingImages:
         image, label, mask_file = (
             self._dataset / kind / self._part / f"{key}{ending}" for kind, ending in (*KINDS, (MASKS, ".png"))
         )
-        pixels, offset, scale = letterbox(read_picture(image), self._imgsz)
-        classes, boxes = yolo.read_boxes(label)
-        mask = _framed(class_masks.read_class_mask(mask_file), pixels, offset, scale) if self._masks else None
+        picture = read_picture(image)
+        size = picture.shape[1], picture.shape[0]
+        pixels, offset, scale = letterbox(picture, self._imgsz, size)
+        classes, boxes = yolo.read_boxes(label, size)
+        mask = _framed(class_masks.read_class_mask(mask_file), pixels, offset, size / scale) if self._masks else None
         return TrainingImage(pixels, classes, boxes / np.tile(scale, 2) + np.tile(offset, 2), mask)
 
 
-def _framed(mask: np.ndarray, pixels: np.ndarray, offset: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Resize a mask (h, w) to the output of `letterbox`; padding gets the value `IGNORED`."""
-    width, height = (round(side) for side in (WIDTH, HEIGHT) / scale)
+def _framed(mask: np.ndarray, pixels: np.ndarray, offset: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Resize a mask (h, w) to the image of a size (width, height) in the output of `letterbox`, with offset (x, y).
+
+    Padding gets the value `IGNORED`.
+    """
+    width, height = (round(side) for side in size)
     left, top = offset.astype(int)
     framed = np.full(pixels.shape, class_masks.IGNORED, np.uint8)
     framed[top : top + height, left : left + width] = class_masks.resized(mask, (width, height))
