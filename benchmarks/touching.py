@@ -48,6 +48,7 @@ from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.regions import Limits, find_regions, standing
 from polarsim.run_files.inventory import Inventory, read_inventory, write_inventory
 from polarsim.run_files.rigs import read_all_localised, read_localised, write_rig
+from polarsim.site import polar
 
 OPTIONS = RocksOptions()
 LIMITS = Limits(FOOT_HEIGHT, OPTIONS.min_height_mm / 1000, CONFIRMED_HEIGHT, OPTIONS.min_size_mm / 1000)
@@ -73,7 +74,9 @@ def make(folder: Path, name: str) -> None:
     number, positions = (int(terrain[0]), ["A", "C"]) if kind == "analog" else (2, ["A", "B", "C"])
     if kind == "analog":
         options, receipt = AnalogOptions(seed=int(seed), photos=False), folder / "receipt.json"
-        generate_terrain(root=folder, receipt=receipt, terrain=number, keys=[], options=options, threads=1)
+        generate_terrain(
+            site=polar(), root=folder, receipt=receipt, terrain=number, keys=[], options=options, threads=1
+        )
         files = {position: str(path) for position, path in nasa_layout.find_scans(folder, number)[0].items()}
         write_inventory(folder / "inventory.json", Inventory(number, "polar", range_maps=files))
         write_rig(

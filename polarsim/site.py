@@ -154,6 +154,10 @@ class Cameras(_Part):
         "stereo.calibration, OpenCV YAML, Kalibr YAML or COLMAP cameras.txt (and images.txt).",
     )
 
+    field_of_view_deg: float | None = Field(
+        None, gt=1, lt=150, description="Horizontal field of view of terrains without a calibration, degrees."
+    )
+
     @model_validator(mode="after")
     def _baseline(self) -> Cameras:
         if self.stereo and self.baseline_m is None:
@@ -238,6 +242,24 @@ class Files(_Part):
     cloud_unit: Literal["mm", "m"] = Field("m", description="Unit of the clouds.")
 
 
+class AnalogSite(_Part):
+    """Properties of the simulated sandbox of a site (source.kind: analog) that do not follow from the site."""
+
+    scenes: Mapping[TerrainName, Annotated[int, Field(ge=1, le=13)]] = Field(
+        {},
+        description="Preset of rocks and ground: the number of one of NASA's terrains. Default: 1, 3, 4, ... in order.",
+    )
+    scanned: tuple[Name, ...] | None = Field(None, description="Positions with a scan; null: all.")
+    tripods_m: Mapping[Name, Point] = Field(
+        {}, description="Mean positions of the left camera, sandbox frame, m. Default: the approximate poses."
+    )
+    lamp_output: Mapping[Name, PositiveFloat] = Field(
+        {},
+        description="Radiant intensity of lamps relative to one that exposes level sand well at the usual exposure. "
+        "Default: the value at which the sand at the centre is as bright as below NASA's lamp 30.",
+    )
+
+
 class Site(_Part):
     """All that is specific to one sandbox or test yard."""
 
@@ -257,6 +279,7 @@ class Site(_Part):
     cameras: Cameras = Field(description="Camera or stereo rig.")
     sandbox: Sandbox = Field(description="Size and walls of the sandbox.")
     files: Files = Field(description="Names of the files.")
+    analog: AnalogSite = Field(AnalogSite(), description="Simulated sandbox of the site.")
     max_survey_error_m: PositiveFloat = Field(1.0, description="Largest error of the approximate poses, m.")
 
     @field_validator("terrains", mode="before")
@@ -278,6 +301,14 @@ class Site(_Part):
             raise ValueError("exposures_no_sun_ms is required with without_lamp: true, and only then")
         if unknown := sorted(set(self.tripods) - set(self.all_positions)):
             raise ValueError(f"tripods: {unknown[0]!r} is no position of a terrain")
+        for name, values, known in (
+            ("scenes", self.analog.scenes, self.terrains),
+            ("scanned", self.analog.scanned or (), self.all_positions),
+            ("tripods_m", self.analog.tripods_m, self.all_positions),
+            ("lamp_output", self.analog.lamp_output, self.lamps),
+        ):
+            if wrong := [value for value in values if value not in known]:
+                raise ValueError(f"analog.{name}: {wrong[0]!r}, expected {_one_of(known)}")
         return self
 
     # Photos

@@ -11,7 +11,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from polarsim.analog.regions import VisibleRegion, mean_of_surroundings, region_contrast
-from polarsim.photo import HEIGHT, WIDTH
 
 _SIZES = np.array([25, 35, 50, 80, 120])  # px, upper limits of the size classes except the last
 _ROBUST = np.array(
@@ -40,14 +39,14 @@ def annotate_rock(region: VisibleRegion, photo: np.ndarray, rng: np.random.Gener
         return None
     if (x1 - x0 < _TINY_PX and tiny < _TINY_MISSED) or chance < _FORGOTTEN[size_class]:
         return None
-    return _annotated(np.array(region.box, float), noise)
+    return _annotated(np.array(region.box, float), noise, photo.shape)
 
 
-def annotate_shadow(region: VisibleRegion, rng: np.random.Generator) -> np.ndarray | None:
+def annotate_shadow(region: VisibleRegion, photo: np.ndarray, rng: np.random.Generator) -> np.ndarray | None:
     """Return the annotated box (4,) of the visible part of a shadow; None if the shadow is missed."""
     forgotten = rng.random() < _SHADOW_FORGOTTEN
     noise = _edge_noise(_SHADOW_ROBUST, _SHADOW_TAIL * 1.8, rng)
-    return None if forgotten else _annotated(np.array(region.box, float), noise)
+    return None if forgotten else _annotated(np.array(region.box, float), noise, photo.shape)
 
 
 def _edge_noise(robust: np.ndarray, tail: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -55,11 +54,12 @@ def _edge_noise(robust: np.ndarray, tail: np.ndarray, rng: np.random.Generator) 
     return rng.standard_normal(4) * np.where(in_tail, tail, robust)
 
 
-def _annotated(box: np.ndarray, noise: np.ndarray) -> np.ndarray | None:
+def _annotated(box: np.ndarray, noise: np.ndarray, shape: tuple[int, ...]) -> np.ndarray | None:
     sides = np.array([box[2] - box[0], box[3] - box[1]])
     limit = np.tile(np.maximum(_SHARE_OF_SIDE * sides, 1.0), 2) * 2
     edges = np.round(box + np.clip(noise, -limit, limit))
-    edges = np.clip(edges, 0, [WIDTH, HEIGHT, WIDTH, HEIGHT])
+    height, width = shape
+    edges = np.clip(edges, 0, [width, height, width, height])
     return edges if (edges[2:] - edges[:2] >= 3).all() else None
 
 
@@ -83,7 +83,7 @@ def annotate(
             annotated.add(region.rock)
     shadow_boxes = []
     for region in (shadows[index] for index in rng.permutation(len(shadows))):
-        box = annotate_shadow(region, rng)
+        box = annotate_shadow(region, photo, rng)
         if with_shadows and box is not None and region.rock in annotated and region_contrast(region, photo) < -_DARK_DN:
             shadow_boxes.append(box)
     classes = np.repeat([0, 1], [len(rock_boxes), len(shadow_boxes)])

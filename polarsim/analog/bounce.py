@@ -110,13 +110,13 @@ def _hemisphere(normals: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def _cache_stride(scene: SandboxScene) -> int:
-    return max(1, round(_CACHE_GRID / scene.ground.step))
+    return max(1, round(_CACHE_GRID / scene.ground.steps[0]))
 
 
 def _chosen_vertices(scene: SandboxScene) -> np.ndarray:
     """Return the vertices at which indirect light is computed: a coarse ground grid, some of each rock, all others."""
-    n, stride = len(scene.ground.axis), _cache_stride(scene)
-    grid = np.arange(n * n).reshape(n, n)[::stride, ::stride].ravel()
+    shape, stride = scene.ground.heights.shape, _cache_stride(scene)
+    grid = np.arange(scene.ground.heights.size).reshape(shape)[::stride, ::stride].ravel()
     few = len(icosphere(_CACHE_ROCK_DETAIL)[0])
     rocks = [scene.first_vertex[rock.rock] + np.arange(few) for rock in scene.rocks]
     rest = np.arange(scene.first_vertex[HALL_OBJECT], len(scene.vertices))
@@ -148,14 +148,14 @@ def _interpolate(
     import cv2
 
     out = np.zeros((len(scene.vertices), 3), np.float32)
-    n, stride = len(scene.ground.axis), _cache_stride(scene)
-    nodes = len(range(0, n, stride))
-    coarse = vectors[: nodes * nodes].reshape(nodes, nodes, 3)
+    shape, stride = scene.ground.heights.shape, _cache_stride(scene)
+    nodes = tuple(len(range(0, size, stride)) for size in shape)
+    start, few = nodes[0] * nodes[1], len(icosphere(_CACHE_ROCK_DETAIL)[0])
+    coarse = vectors[:start].reshape(*nodes, 3)
     coarse = gaussian_filter(coarse, (0.8, 0.8, 0)).astype(np.float32)
-    at = np.arange(n, dtype=np.float32) / stride
-    rows, columns = np.meshgrid(at, at, indexing="ij")
-    out[: n * n] = cv2.remap(coarse, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).reshape(-1, 3)
-    start, few = nodes * nodes, len(icosphere(_CACHE_ROCK_DETAIL)[0])
+    rows, columns = np.meshgrid(*(np.arange(size, dtype=np.float32) / stride for size in shape), indexing="ij")
+    at_nodes = cv2.remap(coarse, columns, rows, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    out[: scene.ground.heights.size] = at_nodes.reshape(-1, 3)
     for rock in scene.rocks:
         weights, near = _from_coarse(rock.detail)
         first = scene.first_vertex[rock.rock]

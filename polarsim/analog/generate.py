@@ -1,4 +1,4 @@
-"""Generator of the analog: photos, scans, calibration and seed labels of a terrain in NASA's formats."""
+"""Generator of the analog: photos, scans, calibration and seed labels of a terrain in the formats of the site."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ import numpy as np
 from polarsim.analog import scanner
 from polarsim.analog.options import AnalogOptions
 from polarsim.analog.photographs import take_photos
-from polarsim.analog.presets import PRESETS
+from polarsim.analog.raw_files import RawFiles, writing_raw_files
 from polarsim.analog.rocks import carve, icosphere
+from polarsim.analog.stations import Stations
 from polarsim.analog.terrain import AnalogTerrain, build_terrain
 from polarsim.analog.truth import AlbedoMap, write_truth
 from polarsim.errors import ConfigError
-from polarsim.formats import nasa, nasa_layout, obj, tables
+from polarsim.formats import nasa, obj, tables
 from polarsim.formats.files import write_json, writing_folder
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, camera_pose, yaw_pitch_roll
 from polarsim.geometry.stereo import RectifiedGrid, StereoRig, rectified_left
-from polarsim.photo import PhotoKey, Terrain, positions, terrain_text
+from polarsim.photo import PhotoKey, Terrain, terrain_text
 from polarsim.randomness import generator
-from polarsim.survey import terrain_folder
+from polarsim.site import Site
 
 _SCANNER_OFFSET = 0.06  # metres, standard deviation: offset of the scanner from the left camera
 _CARVED_SIZE_M = (0.06, 0.4)  # longest extent of rocks without a sandbox, log-uniform
@@ -32,9 +33,16 @@ _CAMERA_FROM_UPRIGHT = Pose(np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]), np.
 
 
 def generate_terrain(
-    *, root: Path, receipt: Path, terrain: Terrain, keys: Sequence[PhotoKey], options: AnalogOptions, threads: int
+    *,
+    site: Site,
+    root: Path,
+    receipt: Path,
+    terrain: Terrain,
+    keys: Sequence[PhotoKey],
+    options: AnalogOptions,
+    threads: int,
 ) -> None:
-    """Generate a terrain in the layout of docs/formats.md below `root`; the receipt is written last.
+    """Generate a terrain of a site below `root`, in the formats of the site; the receipt is written last.
 
     Photos are rendered for `keys`. With `options.photos` false, no photos and no labels are written. Existing folders
     of the terrain are replaced at the end.
@@ -43,67 +51,81 @@ def generate_terrain(
     `contrast` is the mean of the region minus the mean of the surroundings in the photo, DN; scoring uses it to exclude
     regions that are not visible.
     """
-    if terrain not in PRESETS:
-        raise ConfigError(f"unknown terrain {terrain}, expected {min(PRESETS)} to {max(PRESETS)}")
-    mismatched = [key for key in keys if key.terrain != terrain or key.position not in positions(terrain)]
+    if terrain not in site.terrains:
+        raise ConfigError(f"unknown terrain {terrain}, expected {site.terrains_text}")
+    mismatched = [key for key in keys if key.terrain != terrain or key.position not in site.positions_of(terrain)]
     if mismatched:
         raise ConfigError(f"{mismatched[0]}: not a photo of terrain {terrain_text(terrain)}")
     receipt.unlink(missing_ok=True)
-    made = build_terrain(terrain, options)
-    name = f"Terrain{terrain_text(terrain)}"
-    places = (terrain_folder(terrain), f"{nasa_layout.RANGE_FOLDER}/{name}", f"Labels/{name}", f"truth/{name}")
+    made = build_terrain(site, terrain, options)
+    chosen = sorted(keys) if options.photos else []
+    places = (f"Labels/Terrain{terrain_text(terrain)}", f"truth/Terrain{terrain_text(terrain)}")
     with ExitStack() as stack:
-        raw, ranges, seeds, truth = (stack.enter_context(writing_folder(root / place)) for place in places)
-        nasa.write_calibration(raw / nasa_layout.CALIBRATION_NAME, made.stations.calibration)
-        calibration = nasa.read_calibration(raw / nasa_layout.CALIBRATION_NAME)  # with the rounding of the file
-        _write_scans(made, calibration, raw, ranges, options, threads)
+        raw = stack.enter_context(writing_raw_files(site, terrain, root))
+        seeds, truth = (stack.enter_context(writing_folder(root / place)) for place in places)
+        calibration = _write_calibration(made.stations, raw)
+        _write_scans(made, site, calibration, raw, options, threads)
         write_truth(made, truth, options)
         albedo = AlbedoMap()
-        labels = take_photos(made, sorted(keys) if options.photos else [], raw, seeds, albedo, options, threads)
+        labels = take_photos(made, site, chosen, raw, seeds, albedo, options, threads)
         tables.write_parquet(truth / "labels.parquet", labels)
         tables.write_parquet(truth / "albedo.parquet", albedo.table())
-    photos = sum(1 for _ in (root / places[0]).rglob("Cam?_*.png"))
-    content = {"terrain": terrain, "folder": places[0], "photos": photos, "options": options.model_dump(mode="json")}
-    write_json(receipt, content)
+    content = {"terrain": terrain, "folder": raw.folder, "photos": len(chosen)}
+    write_json(receipt, content | {"options": options.model_dump(mode="json")})
+
+
+def _write_calibration(stations: Stations, raw: RawFiles) -> StereoRig:
+    """Write the calibration, and return it with the rounding of the file."""
+    if raw.calibration is None:
+        return stations.calibration
+    nasa.write_calibration(raw.calibration, stations.calibration)
+    return nasa.read_calibration(raw.calibration)
 
 
 def _write_scans(
-    made: AnalogTerrain, calibration: StereoRig, raw: Path, ranges: Path, options: AnalogOptions, threads: int
+    made: AnalogTerrain, site: Site, calibration: StereoRig, raw: RawFiles, options: AnalogOptions, threads: int
 ) -> None:
-    """Write clouds and range maps of the scanned positions, and a range map of B from the surfaces of both scans."""
+    """Write clouds and range maps of scanned positions, and range maps of other surveyed positions from all scans."""
+    if site.files.clouds is None and site.files.range_maps is None:
+        return
     grid = rectified_left(calibration)
     surfaces = []
-    for position in scanner.SCANNED:
+    poses, scanned = made.stations.sandbox_from_left, site.analog.scanned
+    chosen = [position for position in poses if scanned is None or position in scanned]
+    for position in chosen:
         rng = generator(options.seed, "scan", made.terrain, position)
-        left = made.stations.sandbox_from_left[position]
+        left = poses[position]
         centre = left.translation + rng.normal(0, _SCANNER_OFFSET, 3)
         level = camera_pose(centre, yaw_pitch_roll(left)[0], 0.0)
-        scan = scanner.scan(made.scene, made.caster, level @ _CAMERA_FROM_UPRIGHT, rng, options, threads)
-        grid_from_sandbox = _registered(made, position, grid, rng)
-        surface = scanner.join_points(scan, centre)
-        surfaces.append(surface)
+        sandbox_from_scanner = level @ _CAMERA_FROM_UPRIGHT
+        scan = scanner.scan(made.scene, made.caster, sandbox_from_scanner, rng, options, threads)
+        error = scanner.registration_error(rng)
+        sandbox_from_rectified = left @ grid.left_from_rectified
+        frames = {
+            "rectified": error @ sandbox_from_rectified.inverse(), "left": error @ left.inverse(),
+            "level": sandbox_from_scanner.inverse(), "sandbox": error,
+        }  # fmt: skip
+        surfaces.append(scanner.join_points(scan, centre))
         valid = np.isfinite(scan.points[..., 0])
-        points = grid_from_sandbox.apply(scan.points[valid])
-        nasa.write_cloud(raw / f"Pos{position}.xyz", points, scan.intensity[valid])
-        _write_map(ranges, position, [surface], grid, grid_from_sandbox, threads)
-    if "B" in made.stations.sandbox_from_left:
-        rng = generator(options.seed, "scan", made.terrain, "B")
-        _write_map(ranges, "B", surfaces, grid, _registered(made, "B", grid, rng), threads)
-
-
-def _registered(made: AnalogTerrain, position: str, grid: RectifiedGrid, rng: np.random.Generator) -> Pose:
-    """Return the pose of the rectified left frame with the registration error of NASA's data."""
-    exact = (made.stations.sandbox_from_left[position] @ grid.left_from_rectified).inverse()
-    return scanner.registration_error(rng) @ exact
+        if cloud := raw.cloud(position):
+            points = frames[site.files.cloud_frame].apply(scan.points[valid])
+            nasa.write_cloud(cloud, points, scan.intensity[valid], site.files.cloud_unit)
+        _write_map(raw.range_map(position), surfaces[-1:], grid, frames["rectified"], threads)
+    for position in (position for position in site.tripods if position in poses and position not in chosen):
+        rng = generator(options.seed, "scan", made.terrain, position)
+        sandbox_from_rectified = poses[position] @ grid.left_from_rectified
+        grid_from_sandbox = scanner.registration_error(rng) @ sandbox_from_rectified.inverse()
+        _write_map(raw.range_map(position), surfaces, grid, grid_from_sandbox, threads)
 
 
 def _write_map(
-    folder: Path, position: str, surfaces: Sequence[tuple[np.ndarray, np.ndarray]], grid: RectifiedGrid,
+    path: Path | None, surfaces: Sequence[tuple[np.ndarray, np.ndarray]], grid: RectifiedGrid,
     grid_from_sandbox: Pose, threads: int,
 ) -> None:  # fmt: skip
+    if path is None:
+        return
     in_grid = [(grid_from_sandbox.apply(vertices), faces) for vertices, faces in surfaces]
-    points = scanner.range_map(in_grid, grid.lens, threads)
-    nasa.write_range_map(nasa.range_map_path(folder, position), points)
+    nasa.write_range_map(path, scanner.range_map(in_grid, grid.lens, threads))
 
 
 def carve_rocks(*, number: int, terrain: Terrain, seed: int, meshes: Path) -> None:

@@ -1,4 +1,4 @@
-"""Options of the analog. The defaults are known or assumed properties of NASA's sandbox."""
+"""Options of the analog. The defaults are known or assumed properties of NASA's scanner and sand."""
 
 from __future__ import annotations
 

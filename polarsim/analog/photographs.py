@@ -15,37 +15,34 @@ from polarsim.analog.annotator import annotate
 from polarsim.analog.bounce import AMBIENT, Bounce, gather_bounce
 from polarsim.analog.light import DiscLamp, direct, visibility
 from polarsim.analog.options import AnalogOptions
+from polarsim.analog.raw_files import RawFiles, write_photo
 from polarsim.analog.regions import VisibleRegion, region_contrast, rock_regions, shadow_regions
 from polarsim.analog.sandbox import GROUND_OBJECT
-from polarsim.analog.sensor import ELECTRONS_PER_DN, blur_and_vignette, expose_raw, fixed_pattern, lamp_glare
+from polarsim.analog.sensor import (
+    ELECTRONS_PER_DN,
+    blur_and_vignette,
+    expose_raw,
+    fixed_pattern,
+    in_photo_format,
+    lamp_glare,
+)
 from polarsim.analog.stations import ROVER, Stations
 from polarsim.analog.terrain import AnalogTerrain
 from polarsim.analog.truth import AlbedoMap
 from polarsim.analog.view import Textures, make_textures, render_gbuffer
-from polarsim.formats import nasa, png, tables, yolo
-from polarsim.photo import (
-    BLACK_LEVEL,
-    CAMERAS,
-    HEIGHT,
-    ROCK,
-    SHADOW,
-    SHADOWS_ANNOTATED_FROM_MS,
-    WIDTH,
-    PhotoKey,
-    Terrain,
-    terrain_text,
-)
+from polarsim.formats import tables, yolo
+from polarsim.photo import BLACK_LEVEL, ROCK, SHADOW, PhotoKey, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.randomness import generator
-from polarsim.survey import ROVER_LIGHT_SHARE
+from polarsim.site import FAR_M, Lamp, Site
 
-# Photo-electrons per millisecond at unit radiance, and lamp outputs. They are equal for all terrains, and chosen so
-# that for terrain 11, position A, rover light off, the exposures with most pixels between 40 and 4000 DN above black
-# agree with NASA's (Sun 30: 256 ms, 180: 128, 270: 1024, 350: 256), inside the frame recommended by NASA's readme (10 %
-# off top and sides, 30 % off the bottom).
-ELECTRONS = 20000.0
-LAMP_OUTPUT = {"30": 1.0, "180": 6.0, "270": 1.0, "350": 3.2, ROVER: ROVER_LIGHT_SHARE}
+# Photo-electrons per millisecond at unit radiance, for sites with this usual exposure. The sand at the centre of the
+# sandbox is then well exposed by a lamp of unit output that causes this irradiance on level sand (NASA's lamp 30).
+ELECTRONS, _USUAL_EXPOSURE_MS = 20000.0, 256
+_IRRADIANCE = 0.01277  # 1/m2
+_ANNOTATED_SHADOWS = 0.5  # minimum exposure of annotated shadows, as a share of the usual exposure
 _LAMP_RADIUS = 0.045  # radius of the disc of a lamp, metres
+_SUN_RADIUS = 0.0047  # angular radius of a directional lamp, radians
 _HALL_DN_PER_S = 1.2  # brightness of sand in the dark hall
 _GLARE = 0.002  # radiance at the centre of lens ghosts
 _SAND_ALBEDO = 0.19
@@ -81,8 +78,9 @@ def _lamps_of(key: PhotoKey) -> list[str]:
 
 def take_photos(
     made: AnalogTerrain,
+    site: Site,
     keys: Sequence[PhotoKey],
-    raw: Path,
+    raw: RawFiles,
     seeds: Path,
     albedo: AlbedoMap,
     options: AnalogOptions,
@@ -92,31 +90,47 @@ def take_photos(
     if not keys:
         return _label_table([])
     at = sorted({key.position for key in keys})
-    lamps = {position: _lamps(made.stations, position) for position in at}
+    lamps = {position: _lamps(site, made.stations, position) for position in at}
     bounces = gather_bounce(
         made.scene, made.caster, _named(lamps), generator(options.seed, "bounce", made.terrain), threads
     )
     tokens = _tokens(keys, options.seed)
     rows: list[dict[str, object]] = []
-    views = [(position, camera) for position in at for camera in CAMERAS]
+    views = [(position, camera) for position in at for camera in site.cameras.sides]
     for position, camera in track(views, f"views of terrain {terrain_text(made.terrain)}"):
         here = [key for key in keys if (key.position, key.camera) == (position, camera)]
         if not here:
             continue
         wanted = {lamp: lamps[position][lamp] for lamp in sorted({name for key in here for name in _lamps_of(key)})}
         olat_images = _olat_images(made, position, camera, wanted, bounces, albedo, options, threads)
-        rows += _shoot(olat_images, here, tokens, raw, seeds, options, threads)
+        rows += _shoot(site, olat_images, here, tokens, raw, seeds, options, threads)
     return _label_table(rows)
 
 
-def _lamps(stations: Stations, position: str) -> dict[str, DiscLamp]:
+def _lamps(site: Site, stations: Stations, position: str) -> dict[str, DiscLamp]:
     """Return the lamps of a position by azimuth, and the rover light of the position."""
     left = stations.sandbox_from_left[position]
+    outputs = _outputs(site)
     lamps = {}
     for name, lamp_position in stations.lamps_at(position).items():
         target = left.apply(np.array([0, 0.0, 4.0])) if name == ROVER else np.zeros(3)
-        lamps[name] = DiscLamp(lamp_position, target, _LAMP_RADIUS, LAMP_OUTPUT[name])
+        is_far = name != ROVER and site.lamps[name].kind == "directional"
+        radius = FAR_M * _SUN_RADIUS if is_far else _LAMP_RADIUS
+        lamps[name] = DiscLamp(lamp_position, target, radius, outputs[name])
     return lamps
+
+
+def _outputs(site: Site) -> dict[str, float]:
+    """Return the radiant intensity of the lamps and of the rover light."""
+    outputs = {name: site.analog.lamp_output.get(name) or _usual_output(lamp) for name, lamp in site.lamps.items()}
+    near = [output for name, output in outputs.items() if site.lamps[name].kind == "point"]
+    return outputs | ({ROVER: site.rig_lamp.share * (near or [1.0])[0]} if site.rig_lamp else {})
+
+
+def _usual_output(lamp: Lamp) -> float:
+    """Return the intensity that causes the usual irradiance on level sand at the centre of the sandbox."""
+    distance = float(np.linalg.norm(lamp.point))
+    return _IRRADIANCE * distance**3 / max(lamp.point[2], 0.05 * distance)
 
 
 @lru_cache(maxsize=1)
@@ -157,17 +171,20 @@ def _olat_images(
 
 
 def _shoot(
-    olat_images: LitView, keys: Sequence[PhotoKey], tokens: Mapping[tuple[object, ...], str], raw: Path, seeds: Path,
-    options: AnalogOptions, threads: int,
+    site: Site, olat_images: LitView, keys: Sequence[PhotoKey], tokens: Mapping[tuple[object, ...], str], raw: RawFiles,
+    seeds: Path, options: AnalogOptions, threads: int,
 ) -> list[dict[str, object]]:  # fmt: skip
     """Write the photos and the seeds of a view; return rows of the true labels."""
-    pattern = fixed_pattern(generator(options.seed, "pattern", keys[0].camera), (HEIGHT, WIDTH))
+    pattern = fixed_pattern(generator(options.seed, "pattern", keys[0].camera), olat_images.images[AMBIENT].shape)
+    electrons = ELECTRONS * _USUAL_EXPOSURE_MS / site.usual_exposure_ms
+    shadows_from_ms = _ANNOTATED_SHADOWS * site.usual_exposure_ms
 
     def shoot(key: PhotoKey) -> tuple[list[dict[str, object]], float, np.ndarray | None]:
         rng = generator(options.seed, "sensor", key)
-        may_be_seed = key.camera == "L" and key.light == "off" and key.azimuth != "no"
-        photo = expose_raw(olat_images.lit(key), key.exposure_ms, ELECTRONS, rng, pattern)
-        png.write_png(nasa.photo_path(raw, key, tokens[_pair(key)]), photo)
+        may_be_seed = key.camera == "L" and key.light == "off" and key.has_sun
+        values = expose_raw(olat_images.lit(key), key.exposure_ms, electrons, rng, pattern, site.images)
+        write_photo(raw.photo(key, tokens[_pair(key)]), values, site.images)
+        photo = in_photo_format(values, site.images)
         sand = photo[::_SPARSE, ::_SPARSE][olat_images.sand].astype(np.int32) - BLACK_LEVEL
         well_exposed = float(((sand > _MIN_DN) & (sand < _MAX_DN)).mean())
         return _label_rows(key, olat_images, photo), well_exposed, photo if may_be_seed else None
@@ -180,14 +197,14 @@ def _shoot(
                 rows += photo_rows
                 if photo is None:
                     continue
-                rank = (key.exposure_ms >= SHADOWS_ANNOTATED_FROM_MS, quality)  # prefer photos with shadows
+                rank = (key.exposure_ms >= shadows_from_ms, quality)  # prefer photos with shadows
                 if key.azimuth not in best or rank > best[key.azimuth][0]:
                     best[key.azimuth] = rank, key, photo
     for _, key, photo in best.values():
         rng = generator(options.seed, "annotator", key.with_exposure(16))
-        with_shadows = key.exposure_ms >= SHADOWS_ANNOTATED_FROM_MS
+        with_shadows = key.exposure_ms >= shadows_from_ms
         annotated = annotate(olat_images.rocks, olat_images.shadows_of(key), photo, rng, with_shadows=with_shadows)
-        yolo.write_boxes(seeds / f"{key}.txt", *annotated)
+        yolo.write_boxes(seeds / f"{key}.txt", *annotated, size=site.images.size)
     return rows
 
 

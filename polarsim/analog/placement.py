@@ -3,24 +3,53 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from polarsim.analog.ground import CRATER_CENTRE, HeightField
+from polarsim.analog.ground import CRATER_CENTRE, PRESET_HALF_WIDTH, HeightField, area_share, crater_scale
 from polarsim.analog.presets import Preset
 from polarsim.analog.rays import RayCaster
 from polarsim.analog.rocks import SimulatedRock, carve, icosphere
 from polarsim.geometry.meshes import Mesh, join_meshes
+from polarsim.site import Sandbox
 
 _PROBES = 642  # vertices of a rock that are tested against neighbours: a sphere of three subdivisions
-_X_RANGE, _Y_RANGE = (-1.6, 1.6), (-1.75, 1.6)  # range of rock centres in the real scenes, metres
+_X_RANGE, _Y_RANGE = (-1.6, 1.6), (-1.75, 1.6)  # range of rock centres in NASA's scenes, metres
 _PILE = np.array([-0.1, 0.0])
 _TRIES = 300
 
 
-def place_rocks(preset: Preset, ground: HeightField, rng: np.random.Generator, detail: int) -> list[SimulatedRock]:
-    """Return the rocks of a preset on a ground, numbered from 1 in order of decreasing distance from position A."""
+@dataclass(frozen=True)
+class _Room:
+    """Part of the sand in which the centres of rocks are placed."""
+
+    scale: np.ndarray  # (2,) size of the sand along x and y relative to that of the presets
+    low: np.ndarray  # (2,) metres
+    high: np.ndarray
+    crater: float  # size of the crater relative to that of the presets
+    raised: bool
+
+    @classmethod
+    def of(cls, sandbox: Sandbox) -> _Room:
+        half = np.array(sandbox.half_width_m)
+        scale = half / PRESET_HALF_WIDTH
+        low, high = (scale * [_X_RANGE[end], _Y_RANGE[end]] for end in (0, 1))
+        if sandbox.raised:
+            low, high = -0.7 * half, 0.7 * half
+        return cls(scale, low, high, crater_scale(sandbox.half_width_m), sandbox.raised)
+
+
+def place_rocks(
+    preset: Preset, sandbox: Sandbox, ground: HeightField, rng: np.random.Generator, detail: int
+) -> list[SimulatedRock]:
+    """Return the rocks of a preset on a ground, numbered from 1 in order of increasing x.
+
+    The number of rocks grows with the area of the sand, but not in a raised box.
+    """
+    room = _Room.of(sandbox)
+    if preset.rocks and not sandbox.raised:
+        preset = replace(preset, rocks=max(preset.stacked + 1, round(preset.rocks * area_share(sandbox.half_width_m))))
     sizes = _sizes(preset, rng)
     shapes = [carve(rng, number, size, detail) for number, size in enumerate(sizes)]
     placed: list[SimulatedRock] = []
@@ -30,15 +59,15 @@ def place_rocks(preset: Preset, ground: HeightField, rng: np.random.Generator, d
         rock = None
         if placed and (number < supports or leaning[number]):
             parent = placed[-1] if number < supports else placed[int(rng.integers(len(placed)))]
-            rock = _lean(shape, parent, placed, ground, rng, preset)
+            rock = _lean(shape, parent, placed, ground, rng, preset, room)
         if rock is None:
-            rock = _stand_alone(shape, placed, ground, rng, preset, in_pile=number < supports)
+            rock = _stand_alone(shape, placed, ground, rng, preset, room, in_pile=number < supports)
         placed.append(rock)
     bases = list(placed[: max(supports, 2)])
     for shape in shapes[len(shapes) - preset.stacked :]:
         placed.append(_stack(shape, bases, placed, rng))
     if preset.giant:
-        placed = _with_giant(preset, placed, ground, rng, detail)
+        placed = _with_giant(preset, room, placed, ground, rng, detail)
     order = np.argsort([rock.centre[0] for rock in placed], kind="stable")
     if preset.giant:  # all other rocks have the same numbers as in the terrain without the giant
         order = np.append(order[order != len(placed) - 1], len(placed) - 1)
@@ -62,31 +91,34 @@ def _sizes(preset: Preset, rng: np.random.Generator) -> np.ndarray:
     return np.concatenate([np.delete(sizes, top), sizes[top]])
 
 
-def _candidate(rock: SimulatedRock, rng: np.random.Generator, preset: Preset, *, in_pile: bool) -> np.ndarray:
+def _candidate(
+    rock: SimulatedRock, rng: np.random.Generator, preset: Preset, room: _Room, *, in_pile: bool
+) -> np.ndarray:
     """Return a random position (2,) for the layout of the preset."""
-    if preset.half_width < 1:
-        return rng.uniform(-0.6, 0.6, 2) * preset.half_width
-    spot = np.array([rng.uniform(*_X_RANGE), rng.uniform(*_Y_RANGE)])
+    if room.raised:
+        return rng.uniform(-0.6, 0.6, 2) * room.scale * PRESET_HALF_WIDTH
+    spot = np.array([rng.uniform(*ends) for ends in zip(room.low, room.high, strict=True)])
     large = rock.radius > 0.08
     if in_pile:
-        return _PILE + rng.normal(0, 0.05, 2)
+        return _PILE * room.scale + rng.normal(0, 0.05, 2)
     if preset.layout == "cluster" and large:
-        return np.array([-0.8, 0.8]) + rng.normal(0, 0.35, 2)
+        return room.scale * [-0.8, 0.8] + rng.normal(0, 0.35, 2)
     if preset.layout == "sides":
-        return np.array([spot[0], rng.uniform(-1.6, 0.2) if large else rng.uniform(0.2, 1.6)])
+        y = rng.uniform(-1.6, 0.2) if large else rng.uniform(0.2, 1.6)
+        return np.array([spot[0], room.scale[1] * y])
     if preset.layout == "in_crater" and large:
-        return CRATER_CENTRE + rng.normal(0, 0.6, 2)
+        return room.crater * CRATER_CENTRE + rng.normal(0, 0.6 * room.crater, 2)
     if preset.layout == "diagonal":
-        return np.array([-1.2, -1.3]) + rng.random() * np.array([2.3, 2.5]) + rng.normal(0, 0.3, 2)
+        along = np.array([-1.2, -1.3]) + rng.random() * np.array([2.3, 2.5])
+        return room.scale * along + rng.normal(0, 0.3, 2)
     return spot
 
 
-def _fits(spot: np.ndarray, radius: float, placed: Sequence[SimulatedRock], preset: Preset, gap: float) -> bool:
-    if preset.half_width < 1:
-        inside = bool(np.all(np.abs(spot) < 0.7 * preset.half_width))
-    else:
-        inside = bool(_X_RANGE[0] <= spot[0] <= _X_RANGE[1] and _Y_RANGE[0] <= spot[1] <= _Y_RANGE[1])
-    if preset.layout == "around" and np.linalg.norm(spot - CRATER_CENTRE) < 1.25:
+def _fits(
+    spot: np.ndarray, radius: float, placed: Sequence[SimulatedRock], preset: Preset, room: _Room, gap: float
+) -> bool:
+    inside = bool(np.all(room.low <= spot) and np.all(spot <= room.high))
+    if preset.layout == "around" and np.linalg.norm(spot - room.crater * CRATER_CENTRE) < 1.25 * room.crater:
         return False
     return inside and all(np.linalg.norm(spot - r.centre[:2]) > radius + r.radius + gap for r in placed)
 
@@ -97,13 +129,14 @@ def _stand_alone(
     ground: HeightField,
     rng: np.random.Generator,
     preset: Preset,
+    room: _Room,
     *,
     in_pile: bool,
 ) -> SimulatedRock:
     gap = 0.05
     for attempt in range(4 * _TRIES):
-        spot = _candidate(shape, rng, preset, in_pile=in_pile)
-        if in_pile or _fits(spot, shape.radius, placed, preset, gap):
+        spot = _candidate(shape, rng, preset, room, in_pile=in_pile)
+        if in_pile or _fits(spot, shape.radius, placed, preset, room, gap):
             break
         if attempt % _TRIES == _TRIES - 1:
             gap /= 4  # crowded scene: reduce the gap
@@ -137,6 +170,7 @@ def _lean(
     ground: HeightField,
     rng: np.random.Generator,
     preset: Preset,
+    room: _Room,
 ) -> SimulatedRock | None:
     """Place a rock next to a parent so that both touch; None if there is no room."""
     against, others = _surfaces([parent]), [rock for rock in placed if rock is not parent]
@@ -152,7 +186,7 @@ def _lean(
             rock = _set_down(shape, parent.centre[:2] + distance * towards, ground, here)
             near, far = (distance, far) if _gap(rock, against) < 0 else (near, distance)
         spot = rock.centre[:2]
-        if not _fits(spot, 0.0, [], preset, 0):
+        if not _fits(spot, 0.0, [], preset, room, 0):
             continue
         close = [r for r in others if np.linalg.norm(r.centre[:2] - spot) < r.radius + rock.radius + 0.15]
         if not close or _gap(rock, _surfaces(close)) > 0.002:
@@ -178,10 +212,10 @@ def _stack(
 
 
 def _with_giant(
-    preset: Preset, placed: list[SimulatedRock], ground: HeightField, rng: np.random.Generator, detail: int
+    preset: Preset, room: _Room, placed: list[SimulatedRock], ground: HeightField, rng: np.random.Generator, detail: int
 ) -> list[SimulatedRock]:
     """Add a very large bright rock at the front, at the position with the most room."""
     giant = replace(carve(rng, 0, preset.giant, detail), albedo=0.55, patch=0.3)
-    tries = np.stack([rng.uniform(0.7, 1.4, 200), rng.uniform(-1.3, 1.3, 200)], 1)
-    room = [min(np.linalg.norm(t - r.centre[:2]) - r.radius for r in placed) for t in tries]
-    return [*placed, _set_down(giant, tries[int(np.argmax(room))], ground, rng)]
+    tries = room.scale * np.stack([rng.uniform(0.7, 1.4, 200), rng.uniform(-1.3, 1.3, 200)], 1)
+    free = [min(np.linalg.norm(t - r.centre[:2]) - r.radius for r in placed) for t in tries]
+    return [*placed, _set_down(giant, tries[int(np.argmax(free))], ground, rng)]

@@ -1,9 +1,12 @@
-"""Presets of the 13 terrains: number, sizes and layout of rocks, and shape of the ground (as in the data set)."""
+"""Presets of terrains: number, sizes and layout of rocks, and shape of the ground, as in NASA's 13 terrains."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
+
+from polarsim.photo import Terrain
+from polarsim.site import Site
 
 Layout = Literal["spread", "cluster", "sides", "diagonal", "around", "in_crater", "pile"]
 
@@ -12,7 +15,7 @@ Layout = Literal["spread", "cluster", "sides", "diagonal", "around", "in_crater"
 class Preset:
     """Preset of a terrain. Sizes are the longest sides (minimum, median, maximum), metres."""
 
-    rocks: int
+    rocks: int  # in 16 m2 of sand
     sizes: tuple[float, float, float] = (0.06, 0.09, 0.20)
     layout: Layout = "spread"
     touching: float = 0.1  # share of rocks that lean against a neighbour
@@ -24,8 +27,7 @@ class Preset:
     mounds: int = 5
     tracks: int = 0
     crater: Literal["", "fresh", "old"] = ""
-    half_width: float = 2.0  # half the width of the sand, metres
-    like: int = 0  # terrain with the same ground and rocks; 0: none
+    like: int = 0  # preset with the same ground and rocks; 0: none
 
 
 PRESETS = {
@@ -41,5 +43,24 @@ PRESETS = {
     10: Preset(20, (0.07, 0.09, 0.15), layout="diagonal", touching=0.2, tracks=1),
     11: Preset(9, (0.07, 0.09, 0.14), layout="around", crater="fresh", touching=0.2),
     12: Preset(23, (0.05, 0.09, 0.26), layout="in_crater", crater="old", touching=0.15),
-    13: Preset(3, (0.07, 0.09, 0.12), relief=0.3, trowel=0.1, pits=0, mounds=0, half_width=0.5),
+    13: Preset(3, (0.07, 0.09, 0.12), relief=0.3, trowel=0.1, pits=0, mounds=0),
 }
+
+
+def preset_of(site: Site, terrain: Terrain) -> tuple[Preset, Terrain]:
+    """Return the preset of a terrain, and the terrain that has the same ground and rocks.
+
+    The preset is that of `site.analog.scenes`, else of the number of the terrain, else of its place among the terrains.
+    """
+    preset = PRESETS[_number(site, terrain)]
+    alike = [other for other in site.terrains if preset.like and _number(site, other) == preset.like]
+    return preset, alike[0] if alike else terrain
+
+
+def _number(site: Site, terrain: Terrain) -> int:
+    if terrain in site.analog.scenes:
+        return site.analog.scenes[terrain]
+    if terrain in PRESETS:
+        return int(terrain)
+    usual = [number for number, preset in PRESETS.items() if not preset.like and number != max(PRESETS)]
+    return usual[list(site.terrains).index(terrain) % len(usual)]

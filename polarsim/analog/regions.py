@@ -12,7 +12,6 @@ from polarsim.analog.light import SURFACE_OFFSET, DiscLamp
 from polarsim.analog.rays import RayCaster, rays_from
 from polarsim.analog.sandbox import GROUND_OBJECT, SandboxScene
 from polarsim.analog.view import GBuffer
-from polarsim.photo import HEIGHT, WIDTH
 
 MIN_PIXELS = 12  # smaller regions are not labelled
 _FULLY_LIT = 0.95
@@ -120,7 +119,8 @@ def mean_of_surroundings(region: VisibleRegion, photo: np.ndarray) -> float:
     """Return the mean of the surroundings of a region in a photo, DN."""
     x0, y0, x1, y1 = region.box
     dx, dy = max(3, round(_RING * (x1 - x0))), max(3, round(_RING * (y1 - y0)))
-    left, top, right, bottom = max(0, x0 - dx), max(0, y0 - dy), min(WIDTH, x1 + dx), min(HEIGHT, y1 + dy)
+    height, width = photo.shape
+    left, top, right, bottom = max(0, x0 - dx), max(0, y0 - dy), min(width, x1 + dx), min(height, y1 + dy)
     window = photo[top:bottom, left:right].astype(np.float32)
     around = np.ones(window.shape, bool)
     around[y0 - top : y1 - top, x0 - left : x1 - left] &= ~region.mask

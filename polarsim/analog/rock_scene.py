@@ -14,17 +14,19 @@ from polarsim.analog.truth import faces_above_sand
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
 from polarsim.randomness import generator
+from polarsim.site import Sandbox
 
 TERRAIN = 1  # number in the names of the mesh files
 _PRESET = Preset(14, (0.10, 0.22, 0.46), touching=0.0, pits=5, mounds=4)  # no contacts, which would need Open3D
+_SANDBOX = Sandbox(half_width_m=(2.0, 2.0))
 _GROUND_STEP = 0.02  # metres
 _DETAIL = 4  # subdivisions of the icosahedron of a rock
 
 
 def write_rock_scene(folder: Path, seed: int) -> None:
     """Write the meshes of the ground and of 14 rocks, generated from a seed, in the layout of a run's mesh folder."""
-    ground = make_ground(_PRESET, _GROUND_STEP, generator(seed, "ground", TERRAIN))
-    rocks = place_rocks(_PRESET, ground, generator(seed, "rocks", TERRAIN), _DETAIL)
+    ground = make_ground(_PRESET, _SANDBOX.half_width_m, _GROUND_STEP, generator(seed, "ground", TERRAIN))
+    rocks = place_rocks(_PRESET, _SANDBOX, ground, generator(seed, "rocks", TERRAIN), _DETAIL)
     centres = np.array([rock.centre[:2] for rock in rocks])
     radii = np.array([rock.radius for rock in rocks])
     ground = pile_sand(ground, generator(seed, "piles", TERRAIN), centres, radii)

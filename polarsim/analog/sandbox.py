@@ -8,15 +8,18 @@ from enum import IntEnum
 
 import numpy as np
 
-from polarsim.analog.ground import HeightField
-from polarsim.analog.presets import Preset
+from polarsim.analog.ground import PRESET_HALF_WIDTH, HeightField
 from polarsim.analog.rays import RayCaster, grid_faces
 from polarsim.analog.rocks import SimulatedRock, icosphere
-from polarsim.survey import WALL_HEIGHT
+from polarsim.site import Sandbox, Side, Site
 
 GROUND_OBJECT, HALL_OBJECT = -1, -2  # object numbers; rocks have positive numbers
-_WALL_TOP = WALL_HEIGHT + 0.01  # metres: differs from the stated height, as the real walls do
+_WALL_ERROR = 0.01  # metres: the walls are higher than stated, as the real walls are
 _WALL_THICKNESS = 0.09  # metres
+_RAISED_RIM, _RAISED_THICKNESS = 0.05, 0.03  # metres: rim of a raised box
+_OPEN_EDGE = -0.01  # metres: top of the board at a side without wall, just below the sand
+_SIDES: tuple[Side, ...] = ("-x", "+x", "-y", "+y")
+_CLEARANCE = 0.3  # metres around lamps and tripods without posts
 HALL_FLOOR = -0.40  # metres: below the deepest crater, so that the floor is not visible in it
 
 
@@ -71,13 +74,44 @@ class _Part:
     patch: float = 0.0
 
 
+@dataclass(frozen=True)
+class Hall:
+    """Dark hall around the sandbox of a site. Its furniture keeps the distance from the sand that it has at NASA."""
+
+    half_width: np.ndarray  # (2,) of the sand, metres
+    stands: np.ndarray  # (n, 3) approximate positions of lamps and tripods, metres
+    is_open: bool  # outdoors, without walls and ceiling
+
+    @classmethod
+    def of(cls, site: Site) -> Hall:
+        """Return the hall of a site; a yard with a directional lamp, such as the Sun, is outdoors."""
+        lamps = [lamp.point for lamp in site.lamps.values() if lamp.kind == "point"]
+        stands = [*lamps, *(tripod.camera_m for tripod in site.tripods.values())]
+        is_open = any(lamp.kind == "directional" for lamp in site.lamps.values())
+        return cls(np.array(site.sandbox.half_width_m), np.array(stands, float).reshape(-1, 3), is_open)
+
+    def placed(self, x: float, y: float) -> np.ndarray:
+        """Return the place (2,) of a piece that is at x, y in NASA's hall: outside the sand at the same distance."""
+        place, beyond = np.array([x, y]), self.half_width - PRESET_HALF_WIDTH
+        outside = np.abs(place) > PRESET_HALF_WIDTH
+        return np.where(outside, place + np.sign(place) * beyond, place * (self.half_width / PRESET_HALF_WIDTH))
+
+    def is_free(self, place: np.ndarray) -> bool:
+        """Return whether a place (2,) is not next to a lamp or tripod."""
+        return bool((np.linalg.norm(self.stands[:, :2] - place, axis=1) > _CLEARANCE).all())
+
+
 def build_scene(
-    preset: Preset, ground: HeightField, rocks: Sequence[SimulatedRock], detail: int, rng: np.random.Generator
+    sandbox: Sandbox,
+    hall: Hall,
+    ground: HeightField,
+    rocks: Sequence[SimulatedRock],
+    detail: int,
+    rng: np.random.Generator,
 ) -> SandboxScene:
     """Combine ground, rocks, walls and hall."""
-    small = preset.half_width < 1
     vertices, faces = ground.mesh()
-    sand = 0.36 if small else 0.19
+    sand = 0.36 if sandbox.raised else 0.19
     parts = [_Part(vertices, faces, SurfaceMaterial.SAND, sand, GROUND_OBJECT, ground.normals())]
     sphere_faces = icosphere(detail)[1]
     for rock in rocks:
@@ -86,7 +120,7 @@ def build_scene(
                 rock.vertices, sphere_faces, SurfaceMaterial.ROCK, rock.albedo, rock.rock, None, rock.gloss, rock.patch
             )
         )
-    parts += _small_box(preset, rng) if small else _big_box(preset, rng)
+    parts += _raised_box(sandbox, hall, rng) if sandbox.raised else _walled_sand(sandbox, hall, rng)
     starts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     counts = [len(part.faces) for part in parts]
 
@@ -153,15 +187,21 @@ def _block(
 
 
 def _walls(
-    half: float, top: float, thick: float, material: SurfaceMaterial, albedo: float, rng: np.random.Generator
-) -> list[_Part]:
-    outer = half + thick
+    half: Sequence[float], tops: Sequence[float | None], thick: float, material: SurfaceMaterial, albedo: float,
+    rng: np.random.Generator,
+) -> list[_Part]:  # fmt: skip
+    """Return the walls of the sides in the order of `_SIDES`; a side without height has a board below the sand."""
+    x, y = half
+    outer_x, outer_y = x + thick, y + thick
     spans = [
-        ([-outer, -outer], [-half, outer]), ([half, -outer], [outer, outer]),
-        ([-half, -outer], [half, -half]), ([-half, half], [half, outer]),
+        ([-outer_x, -outer_y], [-x, outer_y]), ([x, -outer_y], [outer_x, outer_y]),
+        ([-x, -outer_y], [x, -y]), ([-x, y], [x, outer_y]),
     ]  # fmt: skip
     parts = []
-    for low, high in spans:
+    for (low, high), top in zip(spans, tops, strict=True):
+        if top is None:
+            parts += _block([*low, HALL_FLOOR], [*high, _OPEN_EDGE], SurfaceMaterial.DARK, 0.1, 0.3)
+            continue
         height = top + rng.normal(0, 0.008)
         for part in _block([*low, HALL_FLOOR], [*high, height], material, albedo, 0.06):
             wavy = part.vertices.copy()  # folds of the cloth
@@ -177,40 +217,64 @@ def _walls(
     return parts
 
 
-def _big_box(preset: Preset, rng: np.random.Generator) -> list[_Part]:
-    """Return the walls of NASA's sandbox and the hall."""
-    half = preset.half_width
-    parts = _walls(half, _WALL_TOP, _WALL_THICKNESS, SurfaceMaterial.CLOTH, 0.52, rng)
-    for y in (-1.62 + rng.normal(0, 0.03), 1.62 + rng.normal(0, 0.03)):
-        z, x = 0.08 + rng.uniform(0, 0.03), -half + 0.012
+def _walled_sand(sandbox: Sandbox, hall: Hall, rng: np.random.Generator) -> list[_Part]:
+    """Return the walls around the sand, grey cards on the wall -x, and the hall with its furniture."""
+    half_x, half_y = sandbox.half_width_m
+    stated = [sandbox.walls_m.get(side) for side in _SIDES]
+    tops = [None if height is None else height + _WALL_ERROR for height in stated]
+    parts = _walls((half_x, half_y), tops, _WALL_THICKNESS, SurfaceMaterial.CLOTH, 0.52, rng)
+    scale_y = half_y / PRESET_HALF_WIDTH
+    for y in (-1.62 * scale_y + rng.normal(0, 0.03), 1.62 * scale_y + rng.normal(0, 0.03)):
+        z, x = 0.08 + rng.uniform(0, 0.03), -half_x + 0.012
+        if tops[0] is None:
+            continue
         for width, height, out, material, albedo in (
             (0.30, 0.22, 0.0, SurfaceMaterial.WHITE, 0.80), (0.26, 0.18, 0.004, SurfaceMaterial.GREY, 0.18),
         ):  # fmt: skip
             sheet = _sheet([x + out, y - width / 2, z + 0.11 - height / 2], [0, width, 0], [0.01, 0, height], 0.1)
             parts.append(_Part(*sheet, material, albedo))
-    parts += _block([-half - 0.1, -half - 0.1, 0], [-half + 0.16, -half + 0.14, 0.33], SurfaceMaterial.DARK, 0.02, 0.1)
-    parts += _hall()
-    for y0, y1 in ((-2.5, -0.72), (-0.66, 0.33), (0.39, 2.1)):  # curtains with folds
-        vertices, faces = _sheet([-4.0, y0, HALL_FLOOR], [0, y1 - y0, 0], [0, 0, 3.0], 0.05)
+    if tops[0] is not None and tops[2] is not None:
+        low, high = [-half_x - 0.1, -half_y - 0.1, 0], [-half_x + 0.16, -half_y + 0.14, 0.33]
+        parts += _block(low, high, SurfaceMaterial.DARK, 0.02, 0.1)
+    parts += _hall(hall)
+    return parts if hall.is_open else parts + _furniture(hall, rng)
+
+
+def _furniture(hall: Hall, rng: np.random.Generator) -> list[_Part]:
+    """Return curtains behind the sand and all lamps, posts, and a duct."""
+    parts = []
+    behind = min(hall.placed(-4.0, 0)[0], hall.stands[:, 0].min(initial=0) - 0.45)
+    scale = hall.half_width[1] / PRESET_HALF_WIDTH
+    for y0, y1 in ((-2.5 * scale, -0.72 * scale), (-0.66 * scale, 0.33 * scale), (0.39 * scale, 2.1 * scale)):
+        vertices, faces = _sheet([behind, y0, HALL_FLOOR], [0, y1 - y0, 0], [0, 0, 3.0], 0.05)
         vertices[:, 0] += 0.02 * np.sin(vertices[:, 1] * rng.uniform(18, 26)) + 0.01 * np.sin(vertices[:, 1] * 61)
         parts.append(_Part(vertices, faces, SurfaceMaterial.CURTAIN, rng.uniform(0.16, 0.3)))
     for x, y, width in ((-3.2, 0.06, 0.04), (-3.5, 0.9, 0.02), (-3.4, 1.0, 0.02), (0.4, 3.4, 0.03), (-2.6, 3.0, 0.03)):
-        parts += _block([x, y, HALL_FLOOR], [x + width, y + width, 2.4], SurfaceMaterial.METAL, 0.12, 0.5)
-    parts.append(_duct(np.array([-2.35, 2.35, 0.0]), 0.13, 0.75))
+        place = hall.placed(x, y)
+        if hall.is_free(place):
+            low, high = [*place, HALL_FLOOR], [*(place + width), 2.4]
+            parts += _block(low, high, SurfaceMaterial.METAL, 0.12, 0.5)
+    foot = hall.placed(-2.35, 2.35)
+    if hall.is_free(foot):
+        parts.append(_duct(np.array([*foot, 0.0]), 0.13, 0.75))
     return parts
 
 
-def _small_box(preset: Preset, rng: np.random.Generator) -> list[_Part]:
-    """Return the black box of terrain 13 on a tiled floor, next to a bright ball."""
-    half = preset.half_width
+def _raised_box(sandbox: Sandbox, hall: Hall, rng: np.random.Generator) -> list[_Part]:
+    """Return a raised black box on a tiled floor, next to a bright ball, as NASA's box of terrain 13."""
+    tops = [sandbox.walls_m.get(side) or _RAISED_RIM for side in _SIDES]
     vertices, faces = icosphere(4)
-    ball = _Part(vertices * 0.10 + [0.1, 0.85, HALL_FLOOR + 0.10], faces, SurfaceMaterial.METAL, 0.6, gloss=2.0)
-    return [*_walls(half, 0.05, 0.03, SurfaceMaterial.DARK, 0.04, rng), *_hall(floor_albedo=0.35), ball]
+    centre = [0.1, sandbox.half_width_m[1] + 0.35, HALL_FLOOR + 0.10]
+    ball = _Part(vertices * 0.10 + centre, faces, SurfaceMaterial.METAL, 0.6, gloss=2.0)
+    walls = _walls(sandbox.half_width_m, tops, _RAISED_THICKNESS, SurfaceMaterial.DARK, 0.04, rng)
+    return [*walls, *_hall(hall, floor_albedo=0.35), ball]
 
 
-def _hall(floor_albedo: float = 0.05) -> list[_Part]:
-    """Return the inner sides of a dark room."""
-    low, high = np.array([-5.5, -6.5, HALL_FLOOR]), np.array([9.5, 6.0, 3.8])
+def _hall(hall: Hall, floor_albedo: float = 0.05) -> list[_Part]:
+    """Return the inner sides of a dark room that contains all lamps and tripods; outdoors only the floor."""
+    low, high = np.array([*hall.placed(-5.5, -6.5), HALL_FLOOR]), np.array([*hall.placed(9.5, 6.0), 3.8])
+    low[:2] = np.minimum(low[:2], hall.stands[:, :2].min(axis=0, initial=0) - 1)
+    high = np.maximum(high, hall.stands.max(axis=0, initial=0) + 1)
     dx, dy, dz = high - low
     x0, y0, z0 = low
     sides = [
@@ -219,7 +283,7 @@ def _hall(floor_albedo: float = 0.05) -> list[_Part]:
         _sheet([x0, y0, high[2]], [0, dy, 0], [dx, 0, 0], 0.8),
     ]  # fmt: skip
     floor = _Part(*_sheet(low.tolist(), [dx, 0, 0], [0, dy, 0], 0.25), SurfaceMaterial.FLOOR, floor_albedo)
-    return [floor, *(_Part(*sheet, SurfaceMaterial.DARK, 0.03) for sheet in sides)]
+    return [floor] if hall.is_open else [floor, *(_Part(*sheet, SurfaceMaterial.DARK, 0.03) for sheet in sides)]
 
 
 def _duct(foot: np.ndarray, radius: float, height: float) -> _Part:

@@ -1,4 +1,4 @@
-"""Laser scanner: ranges on an angular grid with realistic errors, and range maps in NASA's format."""
+"""Laser scanner: ranges on an angular grid with realistic errors, and range maps."""
 
 from __future__ import annotations
 
@@ -14,9 +14,8 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.geometry.poses import Pose
 
-SCANNED = ("A", "C")  # scanned positions; the range map of B is computed from both scans
 _PAN, _TILT_UP, _TILT_DOWN = np.radians([36.0, 3.0, 48.0])  # angular window around the heading and the horizon
-_REGISTRATION_MM, _REGISTRATION_DEG = 2.0, 0.05  # standard deviation of NASA's registration of a map
+_REGISTRATION_MM, _REGISTRATION_DEG = 2.0, 0.05  # standard deviation of the registration of a scan
 _MAX_RANGE_M = 9.0  # maximum range of the scanner: the rear end of the hall has no points
 _EDGE = 0.03  # metres: larger range differences between neighbours are depth edges
 _GAP = 0.05  # metres: neighbours are not joined if the difference exceeds this and _GAP_SHARE of the range
@@ -109,6 +108,6 @@ def range_map(surfaces: Sequence[tuple[np.ndarray, np.ndarray]], grid: Lens, thr
 
 
 def registration_error(rng: np.random.Generator) -> Pose:
-    """Return a random rigid error of NASA's registration of a scan with a camera."""
+    """Return a random rigid error of the registration of a scan with a camera."""
     rotation = np.radians(rng.normal(0, _REGISTRATION_DEG / np.sqrt(3), 3))
     return Pose.from_rotvec(rotation, rng.normal(0, _REGISTRATION_MM / 1000 / np.sqrt(3), 3))

@@ -1,4 +1,4 @@
-"""Conversion of a linear image to a raw photo: lens effects, glare, shot and read noise, black level, 12 bits."""
+"""Conversion of a linear image to a raw photo: lens effects, glare, shot and read noise, black level, bits."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ import numpy as np
 from polarsim.analog.light import DiscLamp
 from polarsim.geometry.camera import Camera
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
+from polarsim.site import Images
 
 _BLUR_PX = 0.6  # standard deviation of the point spread function
 _VIGNETTING = 0.30  # share of light lost in the corners
 _VEIL, _HALO = 0.002, 0.007  # shares of light in the veiling glare (uniform) and in the halo (broad)
 # A sensor similar to Sony's IMX249, with a full well of 33,000 electrons. The values differ on purpose from those of
 # `polarsim.photo`, so that stages are tested with a sensor that does not match their assumptions.
-ELECTRONS_PER_DN = 8.0
+ELECTRONS_PER_DN = 8.0  # of 12 bits
 _READ_NOISE_ELECTRONS = 7.0  # standard deviation
 _FULL_WELL_ELECTRONS = 33000.0
 _PIXEL_GAIN = 0.006  # standard deviation of the sensitivity of pixels
@@ -76,15 +77,29 @@ def _blob(out: np.ndarray, centre: np.ndarray, size: float, strength: float, pow
 
 
 def expose_raw(
-    image: np.ndarray, exposure_ms: float, electrons: float, rng: np.random.Generator, pixel_gain: np.ndarray
-) -> np.ndarray:
-    """Return the photo (h, w) uint16 of a linear image; `electrons`: photo-electrons per ms at unit radiance."""
+    image: np.ndarray, exposure_ms: float, electrons: float, rng: np.random.Generator, pixel_gain: np.ndarray,
+    form: Images,
+) -> np.ndarray:  # fmt: skip
+    """Return the photo (h, w) uint16 of a linear image; `electrons`: photo-electrons per ms at unit radiance.
+
+    The full well has the value white at any number of bits.
+    """
     signal = image * pixel_gain * np.float32(electrons * exposure_ms)
     noise = rng.standard_normal(image.shape, dtype=np.float32)
     noise *= np.sqrt(np.maximum(signal, 0) + np.float32(_READ_NOISE_ELECTRONS**2))
     collected = np.minimum(signal + noise, np.float32(_FULL_WELL_ELECTRONS))
-    values = collected / np.float32(ELECTRONS_PER_DN) + np.float32(BLACK_LEVEL)
-    return np.clip(np.rint(values), 0, WHITE_LEVEL).astype(np.uint16)
+    steps = (WHITE_LEVEL - BLACK_LEVEL) / (form.white_level - form.black)
+    values = collected / np.float32(ELECTRONS_PER_DN * steps) + np.float32(form.black)
+    return np.clip(np.rint(values), 0, form.white_level).astype(np.uint16)
+
+
+def in_photo_format(values: np.ndarray, form: Images) -> np.ndarray:
+    """Return the values (h, w) of a photo in polarsim's photo format: 12 bits with the usual black and white level."""
+    if (form.black, form.white_level) == (BLACK_LEVEL, WHITE_LEVEL):
+        return values
+    steps = (WHITE_LEVEL - BLACK_LEVEL) / (form.white_level - form.black)
+    scaled = (values.astype(np.float32) - np.float32(form.black)) * np.float32(steps) + np.float32(BLACK_LEVEL)
+    return np.clip(np.rint(scaled), 0, WHITE_LEVEL).astype(np.uint16)
 
 
 def fixed_pattern(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:

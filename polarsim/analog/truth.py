@@ -22,7 +22,7 @@ from polarsim.run_files.rigs import LocalisedRig, write_localised
 _GROUND_STEP = 0.015  # step of the ground mesh, metres
 _COLUMN_STEP = 0.002  # metres
 CUBE = 0.01  # side of the cubes over which albedo is averaged, metres
-_REACH = 512  # maximum number of cubes from the origin along every axis
+_REACH = 4096  # maximum number of cubes from the origin along every axis
 _COLUMNS = ("pixels", "albedo", "x", "y", "z")
 
 

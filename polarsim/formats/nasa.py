@@ -9,7 +9,7 @@ import logging
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -309,13 +309,14 @@ def _read_ply(path: str | Path) -> np.ndarray:
     return np.array(loaded.vertices, dtype=float).reshape(-1, 3)
 
 
-def write_cloud(path: str | Path, points_m: np.ndarray, intensity: np.ndarray) -> None:
+def write_cloud(path: str | Path, points_m: np.ndarray, intensity: np.ndarray, unit: Literal["mm", "m"] = "mm") -> None:
     """Write points (n, 3), metres, as ASCII `x y z intensity`: tenths of a millimetre and integer intensities."""
     import pyarrow as pa
     from pyarrow import csv
 
-    tenths = np.round(np.asarray(points_m, float) / MM, 1) + 0.0  # no "-0"
-    columns = {name: tenths[:, n] for n, name in enumerate("xyz")}
+    factor, digits = (MM, 1) if unit == "mm" else (1.0, 4)
+    rounded = np.round(np.asarray(points_m, float) / factor, digits) + 0.0  # no "-0"
+    columns = {name: rounded[:, n] for n, name in enumerate("xyz")}
     table = pa.table({**columns, "intensity": np.asarray(intensity).astype(np.int64)})
     options = csv.WriteOptions(include_header=False, delimiter=" ", quoting_style="none")
     with writing(path) as temporary:

@@ -1,17 +1,15 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from polarsim.analog.ground import HeightField
 from polarsim.analog.options import AnalogOptions
-from polarsim.analog.presets import PRESETS
 from polarsim.analog.rocks import SimulatedRock, icosphere
-from polarsim.analog.sandbox import build_scene
+from polarsim.analog.sandbox import Hall, build_scene
 from polarsim.analog.view import make_textures, render_gbuffer
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import camera_pose
 from polarsim.geometry.stereo import default_rig
+from polarsim.site import polar
 
 COARSE = AnalogOptions(ground_step_mm=20, rock_detail=3, scan_step_deg=0.2)
 BALL_RADIUS, BALL_HEIGHT = 0.15, 0.10  # metres; height of the centre
@@ -26,9 +24,10 @@ def coarse() -> AnalogOptions:
 def ball_scene():
     """Flat sand inside the walls, with a ball in the centre."""
     axis = np.linspace(-2, 2, 81)
+    sandbox = polar().sandbox
     ball = SimulatedRock(1, icosphere(3)[0] * BALL_RADIUS + [0, 0, BALL_HEIGHT], 0.3, 0.0, 0.0)
-    flat = HeightField(axis, np.zeros((81, 81)))
-    return build_scene(replace(PRESETS[6], rocks=1), flat, [ball], 3, np.random.default_rng(1))
+    flat = HeightField(axis, axis, np.zeros((81, 81)))
+    return build_scene(sandbox, Hall.of(polar()), flat, [ball], 3, np.random.default_rng(1))
 
 
 @pytest.fixture(scope="session")

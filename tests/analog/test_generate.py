@@ -10,18 +10,20 @@ from polarsim.errors import ConfigError
 from polarsim.formats import nasa, nasa_layout, obj, png, tables, yolo
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.stereo import rectified_left
-from polarsim.photo import PhotoKey, photo_grid
+from polarsim.photo import PhotoKey
 from polarsim.run_files.rigs import read_localised
+from polarsim.site import polar
 
+POLAR = polar()
 TERRAIN = 11
 KEYS = [PhotoKey.parse(text) for text in ("11_A_off_30_L_0064", "11_A_off_30_L_0256", "11_A_on_no_L_8192")]
 
 
-def generate(root, options, keys=KEYS, terrain=TERRAIN):
+def generate(root, options, keys=KEYS, terrain=TERRAIN, site=POLAR):
     receipt = root.with_suffix(".json")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("polarsim.analog.bounce._BOUNCE_RAYS", 8)
-        generate_terrain(root=root, receipt=receipt, terrain=terrain, keys=keys, options=options, threads=1)
+        generate_terrain(site=site, root=root, receipt=receipt, terrain=terrain, keys=keys, options=options, threads=1)
 
 
 def files_of(root):
@@ -173,5 +175,5 @@ def test_an_unknown_terrain_and_keys_of_another_terrain_are_rejected(tmp_path):
     with pytest.raises(ConfigError):
         generate(tmp_path, AnalogOptions(), [], terrain=14)
     with pytest.raises(ConfigError):
-        generate(tmp_path, AnalogOptions(), [next(photo_grid(3))])
+        generate(tmp_path, AnalogOptions(), [next(polar().photos_of(3))])
     assert list(tmp_path.iterdir()) == []

@@ -9,13 +9,15 @@ from polarsim.analog.presets import PRESETS
 from polarsim.analog.rays import RayCaster
 from polarsim.analog.rocks import carve, icosphere
 from polarsim.analog.terrain import build_terrain
+from polarsim.site import Sandbox, polar
 
 
 @cache
 def placed(terrain):
     """Ground and rocks of a terrain."""
-    ground = make_ground(PRESETS[terrain], 0.02, np.random.default_rng(terrain))
-    return ground, place_rocks(PRESETS[terrain], ground, np.random.default_rng(terrain), 3)
+    sandbox = polar().sandbox_of(terrain)
+    ground = make_ground(PRESETS[terrain], sandbox.half_width_m, 0.02, np.random.default_rng(terrain))
+    return ground, place_rocks(PRESETS[terrain], sandbox, ground, np.random.default_rng(terrain), 3)
 
 
 def caster(rock):
@@ -109,7 +111,18 @@ def test_some_rocks_are_about_half_buried():
 
 
 def test_terrain_2_is_terrain_1_with_one_more_rock(coarse):
-    first, second = build_terrain(1, coarse).scene, build_terrain(2, coarse).scene
+    first, second = (build_terrain(polar(), terrain, coarse).scene for terrain in (1, 2))
     assert len(second.rocks) == len(first.rocks) + 1
     np.testing.assert_array_equal(second.rocks[3].vertices, first.rocks[3].vertices)
     assert np.ptp(second.rocks[-1].vertices, axis=0).max() > 0.5
+
+
+@pytest.mark.parametrize("terrain", [3, 10])
+def test_a_larger_yard_has_more_rocks_over_its_whole_area(terrain):
+    preset, sandbox = PRESETS[terrain], Sandbox(half_width_m=(2.0, 4.0))
+    ground = make_ground(preset, sandbox.half_width_m, 0.05, np.random.default_rng(1))
+    rocks = place_rocks(preset, sandbox, ground, np.random.default_rng(1), 2)
+    assert len(rocks) == 2 * preset.rocks
+    centres = np.array([rock.centre[:2] for rock in rocks])
+    assert (np.abs(centres) < [1.9, 3.8]).all()
+    assert (np.ptp(centres, axis=0) > [2.0, 4.0]).all()

@@ -2,16 +2,18 @@ import numpy as np
 import pytest
 
 from polarsim.analog.light import DiscLamp
-from polarsim.analog.sensor import blur_and_vignette, expose_raw, lamp_glare
+from polarsim.analog.sensor import blur_and_vignette, expose_raw, in_photo_format, lamp_glare
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import camera_pose
 from polarsim.geometry.stereo import default_rig
+from polarsim.site import Images, polar
 
+FORM = polar().images
 FLAT = np.ones((300, 300), np.float32)
 
 
-def shoot(level, exposure_ms, seed=1):
-    return expose_raw(level * FLAT, exposure_ms, 1.0, np.random.default_rng(seed), FLAT)
+def shoot(level, exposure_ms, seed=1, form=FORM):
+    return expose_raw(level * FLAT, exposure_ms, 1.0, np.random.default_rng(seed), FLAT, form)
 
 
 def test_a_dark_photo_has_the_black_level_and_the_read_noise():
@@ -51,3 +53,15 @@ def test_glare_of_a_visible_lamp_is_maximal_at_the_lamp_and_zero_for_a_lamp_behi
     expected = lens.project(pose.inverse().apply(lamp.position))
     assert np.hypot(column - expected[0], row - expected[1]) < 20
     assert not none.any()
+
+
+@pytest.mark.parametrize(("bits", "black", "white"), [(8, 2, None), (14, 64, 16000), (12, 16, None)])
+def test_photos_of_other_bits_agree_in_polarsims_photo_format(bits, black, white):
+    form = Images(width=300, height=300, bits=bits, black=black, white=white)
+    step = (4095 - 16) / (form.white_level - black)
+    for exposure in (64, 512, 8192):
+        values = shoot(20.0, exposure, form=form)
+        assert values.max() <= form.white_level
+        usual, converted = shoot(20.0, exposure).astype(float), in_photo_format(values, form).astype(float)
+        assert np.abs(converted - usual).max() <= step / 2 + 1  # rounding
+        assert converted.mean() == pytest.approx(usual.mean(), abs=0.1 * step)

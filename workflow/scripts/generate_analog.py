@@ -11,6 +11,7 @@ from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     generate_terrain(
+        site=Site(**snakemake.params.site),
         root=Path(snakemake.output.receipt).parent.parent,
         receipt=Path(snakemake.output.receipt),
         terrain=parse_terrain(snakemake.wildcards.terrain),
