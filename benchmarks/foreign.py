@@ -41,10 +41,11 @@ from scipy.spatial import ConvexHull, KDTree
 from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.formats import nasa, obj, tables, yolo
+from polarsim.formats.calibrations import stated_rig
 from polarsim.formats.obj import Mesh
 from polarsim.geometry.boxes import area, box_around_points, clip
 from polarsim.geometry.poses import Pose, camera_pose
-from polarsim.geometry.stereo import default_rig, rectified_left
+from polarsim.geometry.stereo import rectified_left
 from polarsim.photo import PhotoKey
 from polarsim.rocks.find import find_rocks
 from polarsim.rocks.mesh import mesh_rocks
@@ -54,6 +55,7 @@ from polarsim.run_files.rigs import LocalisedRig, read_localised, write_localise
 from polarsim.scoring.cameras import score_cameras
 from polarsim.scoring.rock_pairs import pair_rocks
 from polarsim.scoring.rocks import score_rocks
+from polarsim.site import polar
 
 TERRAIN = 2
 TRIPODS = {"A": ((3.55, -0.35, 1.55), 179, 25), "B": ((6.1, -0.45, 1.55), 178, 23), "C": ((0.75, -3.6, 1.52), 103, 26)}
@@ -323,7 +325,8 @@ def make(
     rocks = place_rocks(axis, height, count, shapes(meshes, rng), rng)
     if touching:
         rocks = push_together(rocks, axis, height, np.random.default_rng([seed, 3]))
-    rig, grid = default_rig(), rectified_left(default_rig())
+    rig = stated_rig(polar())
+    grid = rectified_left(rig)
     maps = {}
     for position, (tripod, yaw, pitch) in TRIPODS.items():
         centre = np.array(tripod) + rng.normal(0, 0.08, 3)

@@ -37,7 +37,8 @@ from polarsim.analog.generate import generate_terrain
 from polarsim.analog.options import AnalogOptions
 from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.options import LocalisationOptions
-from polarsim.formats import nasa, nasa_layout, obj
+from polarsim.formats import nasa_layout, obj
+from polarsim.formats.calibrations import read_calibration
 from polarsim.geometry.poses import Pose
 from polarsim.rocks import splitting
 from polarsim.rocks.creases import COEFFICIENTS, TERMS, Joining, chance_of_two, cut_along_creases
@@ -81,7 +82,7 @@ def make(folder: Path, name: str) -> None:
         write_inventory(folder / "inventory.json", Inventory(number, "polar", range_maps=files))
         write_rig(
             folder / "calibration.json",
-            nasa.read_calibration(nasa_layout.find_terrain_folder(folder, number) / nasa_layout.CALIBRATION_NAME),
+            read_calibration(nasa_layout.find_terrain_folder(folder, number) / nasa_layout.CALIBRATION_NAME, polar()),
             "file",
         )
     else:

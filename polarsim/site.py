@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, Field, PositiveFloat, PositiveInt, field_validator, model_validator
 
 from polarsim.errors import ConfigError, LabelError
-from polarsim.formats.files import packaged, resolve_packaged
+from polarsim.formats.files import packaged
 from polarsim.formats.yaml_files import read_model
 from polarsim.photo import LIGHTS, NO_SUN, CameraSide, Light, PhotoKey, Terrain, parse_terrain, terrain_text
 
@@ -451,7 +451,7 @@ def read_site(name: str | Path) -> Site:
     site = read_model(path, Site, "site")
     if site.cameras.calibration is None:
         return site
-    calibration = resolve_packaged(path).parent / site.cameras.calibration
+    calibration = path.parent / site.cameras.calibration
     return site.model_copy(update={"cameras": site.cameras.model_copy(update={"calibration": calibration})})
 
 

@@ -13,8 +13,8 @@ from polarsim.formats.files import write_json
 from polarsim.formats.tables import write_parquet
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.rigs import LocalisedRig, write_localised
+from tests.support.polar_rig import default_rig
 
 TERRAIN = 3
 SUN_LAMPS = {"30": (3.6, 1.4, 0.8), "180": (-3.2, 1.8, 0.8), "270": (-1.6, -3.4, 0.8), "350": (3.4, 0.8, 0.8)}

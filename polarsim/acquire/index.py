@@ -15,10 +15,10 @@ from polarsim.acquire.options import NO_SEEDS, SeedChoice, SeedOptions, SourceOp
 from polarsim.acquire.seeds import choose_seed_files, copy_seeds, find_labels, no_seed_error
 from polarsim.acquire.stereo_check import check_calibration
 from polarsim.errors import FormatError, LabelError
-from polarsim.formats import nasa, png, release
+from polarsim.formats import png, release
+from polarsim.formats.calibrations import read_calibration, stated_rig
 from polarsim.formats.readers import reader
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, read_parquet, typed, write_parquet
-from polarsim.geometry.stereo import default_rig
 from polarsim.grid import GridOptions
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey, Terrain, terrain_text
 from polarsim.progress import track
@@ -93,7 +93,7 @@ def index_terrain(
     else:
         _check_scanned(terrain, positions, raw, source.root)
         chosen = []
-    rig = nasa.read_calibration(raw.calibration) if raw.calibration else default_rig()
+    rig = read_calibration(raw.calibration, site) if raw.calibration else stated_rig(site)
     recorded = {PhotoKey.parse(key): Path(path) for key, path in zip(table["key"], table["path"], strict=True)}
     check_calibration(recorded, rig, Path(raw.calibration) if raw.calibration else None)
     write_parquet(photos, table)  # all errors of the source were raised above, before the first output

@@ -18,6 +18,7 @@ from polarsim.analog.terrain import AnalogTerrain, build_terrain
 from polarsim.analog.truth import AlbedoMap, write_truth
 from polarsim.errors import ConfigError
 from polarsim.formats import nasa, obj, tables
+from polarsim.formats.calibrations import read_calibration
 from polarsim.formats.files import write_json, writing_folder
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, camera_pose, yaw_pitch_roll
@@ -63,7 +64,7 @@ def generate_terrain(
     with ExitStack() as stack:
         raw = stack.enter_context(writing_raw_files(site, terrain, root))
         seeds, truth = (stack.enter_context(writing_folder(root / place)) for place in places)
-        calibration = _write_calibration(made.stations, raw)
+        calibration = _write_calibration(site, made.stations, raw)
         _write_scans(made, site, calibration, raw, options, threads)
         write_truth(made, truth, options)
         albedo = AlbedoMap()
@@ -74,12 +75,12 @@ def generate_terrain(
     write_json(receipt, content | {"options": options.model_dump(mode="json")})
 
 
-def _write_calibration(stations: Stations, raw: RawFiles) -> StereoRig:
+def _write_calibration(site: Site, stations: Stations, raw: RawFiles) -> StereoRig:
     """Write the calibration, and return it with the rounding of the file."""
     if raw.calibration is None:
         return stations.calibration
     nasa.write_calibration(raw.calibration, stations.calibration)
-    return nasa.read_calibration(raw.calibration)
+    return read_calibration(raw.calibration, site)
 
 
 def _write_scans(

@@ -8,10 +8,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from polarsim.analog.options import AnalogOptions
+from polarsim.formats.calibrations import stated_rig
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, camera_pose
-from polarsim.geometry.stereo import StereoRig, default_rig
+from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import Terrain
 from polarsim.randomness import generator
 from polarsim.site import FAR_M, Lamp, Site
@@ -76,10 +77,10 @@ def _error_scale(lamp: Lamp) -> float:
 def _stated_rig(site: Site) -> StereoRig:
     """Return the rig of a site: parallel cameras with the stated field of view and baseline."""
     if site.cameras.field_of_view_deg is None:
-        return default_rig()
+        return stated_rig(site)
     width, height = site.images.size
     focal = width / 2 / np.tan(np.radians(site.cameras.field_of_view_deg) / 2)
-    lens = Lens(focal, focal, width / 2, height / 2, _DISTORTION, width, height)
+    lens = Lens(focal, focal, width / 2, height / 2, _DISTORTION, width=width, height=height)
     assert site.cameras.baseline_m is not None
     return StereoRig(lens, lens, Pose(np.eye(3), np.array([np.mean(site.cameras.baseline_m), 0.0, 0.0])))
 

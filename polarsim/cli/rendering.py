@@ -119,21 +119,22 @@ def render(
 
     from polarsim.config import render_options
     from polarsim.formats import png
+    from polarsim.formats.calibrations import stated_rig
     from polarsim.geometry.camera import Camera
     from polarsim.geometry.poses import camera_pose
-    from polarsim.geometry.stereo import default_rig
     from polarsim.render.lamps import Lamp
     from polarsim.render.maps import write_maps
     from polarsim.render.scene import Scene, Shot
     from polarsim.render.sidecar import write_sidecar
     from polarsim.run_files.rigs import read_localised
     from polarsim.run_files.scene import terrain_of_folder
+    from polarsim.site import polar
     from polarsim.tone import to_8bit
 
     writes_file(".png")(out)
     sidecar = out.with_suffix(".json")
     refuse_existing_folder(sidecar)
-    rig = read_localised(cameras).rig if cameras else default_rig()
+    rig = read_localised(cameras).rig if cameras else stated_rig(polar())
     shot = Shot(
         camera=Camera(camera_pose(np.array(camera), *np.radians([yaw, pitch, roll])), rig.left),
         lamps={"sun": Lamp.sun(*sun, intensity) if sun else Lamp(np.array(lamp), intensity, lamp_radius)},

@@ -7,4 +7,4 @@ raises `FormatError` (`ConfigError` for YAML), a single line with the file. File
 
 from polarsim.public import lazy_exports
 
-__all__, __getattr__, __dir__ = lazy_exports(__name__, read_parquet="tables")
+__all__, __getattr__, __dir__ = lazy_exports(__name__, read_parquet="tables", stated_rig="calibrations")

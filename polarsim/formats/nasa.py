@@ -14,22 +14,19 @@ from typing import Any, Literal
 import numpy as np
 
 from polarsim.errors import FormatError
-from polarsim.formats.files import ENCODINGS, text_of, write_text, writing
+from polarsim.formats.files import ENCODINGS, write_text, writing
 from polarsim.formats.nasa_layout import CLOUD_SUFFIXES
 from polarsim.formats.readers import reader
+from polarsim.formats.stated_calibration import StatedCalibration, StatedLens
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import Pose, orthogonal_rotation
 from polarsim.geometry.stereo import StereoRig
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import PhotoKey
 from polarsim.survey import POSITION_DISTANCE_MM
 
 log = logging.getLogger("polarsim")
 
 MM = 0.001  # metres
 
-_MIN_BASELINE, _MAX_BASELINE = 0.25, 0.35  # metres; NASA's baseline is 0.3016
-_MAX_TILT = 0.5  # sine of the angle between the baseline and the x axis of the left camera
-_MAX_OFF_CENTRE = 0.15  # distance of a principal point from the image centre, as a share of image width and height
 _ENTRY = re.compile(r"([A-Z0-9_]+):(.*)")
 _COUNTS = {
     "CAMERA_MATRIX_LEFT": (9,),
@@ -48,22 +45,18 @@ _NO_DATA_TAG = 42113  # GDAL_NODATA
 _MIN_MEDIAN_M, _MAX_MEDIAN_M = 0.1, 1000.0  # median distance of a range map; other values mean another unit
 
 
-@reader("calibration", largest_mb=1)
-def read_calibration(path: str | Path) -> StereoRig:
-    """Read `stereo.calibration`: lines `KEY: numbers` in any order. Unknown keys and other lines are ignored."""
-    entries = _entries(text_of(path))
-    rotation = orthogonal_rotation(entries["ROTATION_MATRIX"].reshape(3, 3))
-    translation = entries["TRANSLATION_VECTOR"]
-    if not _MIN_BASELINE <= np.linalg.norm(translation) <= _MAX_BASELINE:
-        raise FormatError(f"TRANSLATION_VECTOR is {np.linalg.norm(translation):.4g} m long, expected about 0.30")
-    left_from_right = Pose(rotation, translation).inverse()  # OpenCV: x_right = R x_left + T
-    x, y, z = left_from_right.translation
-    if x < 0 or np.hypot(y, z) > _MAX_TILT * np.linalg.norm(translation):
-        raise FormatError(
-            f"TRANSLATION_VECTOR places the right camera at x {x:.3g}, y {y:.3g}, z {z:.3g} m in the frame of the "
-            "left camera, expected x 0.30, y 0, z 0: are left and right exchanged? (x_right = R x_left + T, x of T < 0)"
-        )
-    return StereoRig(_lens(entries, "LEFT"), _lens(entries, "RIGHT"), left_from_right)
+def is_calibration(text: str) -> bool:
+    """Return whether a text has an entry of `stereo.calibration`."""
+    matches = (_ENTRY.fullmatch(line.strip()) for line in text.splitlines())
+    return any(match is not None and match[1] in _COUNTS for match in matches)
+
+
+def parse_calibration(text: str) -> StatedCalibration:
+    """Parse `stereo.calibration`: lines `KEY: numbers` in any order. Unknown keys and other lines are ignored."""
+    entries = _entries(text)
+    rotation = entries["ROTATION_MATRIX"].reshape(3, 3)
+    left, right = (_stated_lens(entries, side) for side in ("LEFT", "RIGHT"))
+    return StatedCalibration(left, right, rotation, entries["TRANSLATION_VECTOR"], "TRANSLATION_VECTOR")
 
 
 def _entries(text: str) -> dict[str, np.ndarray]:
@@ -88,23 +81,9 @@ def _entries(text: str) -> dict[str, np.ndarray]:
     return entries
 
 
-def _lens(entries: dict[str, np.ndarray], side: str) -> Lens:
-    matrix = entries[f"CAMERA_MATRIX_{side}"].reshape(3, 3)
-    distortion = entries[f"DISTORTION_COEFFICIENTS_{side}"]
-    if np.any(distortion[5:]):
-        raise FormatError(
-            f"DISTORTION_COEFFICIENTS_{side}: terms after k3 are not zero, only k1 k2 p1 p2 k3 are supported"
-        )
-    skew, bottom = matrix[[0, 1], [1, 0]], matrix[2]
-    if np.any(skew) or np.any(bottom != [0, 0, 1]) or matrix[0, 0] <= 0 or matrix[1, 1] <= 0:
-        raise FormatError(f"CAMERA_MATRIX_{side} is no camera matrix, expected fx 0 cx 0 fy cy 0 0 1")
-    lens = Lens.from_opencv(matrix, distortion[:5], (WIDTH, HEIGHT))
-    if abs(lens.cx / WIDTH - 0.5) > _MAX_OFF_CENTRE or abs(lens.cy / HEIGHT - 0.5) > _MAX_OFF_CENTRE:
-        raise FormatError(
-            f"CAMERA_MATRIX_{side}: principal point {lens.cx:.0f}, {lens.cy:.0f} px, expected near "
-            f"{WIDTH // 2}, {HEIGHT // 2}: was the calibration made with images of {WIDTH} x {HEIGHT}?"
-        )
-    return lens
+def _stated_lens(entries: dict[str, np.ndarray], side: str) -> StatedLens:
+    matrix, distortion = f"CAMERA_MATRIX_{side}", f"DISTORTION_COEFFICIENTS_{side}"
+    return StatedLens(entries[matrix].reshape(3, 3), entries[distortion], matrix, distortion)
 
 
 def write_calibration(path: str | Path, rig: StereoRig) -> None:
@@ -127,7 +106,7 @@ def _terms(lens: Lens) -> np.ndarray:
 
 
 @reader("TIFF")
-def read_range_map(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> np.ndarray:
+def read_range_map(path: str | Path, size: tuple[int, int]) -> np.ndarray:
     """Return points (h, w, 3) float32, metres, in the rectified left frame; NaN where the map has no data.
 
     A pixel has no data if z is not positive or equals the no-data value of the file, if a band is not finite, or if

@@ -10,6 +10,5 @@ __all__, __getattr__, __dir__ = lazy_exports(
     camera_pose="poses",
     fit_pose="poses",
     StereoRig="stereo",
-    default_rig="stereo",
     Mesh="meshes",
 )

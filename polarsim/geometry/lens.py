@@ -10,13 +10,11 @@ photo, and higher degrees are used if necessary. `pixel_directions` evaluates th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial import chebyshev
-
-from polarsim.photo import HEIGHT, WIDTH
 
 CHUNK = 1 << 14  # number of pixels with arrays that fit the cache
 UNDISTORTION_CONVERGED = (
@@ -36,8 +34,8 @@ class Lens:
     cx: float
     cy: float
     distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
-    width: int = WIDTH
-    height: int = HEIGHT
+    width: int = field(kw_only=True)  # of the photo
+    height: int = field(kw_only=True)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -45,7 +43,7 @@ class Lens:
         return self.height, self.width
 
     @classmethod
-    def from_opencv(cls, matrix: np.ndarray, distortion: np.ndarray, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Lens:
+    def from_opencv(cls, matrix: np.ndarray, distortion: np.ndarray, size: tuple[int, int]) -> Lens:
         """Create a lens from a camera matrix (3, 3), distortion (k1 k2 p1 p2 [k3]) and size (width, height)."""
         terms = np.zeros(5)
         terms[: len(distortion)] = distortion
@@ -55,7 +53,8 @@ class Lens:
             float(matrix[0, 2]) + HALF_PIXEL,
             float(matrix[1, 2]) + HALF_PIXEL,
             tuple(terms.tolist()),  # type: ignore[arg-type]
-            *size,
+            width=size[0],
+            height=size[1],
         )
 
     def opencv_matrix(self) -> np.ndarray:
@@ -92,7 +91,8 @@ class Lens:
     def scaled(self, factor: float) -> Lens:
         """Return the lens for a photo that is `factor` times as large."""
         fx, fy, cx, cy = (factor * value for value in (self.fx, self.fy, self.cx, self.cy))
-        return Lens(fx, fy, cx, cy, self.distortion, round(self.width * factor), round(self.height * factor))
+        width, height = round(self.width * factor), round(self.height * factor)
+        return Lens(fx, fy, cx, cy, self.distortion, width=width, height=height)
 
     def _undistorted(self, xd: np.ndarray, yd: np.ndarray) -> np.ndarray:
         """Return (n, 2) the inverse of `_distort` by Newton's method, in three or four steps."""

@@ -15,11 +15,24 @@ from polarsim.geometry.poses import Pose
 
 @dataclass(frozen=True)
 class StereoRig:
-    """Left and right lens, and the pose of the right camera in the left camera frame."""
+    """Left and right lens, and the pose of the right camera in the left camera frame.
+
+    A single camera is the left camera; `right` and `left_from_right` then repeat it.
+    """
 
     left: Lens
     right: Lens
     left_from_right: Pose
+
+    @classmethod
+    def single(cls, lens: Lens) -> StereoRig:
+        """Create a rig with a single camera."""
+        return cls(lens, lens, Pose.identity())
+
+    @property
+    def is_stereo(self) -> bool:
+        """Whether the rig has two cameras."""
+        return bool(np.any(self.left_from_right.translation))
 
     def lens(self, camera: str) -> Lens:
         return self.left if camera == "L" else self.right
@@ -55,26 +68,6 @@ def rectified_left(rig: StereoRig) -> RectifiedGrid:
     )
     return RectifiedGrid(
         Lens.from_opencv(projection[:, :3], np.zeros(4), size), Pose(np.asarray(rotation, float).T, np.zeros(3))
-    )
-
-
-def default_rig() -> StereoRig:
-    """Return the rig as NASA calibrated it for terrain 11: the prior for sources without a calibration."""
-    rotation = np.array(
-        [
-            [0.999997, 0.00172602, 0.0019164],
-            [-0.00172807, 0.999998, 0.00106908],
-            [-0.00191455, -0.00107239, 0.999998],
-        ]
-    )
-    u, _, vt = np.linalg.svd(rotation)
-    right_from_left = Pose(u @ vt, np.array([-0.301556, 0.000599, 0.001489]))
-    left = np.array([[2068.44, 0, 964.405], [0, 2064.29, 593.512], [0, 0, 1]])
-    right = np.array([[2065.6, 0, 952.098], [0, 2061.9, 606.559], [0, 0, 1]])
-    return StereoRig(
-        Lens.from_opencv(left, np.array([-0.108441, 0.158389, 0.000537106, -0.00127904])),
-        Lens.from_opencv(right, np.array([-0.114041, 0.178219, -0.000146877, -0.00112736])),
-        right_from_left.inverse(),
     )
 
 

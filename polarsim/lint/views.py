@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 
 from polarsim import survey
+from polarsim.formats.calibrations import stated_rig
 from polarsim.geometry.boxes import box_centres, iou, match_by_summed_iou
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.poses import surveyed_pose
-from polarsim.geometry.stereo import StereoRig, default_rig
+from polarsim.geometry.stereo import StereoRig
 from polarsim.lint.files import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
 from polarsim.lint.siblings import Defects, modals, of_class
 from polarsim.photo import CAMERAS, HEIGHT, SUNS, Bracket, PhotoKey
+from polarsim.site import polar
 
 MIN_BOXES_OF_A_VIEW = 3  # minimum number of boxes that identify a view
 MIN_VIEW_LEAD, MIN_VIEW_IOU = 0.25, 0.4  # minimum lead of another view in mean IoU, and minimum mean IoU
@@ -161,7 +163,7 @@ def _off_line(expected: np.ndarray, right: np.ndarray) -> list[int]:
 
 def _sunward_shadows(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Yield shadows next to a rock on the side of the Sun lamp without a rock on the opposite side."""
-    rig = default_rig()
+    rig = stated_rig(polar())
     for key, (classes, boxes) in sorted(files.items()):
         if key.azimuth not in SUNS or key.position not in survey.SURVEYED_LEFT:
             continue

@@ -156,8 +156,8 @@ def lens_of(content: dict[str, Any]) -> Lens:
         float(content["cx_px"]),
         float(content["cy_px"]),
         (k1, k2, p1, p2, k3),
-        int(content["width_px"]),
-        int(content["height_px"]),
+        width=int(content["width_px"]),
+        height=int(content["height_px"]),
     )
     if not np.isfinite([lens.fx, lens.fy, lens.cx, lens.cy, *lens.distortion]).all():
         raise FormatError("a number of the lens is not finite")

@@ -12,12 +12,13 @@ from polarsim.acquire.seeds import find_labels
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import nasa, png
 from polarsim.formats.tables import read_parquet
-from polarsim.geometry.stereo import default_rig, rectified_left
+from polarsim.geometry.stereo import rectified_left
 from polarsim.grid import GridOptions
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.rigs import read_rig
 from polarsim.site import polar as polar_site
+from tests.support.polar_rig import default_rig
 
 BOX = "0 0.500000 0.500000 0.100000 0.100000\n"
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"

@@ -13,8 +13,9 @@ from polarsim.acquire.stereo_check import check_calibration
 from polarsim.errors import FormatError
 from polarsim.formats import png
 from polarsim.geometry.poses import Pose
-from polarsim.geometry.stereo import StereoRig, default_rig
+from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from tests.support.polar_rig import default_rig
 
 LEFT = PhotoKey.parse("03_A_off_30_L_0256")
 RIG = default_rig()

@@ -8,8 +8,8 @@ from polarsim.analog.sandbox import Hall, build_scene
 from polarsim.analog.view import make_textures, render_gbuffer
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.site import polar
+from tests.support.polar_rig import default_rig
 
 COARSE = AnalogOptions(ground_step_mm=20, rock_detail=3, scan_step_deg=0.2)
 BALL_RADIUS, BALL_HEIGHT = 0.15, 0.10  # metres; height of the centre

@@ -8,6 +8,7 @@ from polarsim.analog.generate import generate_terrain
 from polarsim.analog.options import AnalogOptions
 from polarsim.errors import ConfigError
 from polarsim.formats import nasa, nasa_layout, obj, png, tables, yolo
+from polarsim.formats.calibrations import read_calibration
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.stereo import rectified_left
 from polarsim.photo import PhotoKey
@@ -53,7 +54,7 @@ def test_photos_are_written_for_the_given_keys_only(made):
 def test_the_terrain_has_the_layout_of_nasas_files(made):
     folder = nasa_layout.find_terrain_folder(made, TERRAIN)
     assert folder.name == "Terrain11_FreshCrater"
-    calibration = nasa.read_calibration(folder / nasa_layout.CALIBRATION_NAME)
+    calibration = read_calibration(folder / nasa_layout.CALIBRATION_NAME, polar())
     assert abs(calibration.left.fx - 2068) < 25
     maps, clouds = nasa_layout.find_scans(made, TERRAIN)
     assert sorted(maps) == ["A", "B", "C"]
@@ -64,10 +65,12 @@ def test_the_terrain_has_the_layout_of_nasas_files(made):
 def test_range_maps_agree_with_the_true_ground_and_cameras(made, position):
     truth = made / "truth" / "Terrain11"
     localised = read_localised(truth / "cameras" / f"Pos{position}.json")
-    calibration = nasa.read_calibration(nasa_layout.find_terrain_folder(made, TERRAIN) / nasa_layout.CALIBRATION_NAME)
+    calibration = read_calibration(
+        nasa_layout.find_terrain_folder(made, TERRAIN) / nasa_layout.CALIBRATION_NAME, polar()
+    )
     grid = rectified_left(calibration)
     maps, _ = nasa_layout.find_scans(made, TERRAIN)
-    points = nasa.read_range_map(maps[position])[::8, ::8].reshape(-1, 3)
+    points = nasa.read_range_map(maps[position], (1936, 1216))[::8, ::8].reshape(-1, 3)
     points = points[np.isfinite(points).all(axis=1)].astype(float)
     sandbox = (localised.sandbox_from_left @ grid.left_from_rectified).apply(points)
     inside = sandbox[(np.abs(sandbox[:, :2]).max(axis=1) < 1.8)]
@@ -85,12 +88,12 @@ def test_cloud_and_range_map_of_a_position_share_a_frame(made):
     maps, clouds = nasa_layout.find_scans(made, TERRAIN)
     cloud = nasa.read_cloud(clouds["A"])
     grid = rectified_left(
-        nasa.read_calibration(nasa_layout.find_terrain_folder(made, TERRAIN) / nasa_layout.CALIBRATION_NAME)
+        read_calibration(nasa_layout.find_terrain_folder(made, TERRAIN) / nasa_layout.CALIBRATION_NAME, polar())
     ).lens
     pixels = np.floor(grid.project(cloud))
     inside = (pixels >= 0).all(axis=1) & (pixels < [1936, 1216]).all(axis=1)
     column, row = pixels[inside].astype(int).T
-    depth = nasa.read_range_map(maps["A"])[row, column, 2]
+    depth = nasa.read_range_map(maps["A"], (1936, 1216))[row, column, 2]
     assert np.nanmedian(np.abs(depth - cloud[inside][:, 2])) < 0.01
 
 

@@ -7,7 +7,7 @@ from polarsim.analog.sandbox import GROUND_OBJECT
 from polarsim.analog.view import lens_directions, make_textures, render_gbuffer
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.stereo import default_rig
+from tests.support.polar_rig import default_rig
 
 BALL_RADIUS, BALL_HEIGHT = 0.15, 0.10  # metres, of the ball that conftest puts into the scene
 

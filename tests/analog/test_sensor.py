@@ -5,8 +5,8 @@ from polarsim.analog.light import DiscLamp
 from polarsim.analog.sensor import blur_and_vignette, expose_raw, in_photo_format, lamp_glare
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.site import Images, polar
+from tests.support.polar_rig import default_rig
 
 FORM = polar().images
 FLAT = np.ones((300, 300), np.float32)

@@ -16,8 +16,9 @@ from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.geometry.rays import Caster
-from polarsim.geometry.stereo import StereoRig, default_rig, rectified_left
+from polarsim.geometry.stereo import StereoRig, rectified_left
 from polarsim.geometry.topology import hull_faces, remove_unused_vertices
+from tests.support.polar_rig import default_rig
 from tests.support.scans import caster_of, range_map
 
 SCALE = 0.25  # of the photos on whose grid scenes are scanned

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from polarsim.cameras.adjust import MatchedPoints, Priors, adjust
 from polarsim.geometry.poses import Pose, angle_between, camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.rigs import LocalisedRig
+from tests.support.polar_rig import default_rig
 
 PRIORS = Priors(0.003, np.radians(0.1), 0.0005, np.radians(0.02), 1.5, 1.5, 0.003)
 INDEPENDENT = 300

@@ -19,7 +19,7 @@ from polarsim.errors import RegistrationError
 from polarsim.geometry.boxes import match_by_position_and_size
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between, camera_pose, yaw_pitch_roll
-from polarsim.geometry.stereo import default_rig
+from tests.support.polar_rig import default_rig
 
 pytestmark = pytest.mark.usefixtures("coarse_search")
 OPTIONS = LocalisationOptions()

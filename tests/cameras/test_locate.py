@@ -11,10 +11,10 @@ from polarsim.cameras.options import LocalisationOptions
 from polarsim.errors import FormatError, RegistrationError
 from polarsim.formats import nasa, obj, yolo
 from polarsim.geometry.poses import angle_between
-from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.rigs import SURVEYED, UNCERTAIN_LABELS, read_all_localised, write_rig
 from polarsim.schemas.stages import ALIGNMENT, MATCHES
+from tests.support.polar_rig import default_rig
 
 pytestmark = pytest.mark.usefixtures("coarse_search", "coarse_scans")
 

@@ -11,9 +11,9 @@ from polarsim.geometry.boxes import clip, iou, match_by_position_and_size
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import surveyed_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.photo import SUNS
 from polarsim.run_files.rigs import LocalisedRig
+from tests.support.polar_rig import default_rig
 
 OPTIONS = LocalisationOptions()
 

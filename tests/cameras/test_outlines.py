@@ -26,7 +26,7 @@ def skirted_cube(skirt: float) -> Mesh:
 def test_a_skirt_of_sand_does_not_widen_a_rock():
     outlines = outlines_of({7: skirted_cube(0.03)}, trim=0.004, trim_share=0.35)
     camera = camera_pose(np.array([3.0, 0, 1.0]), np.pi, np.radians(20))
-    lens = Lens(2000, 2000, 968, 608)
+    lens = Lens(2000, 2000, 968, 608, width=1936, height=1216)
     whole = box_around_points(lens.project(camera.inverse().apply(skirted_cube(0.03).vertices)))
     cube = box_around_points(lens.project(camera.inverse().apply(CUBE)))
     cube_above_rim = box_around_points(lens.project(camera.inverse().apply(CUBE[CUBE[:, 2] > 0.005])))
@@ -47,7 +47,7 @@ def test_outlines_give_the_box_of_all_vertices(rng):
     mesh = Mesh(points, np.column_stack([np.arange(498), np.arange(1, 499), np.arange(2, 500)]))
     outlines = outlines_of({1: mesh}, trim=0, trim_share=0)
     camera = camera_pose(np.array([3.0, 0.2, 1.0]), 3.1, 0.3, 0.1)
-    lens = Lens(2000, 2000, 968, 608, (-0.1, 0.15, 0.0005, -0.001, 0))
+    lens = Lens(2000, 2000, 968, 608, (-0.1, 0.15, 0.0005, -0.001, 0), width=1936, height=1216)
     everything = box_around_points(lens.project(camera.inverse().apply(points)))
     np.testing.assert_allclose(outlines.project(Camera(camera, lens))[0, [1, 3]], everything[[1, 3]], atol=1e-9)
     edges, makers = outlines.edges(Camera(camera, lens))
@@ -58,7 +58,7 @@ def test_outlines_give_the_box_of_all_vertices(rng):
 def test_rocks_with_negative_depth_have_no_box():
     outlines = outlines_of({1: Mesh(CUBE, FACES)}, 0.004, 0.35)
     away = camera_pose(np.array([3.0, 0, 1]), 0.0, 0.3)
-    assert np.isnan(outlines.project(Camera(away, Lens(2000, 2000, 968, 608)))).all()
+    assert np.isnan(outlines.project(Camera(away, Lens(2000, 2000, 968, 608, width=1936, height=1216)))).all()
 
 
 def test_a_robust_plane_passes_gross_outliers(rng):

@@ -17,12 +17,12 @@ from polarsim.formats import obj, png
 from polarsim.formats.colmap import CAMERA_ID
 from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.poses import Pose, angle_between, camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 from polarsim.run_files.lamps import FILE, read_suns, surveyed_suns
 from polarsim.run_files.rigs import SURVEYED, LocalisedRig, read_all_localised, write_localised
 from polarsim.run_files.scene import read_terrain
 from polarsim.survey import lamp_position
+from tests.support.polar_rig import default_rig
 
 TRUE = LocalisedRig(
     default_rig(), camera_pose(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans", {"rmse_mm": 2.0}

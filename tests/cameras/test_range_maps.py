@@ -13,10 +13,11 @@ from polarsim.cameras.self_calibration import Crossing, StereoPixels, correct_ca
 from polarsim.errors import ReconstructionError
 from polarsim.formats import tables
 from polarsim.geometry.poses import Pose, angle_between
-from polarsim.geometry.stereo import StereoRig, default_rig
+from polarsim.geometry.stereo import StereoRig
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.rigs import write_rig
 from tests.relief.scenes import LENS, camera, photograph, relief, texture
+from tests.support.polar_rig import default_rig
 
 RIG = StereoRig(LENS, LENS, Pose(np.eye(3), np.array([0.3, 0.0, 0.0])))
 TRUE = default_rig()

@@ -9,8 +9,8 @@ from polarsim.cameras.localisations import Localisations, localise_all, untransl
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.translations import MAX_TRANSLATION, fit_translations, translated, translation_table
 from polarsim.geometry.outlines import Outlines, outlines_of
-from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.rock_translations import FILE, read_translations
+from tests.support.polar_rig import default_rig
 
 from .conftest import TRUE_POSES, annotated_boxes
 

@@ -13,13 +13,13 @@ from polarsim.formats import obj, png
 from polarsim.geometry.images import resize
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.photo import BLACK_LEVEL
 from polarsim.run_files.lamps import surveyed_suns
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.run_files.wall_edges import EdgeSamples
 from polarsim.run_files.walls import SIDES, Wall, Walls, level_walls, read_walls, wall_strips
 from polarsim.survey import SUN_LAMPS
+from tests.support.polar_rig import default_rig
 from tests.support.wall_photos import level_sand, shaded_sand
 
 SIDE_OF_SUN = {"30": "+x", "350": "+x", "180": "-x", "270": "-y"}

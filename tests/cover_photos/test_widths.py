@@ -13,12 +13,12 @@ from polarsim.errors import DetectError
 from polarsim.formats import obj, png, tables
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.schemas.covers import COVER_FOUND, COVER_SCORES
 from polarsim.schemas.detect import PREDICTIONS
 from tests.cover_photos.test_scores import label_rows_of
 from tests.support.polar_photos import SIZE
+from tests.support.polar_rig import default_rig
 
 KEYS = {"01": "01_A_off_30_L_0256", "03": "03_A_off_30_R_0256", "04": "04_A_off_30_L_0256"}
 SMALL, LARGE = np.array([10.0, 10, 30, 30]), np.array([100.0, 100, 400, 400])

@@ -17,10 +17,10 @@ from polarsim.errors import DetectError
 from polarsim.formats import obj, tables
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from tests.detect import conftest
 from tests.detect.conftest import make_real
+from tests.support.polar_rig import default_rig
 
 torch = pytest.importorskip("torch")
 

@@ -13,9 +13,9 @@ from polarsim.formats import obj
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL
+from tests.support.polar_rig import default_rig
 
 KEY = "01_A_off_30_L_0256"
 RIG = LocalisedRig(default_rig(), camera_pose(np.array([-3.2, 0.0, 1.0]), 0.0, np.radians(12)), "labels")

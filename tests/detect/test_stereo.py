@@ -19,11 +19,12 @@ from polarsim.formats import obj, png, tables
 from polarsim.geometry.casters import make_caster
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.stereo import StereoRig, default_rig
+from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import NO_ROCK, PhotoKey
 from polarsim.report.stereo_table import tabulate_stereo
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.run_files.scene import TerrainMesh, read_terrain
+from tests.support.polar_rig import default_rig
 
 SCALE = 0.25
 OPTIONS = StereoOptions(scale=SCALE, exposures_ms=(256,))

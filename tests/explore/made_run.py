@@ -10,12 +10,12 @@ from polarsim.formats.files import write_json
 from polarsim.formats.npz import write_arrays
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, write_csv, write_parquet
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey, photo_grid
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.schemas.detect import PREDICTIONS
 from tests.made_terrain import ROCKS, make_cube, make_sand
 from tests.support.label_rows import label_row
+from tests.support.polar_rig import default_rig
 
 TERRAIN, FOLDER = 3, "Terrain03"
 SIZE = (152, 242)  # rows and columns of the images, an eighth of a photo

@@ -8,8 +8,9 @@ from polarsim.errors import FormatError
 from polarsim.formats.colmap import write_model
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, camera_pose
-from polarsim.geometry.stereo import StereoRig, default_rig
+from polarsim.geometry.stereo import StereoRig
 from polarsim.run_files.rigs import LocalisedRig
+from tests.support.polar_rig import default_rig
 
 RIGHT_OF_LEFT = Pose.from_rotvec(np.array([-0.007, -0.004, 0.002]), np.array([0.3, 0.001, -0.006]))
 LOCALISED = {
@@ -29,7 +30,7 @@ def number(low, high):
     st.tuples(*[number(-0.2, 0.2)] * 5),
 )
 def test_a_model_reads_back(tmp_path_factory, position, lens, distortion):
-    rig = StereoRig(Lens(*lens, distortion), default_rig().right, RIGHT_OF_LEFT)
+    rig = StereoRig(Lens(*lens, distortion, width=1936, height=1216), default_rig().right, RIGHT_OF_LEFT)
     localised = LocalisedRig(rig, camera_pose(np.array(position[:3]), *position[3:]))
     folder = tmp_path_factory.mktemp("model") / "colmap"
     write_model(folder, {"B": localised})

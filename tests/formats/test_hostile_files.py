@@ -39,14 +39,16 @@ from polarsim.formats import (
     tables,
     yolo,
 )
+from polarsim.formats.calibrations import read_calibration
 from polarsim.formats.yaml_files import read_model
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.photo import BOX_CLASSES, HEIGHT, NO_ROCK, WIDTH, PhotoKey
 from polarsim.rocks import overrides
 from polarsim.run_files import class_masks, instances, lamps, rigs
 from polarsim.run_files.inventory import Inventory, read_inventory, write_inventory
+from polarsim.site import polar
+from tests.support.polar_rig import default_rig
 
 EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "30"))
 PLAUSIBLE = b"0123456789-+.eEnaif, \t\n/#\"'[]{}:x\\"
@@ -249,7 +251,9 @@ YAML = "run: demo\nseed: 3\nlamps: {a: [1.0, 2, 3], b: &b [4, 5]}\n"
 CASES = {
     "bag": Case(make_bag, lambda path: bags.bag_metadata(path, "a.mcap")),
     "calibration": Case(
-        written("a.calibration", nasa.write_calibration, default_rig()), nasa.read_calibration, valid_lens
+        written("a.calibration", nasa.write_calibration, default_rig()),
+        lambda path: read_calibration(path, polar()),
+        valid_lens,
     ),
     "cloud": Case(
         written("a.xyz", nasa.write_cloud, POINTS[0], np.arange(16)),

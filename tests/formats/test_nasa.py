@@ -8,10 +8,12 @@ from hypothesis import strategies as st
 
 from polarsim.errors import FormatError
 from polarsim.formats import nasa, nasa_layout
+from polarsim.formats.calibrations import read_calibration
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig, rectified_left
 from polarsim.photo import PhotoKey
+from polarsim.site import polar
 
 TERRAIN_11 = """\
 made by a program
@@ -25,6 +27,10 @@ TRANSLATION_VECTOR: -0.301556 0.000599 0.001489
 SIZE = (12, 8)  # width and height of the little range maps here
 
 
+def read(path):
+    return read_calibration(path, polar())
+
+
 @pytest.fixture
 def calibration(tmp_path):
     def write(text):
@@ -36,7 +42,7 @@ def calibration(tmp_path):
 
 
 def test_rectifying_the_real_calibration_gives_the_matrix_of_the_real_range_maps(calibration):
-    lens = rectified_left(nasa.read_calibration(calibration(TERRAIN_11))).lens
+    lens = rectified_left(read(calibration(TERRAIN_11))).lens
     # Current OpenCV; NASA's maps were made with 1991.49, 966.256, 600.347 by an older one. Their pixels start at -0.5.
     assert lens.fx == pytest.approx(1990.6, abs=0.1)
     assert lens.cx - 0.5 == pytest.approx(966.2, abs=0.1)
@@ -45,7 +51,7 @@ def test_rectifying_the_real_calibration_gives_the_matrix_of_the_real_range_maps
 
 def test_order_unknown_keys_and_other_lines_do_not_matter(calibration):
     shuffled = "\n".join([*reversed(TERRAIN_11.splitlines()), "SOME_OTHER_KEY: 1 2 3", "", "no colon here"])
-    assert nasa.read_calibration(calibration(shuffled)).right == nasa.read_calibration(calibration(TERRAIN_11)).right
+    assert read(calibration(shuffled)).right == read(calibration(TERRAIN_11)).right
 
 
 @pytest.mark.parametrize(
@@ -69,7 +75,7 @@ def test_order_unknown_keys_and_other_lines_do_not_matter(calibration):
 def test_an_invalid_calibration_is_an_error_with_file_and_reason(calibration, old, new):
     path = calibration(TERRAIN_11.replace(old, new))
     with pytest.raises(FormatError) as caught:
-        nasa.read_calibration(path)
+        read(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -77,7 +83,7 @@ def test_an_invalid_calibration_is_an_error_with_file_and_reason(calibration, ol
 @pytest.mark.parametrize("zeros", [3, 7, 9])
 def test_zero_distortion_terms_of_other_models_are_accepted(calibration, zeros):
     terms = f"-0.00112736 0.02{' 0' * zeros}"
-    rig = nasa.read_calibration(calibration(TERRAIN_11.replace("-0.00112736", terms)))
+    rig = read(calibration(TERRAIN_11.replace("-0.00112736", terms)))
     assert rig.right.distortion[4] == 0.02
 
 
@@ -90,13 +96,15 @@ numbers = st.floats(-0.2, 0.2)
     terms=st.tuples(numbers, numbers, numbers, numbers, numbers), rotvec=st.tuples(numbers, numbers, numbers),
 )  # fmt: skip
 def test_a_calibration_reads_back(tmp_path_factory, focal, centre, terms, rotvec):
-    lens = Lens(focal, focal * 0.99, *centre, terms)
+    lens = Lens(focal, focal * 0.99, *centre, terms, width=1936, height=1216)
     rig = StereoRig(
-        lens, Lens(focal + 1, focal, *centre), Pose.from_rotvec(np.array(rotvec), np.array([0.3, 0.01, 0.0]))
+        lens,
+        Lens(focal + 1, focal, *centre, width=1936, height=1216),
+        Pose.from_rotvec(np.array(rotvec), np.array([0.3, 0.01, 0.0])),
     )
     path = tmp_path_factory.mktemp("calibration") / nasa_layout.CALIBRATION_NAME
     nasa.write_calibration(path, rig)
-    again = nasa.read_calibration(path)
+    again = read(path)
     points = np.array([[0.4, 0.2, 1.0], [-0.4, -0.3, 1.0]])
     np.testing.assert_allclose(again.left.project(points), lens.project(points), atol=0.01)  # six digits, px
     np.testing.assert_allclose(again.left_from_right.matrix, rig.left_from_right.matrix, atol=3e-6)

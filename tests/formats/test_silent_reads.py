@@ -9,8 +9,8 @@ import pytest
 
 from polarsim.errors import FormatError
 from polarsim.formats import png, tables, yolo
-from polarsim.geometry.stereo import default_rig
 from polarsim.run_files import lamps, rigs, rock_translations, scene
+from tests.support.polar_rig import default_rig
 
 
 def wrong_checksum() -> bytes:

@@ -8,10 +8,12 @@ import pytest
 
 from polarsim.errors import PolarsimError
 from polarsim.formats import class_lists, nasa, obj, tables, yolo
+from polarsim.formats.calibrations import read_calibration
 from polarsim.formats.files import read_json
 from polarsim.formats.yaml_files import read_yaml
-from polarsim.geometry.stereo import default_rig
 from polarsim.rocks.overrides import read_overrides
+from polarsim.site import polar
+from tests.support.polar_rig import default_rig
 
 UNICODE = ("utf-8", "utf-8-sig", "utf-16", "utf-32", "utf-16-le-mark", "utf-16-be-mark")
 
@@ -38,7 +40,7 @@ READERS = {  # file name, text, reader
     ),
     "mesh": ("a.obj", lambda _: "o Würfel\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", obj.read_obj),
     "cloud": ("a.xyz", lambda _: "# Höhe\n1 2 3\n4 5 6\n", nasa.read_cloud),
-    "calibration": ("stereo.calibration", calibration, nasa.read_calibration),
+    "calibration": ("stereo.calibration", calibration, lambda path: read_calibration(path, polar())),
     "yaml": ("a.yaml", lambda _: "# größer\nname: Würfel\nsize: [1, 2]\n", read_yaml),
     "overrides": ("a.yaml", lambda _: "# größer\n- {rock: 900, at: [1, 2]}\n", read_overrides),
     "json": ("a.json", lambda _: json.dumps({"name": "Würfel"}, ensure_ascii=False), read_json),

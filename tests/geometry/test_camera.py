@@ -4,7 +4,7 @@ from hypothesis import strategies as st
 
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.stereo import default_rig
+from tests.support.polar_rig import default_rig
 
 CAMERA = Camera(camera_pose(np.array([-3.0, 0.2, 1.4]), 0.1, 0.4, 0.05), default_rig().left)
 

@@ -4,7 +4,7 @@ import pytest
 from polarsim.geometry.boxes import box_around_points
 from polarsim.geometry.consensus import consensus_boxes, find_mislabelled_positions
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.stereo import default_rig
+from tests.support.polar_rig import default_rig
 
 ROCK, OTHER = np.array([100.0, 100, 140, 130]), np.array([500.0, 300, 520, 315])
 

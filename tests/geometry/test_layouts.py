@@ -21,8 +21,8 @@ from polarsim.geometry import (
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.casters import make_caster
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.stereo import default_rig
 from polarsim.photo import BLACK_LEVEL
+from tests.support.polar_rig import default_rig
 
 LENS = default_rig().left
 POSE = poses.camera_pose(np.array([-2.0, 0.5, 2.0]), 0.3, 0.5)

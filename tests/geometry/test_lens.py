@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.lens import MAX_ERROR_PX, Lens, pixel_directions, separated
-from polarsim.geometry.stereo import default_rig
+from tests.support.polar_rig import default_rig
 
 MATRIX = np.array([[2068.44, 0, 964.405], [0, 2064.29, 593.512], [0, 0, 1]])
 TERMS = np.array([-0.108441, 0.158389, 0.000537106, -0.00127904, 0.01])
@@ -12,12 +12,12 @@ TERMS = np.array([-0.108441, 0.158389, 0.000537106, -0.00127904, 0.01])
 def test_projection_equals_opencv_plus_half_a_pixel(rng):
     points = np.column_stack([rng.uniform(-2, 2, (200, 2)), rng.uniform(4.5, 8, 200)])
     expected = cv2.projectPoints(points, np.zeros(3), np.zeros(3), MATRIX, TERMS)[0][:, 0]
-    found = Lens.from_opencv(MATRIX, TERMS).project(points)
+    found = Lens.from_opencv(MATRIX, TERMS, (1936, 1216)).project(points)
     np.testing.assert_allclose(found, expected + 0.5, atol=1e-8)
 
 
 def test_the_centre_of_the_first_pixel_is_at_half_a_pixel():
-    lens = Lens(2000, 2000, 968, 608)
+    lens = Lens(2000, 2000, 968, 608, width=1936, height=1216)
     directions = lens.pixel_directions(slice(0, 1), slice(0, 2))
     np.testing.assert_allclose(directions[0, 0], [(0.5 - 968) / 2000, (0.5 - 608) / 2000, 1])
     np.testing.assert_allclose(directions[0, 1] - directions[0, 0], [1 / 2000, 0, 0], atol=1e-12)
@@ -36,7 +36,7 @@ def test_a_photo_of_half_size_has_half_the_pixel_coordinates():
 
 
 def test_the_opencv_matrix_is_restored():
-    np.testing.assert_allclose(Lens.from_opencv(MATRIX, TERMS).opencv_matrix(), MATRIX)
+    np.testing.assert_allclose(Lens.from_opencv(MATRIX, TERMS, (1936, 1216)).opencv_matrix(), MATRIX)
 
 
 LENSES = {

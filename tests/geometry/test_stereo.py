@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.geometry.poses import Pose
-from polarsim.geometry.stereo import StereoRig, default_rig, epipolar_distances, rectified_left, triangulated_depth
+from polarsim.geometry.stereo import StereoRig, epipolar_distances, rectified_left, triangulated_depth
+from tests.support.polar_rig import default_rig
 
 
 def test_the_rectified_grid_of_the_stated_calibration():

@@ -10,8 +10,9 @@ from polarsim.geometry.casters import make_caster
 from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.patches import MatchingOptions, cast_stereo, match_stereo_windows
 from polarsim.geometry.poses import Pose, camera_pose
-from polarsim.geometry.stereo import StereoRig, default_rig
+from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import BLACK_LEVEL
+from tests.support.polar_rig import default_rig
 
 SCALE = 0.25
 FULL = default_rig()

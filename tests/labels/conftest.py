@@ -12,12 +12,12 @@ from polarsim.formats import obj, tables, yolo
 from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.labels.annotator import Annotator
 from polarsim.labels.propagate import PropagationInputs
 from polarsim.photo import NO_ROCK, PhotoKey
 from polarsim.run_files import inventory, rigs
 from polarsim.run_files.scene import TerrainMesh
+from tests.support.polar_rig import default_rig
 
 TERRAIN = 3
 BLOCKS = {  # rock id -> centre of the base, and full extents, metres

@@ -3,11 +3,11 @@ import pytest
 
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.labels.bodies import build_world
 from polarsim.labels.projection import move_flat, move_rocks, project_rock
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import read_terrain
+from tests.support.polar_rig import default_rig
 
 from .conftest import BLOCKS, TERRAIN, localised
 

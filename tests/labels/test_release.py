@@ -8,11 +8,11 @@ from polarsim.formats import obj, tables, yolo
 from polarsim.geometry.boxes import iou, match_by_iou
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import PropagationInputs, propagate_labels
 from polarsim.photo import PhotoKey
 from polarsim.run_files import inventory, rigs
+from tests.support.polar_rig import default_rig
 
 from .conftest import flat_ground
 

@@ -5,13 +5,13 @@ import pytest
 
 from polarsim import survey
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.lint.rules import RULES
 from polarsim.lint.siblings import sibling_defects
 from polarsim.lint.views import view_defects
 from polarsim.photo import SUNS, PhotoKey
 from polarsim.survey import SURVEYED_LEFT, lamp_position
 from tests.lint.test_boxes import ROCK, SHADOW
+from tests.support.polar_rig import default_rig
 
 PLACES = np.array(
     [(-0.9, -0.6), (-0.3, 0.7), (0.2, -0.2), (0.7, 0.5), (0.9, -0.7), (-0.6, 0.1), (0.1, 0.2), (-0.1, -0.8)]

@@ -11,12 +11,13 @@ from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, write_csv, write
 from polarsim.geometry.boxes import box_of_mask
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.stereo import StereoRig, default_rig
+from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import NO_ROCK, ROCK, SHADOW, PhotoKey
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.walls import level_walls, write_walls
 from polarsim.schemas.stages import ROCKS
+from tests.support.polar_rig import default_rig
 
 SIZE = (484, 304)  # a quarter of the rig's
 KEYS = [PhotoKey.parse(f"01_A_off_{azimuth}_{camera}_0256") for azimuth in ("180", "30") for camera in "LR"]

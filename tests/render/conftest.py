@@ -21,7 +21,7 @@ from polarsim.run_files.scene import TerrainMesh
 from polarsim.run_files.walls import level_walls
 
 SIDE, HEIGHT = 0.4, 0.2  # metres, of the block
-SMALL = Lens(220.0, 220.0, 100.0, 70.0, (-0.1, 0.15, 0.0005, -0.001, 0.0), 200, 140)
+SMALL = Lens(220.0, 220.0, 100.0, 70.0, (-0.1, 0.15, 0.0005, -0.001, 0.0), width=200, height=140)
 PLAIN = RenderOptions(walls=False, bounce=0, falloff=True)
 
 

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.stereo import default_rig
 from polarsim.photo import PhotoKey
 from polarsim.render import brdf
 from polarsim.render.hits import cast_strip
@@ -17,6 +16,7 @@ from polarsim.render.options import CHRONO, HAPKE_SETS, LambertParameters, Rende
 from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.survey import ROVER_LIGHT_SHARE
+from tests.support.polar_rig import default_rig
 
 from .conftest import walled
 

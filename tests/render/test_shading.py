@@ -22,7 +22,7 @@ from polarsim.run_files.scene import TerrainMesh
 
 from .conftest import block, walled
 
-LENS = Lens(420.0, 420.0, 200.0, 140.0, (-0.1, 0.15, 0.0005, -0.001, 0.0), 400, 280)
+LENS = Lens(420.0, 420.0, 200.0, 140.0, (-0.1, 0.15, 0.0005, -0.001, 0.0), width=400, height=280)
 CAMERA = camera_pose(np.array([2.4, -1.2, 1.7]), 2.7, 0.6)
 ROCKS, PLACES = (3, 4, 8, 9), ((0.2, 0.3), (0.5, 0.75), (-0.7, -0.6), (-0.1, -1.0))
 OPTIONS = RenderOptions(bounce=0)

@@ -49,7 +49,7 @@ def test_only_photos_with_a_single_lamp_have_a_phase_angle():
 
 @pytest.fixture
 def cameras(tmp_path):
-    lens = Lens(2066.0, 2066.0, WIDTH / 2, HEIGHT / 2)
+    lens = Lens(2066.0, 2066.0, WIDTH / 2, HEIGHT / 2, width=WIDTH, height=HEIGHT)
     apart = Pose(np.eye(3), np.array([0.3, 0.0, 0.0]))
     rig = LocalisedRig(StereoRig(lens, lens, apart), camera_pose(EYE, np.pi, np.radians(25)))
     write_localised(tmp_path / "cameras" / "PosA.json", rig)

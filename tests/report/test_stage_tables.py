@@ -4,11 +4,11 @@ import pytest
 
 from polarsim.formats.tables import read_csv, write_csv, write_parquet
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.report.stage_tables import tabulate_cameras, tabulate_rocks
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.scoring.mesh_scores import mesh_table
 from polarsim.scoring.metrics import Metric, write_metrics
+from tests.support.polar_rig import default_rig
 
 ORIGIN = {"run": "here", "source": "analog", "config": "abc"}
 POSE = camera_pose(np.array([3.5, -0.3, 1.5]), np.radians(178), np.radians(25), np.radians(1))

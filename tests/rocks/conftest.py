@@ -15,18 +15,19 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.geometry.rays import Caster
-from polarsim.geometry.stereo import default_rig, rectified_left
+from polarsim.geometry.stereo import rectified_left
 from polarsim.geometry.topology import hull_faces
 from polarsim.rocks.scans import ScanPoints, merge_scans, scan_in_sandbox
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scans import trusted_pixels
+from tests.support.polar_rig import default_rig
 from tests.support.scans import caster_of, range_map
 
 TRIPODS = {
     "A": camera_pose(np.array([3.55, -0.35, 1.52]), np.radians(180), np.radians(25)),
     "C": camera_pose(np.array([0.70, -3.55, 1.50]), np.radians(104), np.radians(27)),
 }
-FULL_LENS = Lens(1990.6, 1990.6, 966.7, 600.6)  # of the rectified left grid
+FULL_LENS = Lens(1990.6, 1990.6, 966.7, 600.6, width=1936, height=1216)  # of the rectified left grid
 
 
 def flat(x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from polarsim.formats import nasa, obj, ply
-from polarsim.geometry.stereo import default_rig, rectified_left
+from polarsim.geometry.stereo import rectified_left
 from polarsim.geometry.topology import is_watertight
 from polarsim.rocks import find
 from polarsim.rocks.find import find_rocks
@@ -18,6 +18,7 @@ from polarsim.run_files import rigs
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.rigs import LocalisedRig
 from tests.rocks.conftest import SIZES, Scene, angular_rock, hilly
+from tests.support.polar_rig import default_rig
 
 OPTIONS = RocksOptions(ground_mesh_cell_mm=40)
 

@@ -9,8 +9,9 @@ import pytest
 from scipy.spatial import KDTree
 
 from polarsim.formats.obj import Mesh, rock_files
-from polarsim.geometry.stereo import StereoRig, default_rig
+from polarsim.geometry.stereo import StereoRig
 from polarsim.rocks.options import RocksOptions
+from tests.support.polar_rig import default_rig
 
 SCRIPT = Path(__file__).parents[2] / "benchmarks/foreign.py"
 AT_MOST = {

@@ -3,10 +3,10 @@ import pytest
 
 from polarsim.errors import FormatError
 from polarsim.geometry.poses import Pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.run_files import lamps
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.survey import SURVEYED_LEFT, lamp_position
+from tests.support.polar_rig import default_rig
 
 LIFT = np.array([0.0, 0.0, 0.18])
 RIGS = {

@@ -5,7 +5,6 @@ import pytest
 
 from polarsim.errors import FormatError
 from polarsim.geometry.poses import Pose, camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.rigs import (
     LocalisedRig,
     read_localised,
@@ -13,6 +12,7 @@ from polarsim.run_files.rigs import (
     write_localised,
     write_rig,
 )
+from tests.support.polar_rig import default_rig
 
 SANDBOX_FROM_LEFT = camera_pose(np.array([3.6, -0.4, 1.5]), 3.1, 0.44, -0.01)
 LOCALISED = LocalisedRig(default_rig(), SANDBOX_FROM_LEFT, "labels", {"sd_mm": 12.5})

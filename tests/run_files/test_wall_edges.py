@@ -16,7 +16,7 @@ from tests.support.wall_photos import level_sand, shaded_sand
 
 CAMERA = Camera(
     camera_pose(np.array([3.5, -0.3, 1.5]), np.pi, np.radians(25)),
-    Lens(420.0, 420.0, 320.0, 240.0, (0, 0, 0, 0, 0), 640, 480),
+    Lens(420.0, 420.0, 320.0, 240.0, (0, 0, 0, 0, 0), width=640, height=480),
 )
 WALLS = level_walls(2.0, 0.3, "scans")
 

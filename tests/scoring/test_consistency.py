@@ -12,7 +12,6 @@ from polarsim.geometry.casters import make_caster
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.photo import BLACK_LEVEL, NO_ROCK, PhotoKey
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
@@ -24,6 +23,7 @@ from polarsim.scoring.metrics import Metric, metrics_table
 from polarsim.scoring.score import PhotoLabels
 from polarsim.scoring.surface import Surface
 from polarsim.scoring.wall_shadows import wall_shadow_metrics
+from tests.support.polar_rig import default_rig
 
 
 @pytest.fixture

@@ -5,11 +5,11 @@ import pytest
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.run_files.materials import FittedMaterial, FittedMaterials, write_materials
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.run_files.scene import read_terrain
 from polarsim.scoring.materials import held_out_metrics, score_materials
+from tests.support.polar_rig import default_rig
 
 TRANSLATION = np.array([0.3, -0.1, 0.05])  # of the true frame
 STEPS = ("unfitted", "constant_albedo", "fitted")

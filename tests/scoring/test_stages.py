@@ -12,7 +12,6 @@ from polarsim.formats import obj, png, yolo
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, read_csv, read_parquet, write_parquet
 from polarsim.geometry import boxes as box_geometry
 from polarsim.geometry.poses import Pose, surveyed_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.photo import PhotoKey
 from polarsim.run_files.instances import GROUND, SHADOW_IDS
 from polarsim.run_files.rigs import LocalisedRig, read_localised, write_localised
@@ -24,6 +23,7 @@ from polarsim.scoring.rock_pairs import RockPairs, pair_rocks, recall_and_precis
 from polarsim.scoring.rocks import score_rocks
 from polarsim.scoring.twins import score_twins
 from tests.support.label_rows import label_row
+from tests.support.polar_rig import default_rig
 
 OPTIONS = ScoringOptions()
 OTHER_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0.1, -0.05, 0.02]))

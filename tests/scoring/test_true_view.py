@@ -2,11 +2,12 @@ import numpy as np
 
 from polarsim.formats import nasa
 from polarsim.geometry.poses import Pose
-from polarsim.geometry.stereo import default_rig, rectified_left
+from polarsim.geometry.stereo import rectified_left
 from polarsim.run_files.inventory import Inventory
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.scoring.surface import Surface
 from polarsim.scoring.true_surface import true_views
+from tests.support.polar_rig import default_rig
 
 DOWN = Pose(np.diag([1.0, -1, -1]), np.array([0.0, 0, 3]))  # 3 m above the floor, looking straight down
 FLOOR = Surface(np.array([[-5.0, -5, 0], [5, -5, 0], [5, 5, 0], [-5, 5, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.photo import NO_ROCK
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
+from tests.support.polar_rig import default_rig
 
 
 def surveyed_rig() -> LocalisedRig:

@@ -59,6 +59,6 @@ def one_camera(**changes: Any) -> Site:
 def other_rig() -> StereoRig:
     """Return the stereo rig of the site: parallel cameras, with slight distortion."""
     terms = (-0.05, 0.02, 1e-4, -2e-4, 0.0)
-    left = Lens(FOCAL_PX, FOCAL_PX, 322.0, 238.0, terms, *SIZE)
-    right = Lens(FOCAL_PX + 2, FOCAL_PX + 2, 318.0, 241.0, terms, *SIZE)
+    left = Lens(FOCAL_PX, FOCAL_PX, 322.0, 238.0, terms, width=SIZE[0], height=SIZE[1])
+    right = Lens(FOCAL_PX + 2, FOCAL_PX + 2, 318.0, 241.0, terms, width=SIZE[0], height=SIZE[1])
     return StereoRig(left, right, Pose(np.eye(3), np.array([BASELINE_M, 0.001, 0.0])))

@@ -8,13 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.errors import ConfigError, RenderError
+from polarsim.formats.calibrations import stated_rig
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, camera_pose
-from polarsim.geometry.stereo import StereoRig, default_rig
+from polarsim.geometry.stereo import StereoRig
 from polarsim.randomness import generator
 from polarsim.render.views.options import OrbitCameras, PathCameras, PinholeLens, PointCameras, RandomCameras, Views
 from polarsim.run_files.rigs import read_localised
+from polarsim.site import polar
 
 Heights = Callable[[np.ndarray], np.ndarray]  # surface height (n,) at points (n, 2), metres; -inf without surface
 _TRIES = 1000  # maximum number of random positions per camera
@@ -53,7 +55,7 @@ def rig_of(views: Views) -> StereoRig:
     if isinstance(views.lens, PinholeLens):
         lens = pinhole(views.lens.hfov_deg, views.lens.width_px, views.lens.height_px)
         return StereoRig(lens, lens, Pose(np.eye(3), np.array([views.lens.baseline_m, 0, 0])))
-    return read_localised(views.lens.localised).rig if views.lens.localised else default_rig()
+    return read_localised(views.lens.localised).rig if views.lens.localised else stated_rig(polar())
 
 
 def pinhole(hfov_deg: float, width_px: int, height_px: int) -> Lens:

@@ -20,7 +20,7 @@ from polarsim.render.options import FittingOptions, RenderOptions
 from polarsim.render.surfaces import box_mesh, build_surfaces
 from polarsim.run_files.scene import TerrainMesh
 
-LENS = Lens(260.0, 260.0, 120.0, 80.0, (0.0, 0.0, 0.0, 0.0, 0.0), 240, 160)
+LENS = Lens(260.0, 260.0, 120.0, 80.0, (0.0, 0.0, 0.0, 0.0, 0.0), width=240, height=160)
 PLACES = (
     camera_pose(np.array([2.4, -0.3, 1.8]), np.pi, np.radians(37)),
     camera_pose(np.array([-0.2, -2.4, 1.8]), np.pi / 2, np.radians(37)),

@@ -8,7 +8,7 @@ from polarsim.geometry.lens import Lens
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
 from polarsim.render.fitting.exposures import Linear, mean_of, merge_exposures, single_lamps
 
-SMALL = Lens(10.0, 10.0, 4.0, 3.0, (0.0,) * 5, 8, 6)
+SMALL = Lens(10.0, 10.0, 4.0, 3.0, (0.0,) * 5, width=8, height=6)
 
 
 def photo(rate, exposure_ms):
