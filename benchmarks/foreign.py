@@ -394,6 +394,7 @@ def reconstruct(folder: Path, rocks_options: RocksOptions | None = None) -> dict
     (folder / "seeds").mkdir(exist_ok=True)
     seconds, start = {}, time.process_time()
     locate_cameras(
+        site=polar(),
         terrain=TERRAIN,
         positions=sorted(TRIPODS),
         inventory=folder / "inventory.json",
@@ -404,6 +405,7 @@ def reconstruct(folder: Path, rocks_options: RocksOptions | None = None) -> dict
     )
     seconds["cameras"], start = time.process_time() - start, time.process_time()
     find_rocks(
+        site=polar(),
         terrain=TERRAIN,
         inventory=folder / "inventory.json",
         cameras=folder / "cameras",
@@ -417,6 +419,7 @@ def reconstruct(folder: Path, rocks_options: RocksOptions | None = None) -> dict
     )
     seconds["find"], start = time.process_time() - start, time.process_time()
     mesh_rocks(
+        site=polar(),
         terrain=TERRAIN,
         rocks=folder / "rocks.parquet",
         clouds=folder / "clouds",

@@ -27,9 +27,10 @@ from polarsim.render.olat import render_view
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose
 from polarsim.render.surfaces import build_surfaces
-from polarsim.survey import SUN_LAMPS
+from polarsim.site import polar
 from tests.support.made_terrain import made_terrain, surveyed_rig
 
+SUN_LAMPS = {name: np.array(lamp.point) for name, lamp in polar().lamps.items()}
 LAMPS, EXPOSURE_MS = ("30", "180", "rover"), 256
 MODELS: tuple[Model, ...] = ("principled", "hapke")
 WITHOUT_AVX512 = {

@@ -38,9 +38,10 @@ from polarsim.render.surfaces import build_surfaces
 from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.run_files.rigs import write_localised
 from polarsim.run_files.scene import TerrainMesh
-from polarsim.survey import SUN_LAMPS
+from polarsim.site import polar
 from tests.support.made_terrain import made_terrain, surveyed_rig
 
+SUN_LAMPS = {name: np.array(lamp.point) for name, lamp in polar().lamps.items()}
 TERRAIN, POSITION = 4, "A"
 EXPOSURES_MS = tuple(2**step for step in range(5, 12))  # of NASA: 32 to 2048
 MODELS: tuple[Model, ...] = ("principled", "hapke")

@@ -40,7 +40,7 @@ from polarsim.render.options import Model, RenderOptions
 from polarsim.render.sensor import expose
 from polarsim.render.surfaces import Surfaces, build_surfaces
 from polarsim.run_files.scene import TerrainMesh
-from polarsim.survey import SUN_LAMPS
+from polarsim.site import polar
 from tests.support.made_terrain import made_terrain, surveyed_rig
 
 CAMERAS = ("L", "R")
@@ -59,7 +59,7 @@ class Grid:
         """`threads` render, `cores` expose."""
         self.options, self.threads, self.cores, self.scale = options, threads, cores, scale
         self.rig = surveyed_rig()
-        self.lamps = lamps_of_rig(SUN_LAMPS, self.rig)
+        self.lamps = lamps_of_rig({name: np.array(lamp.point) for name, lamp in polar().lamps.items()}, self.rig)
         self.surfaces: Surfaces = build_surfaces(mesh, options)
         start = time.perf_counter()
         self.surfaces.prepare(shadows=False)

@@ -33,9 +33,10 @@ from polarsim.render.options import RenderOptions
 from polarsim.render.sensor import expose
 from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.scene import TerrainMesh
-from polarsim.survey import SUN_LAMPS
+from polarsim.site import polar
 from tests.support.made_terrain import made_terrain, surveyed_rig
 
+SUN_LAMPS = {name: np.array(lamp.point) for name, lamp in polar().lamps.items()}
 T = TypeVar("T")
 SUN, REPEATS = "30", 5
 OPTIONS = RenderOptions(falloff=True, bounce=0)

@@ -90,7 +90,7 @@ def make(folder: Path, name: str) -> None:
         _foreign().make(folder, int(seed), meshes, touching=kind == "foreign")
     (folder / "seeds").mkdir(exist_ok=True)
     locate_cameras(
-        terrain=number, positions=positions, inventory=folder / "inventory.json",
+        site=polar(), terrain=number, positions=positions, inventory=folder / "inventory.json",
         calibration=folder / "calibration.json", seeds=folder / "seeds", cameras=folder / "cameras",
         options=LocalisationOptions(),
     )  # fmt: skip
@@ -107,7 +107,7 @@ def read(folder: Path) -> Scene:
     """Read a scene's sand and the rock at each cell."""
     localised = read_all_localised(folder / "cameras")
     scans = read_scans(read_inventory(folder / "inventory.json"), localised)
-    extent = sand_extent(scans)
+    extent = sand_extent(scans, polar().sandbox)
     scans = scans.select(extent.contains(scans.points))
     slope = np.radians(OPTIONS.max_sand_slope_deg)
     sand = find_ground(scans, extent, GROUND_CELL, slope)

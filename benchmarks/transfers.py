@@ -57,6 +57,7 @@ from polarsim.rocks.adopt import adopt_rocks
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.scene import read_terrain
 from polarsim.scoring.score import MatchCounts, count_boxes
+from polarsim.site import polar
 
 POSITIONS = "ABC"
 EDGES = ["x0", "y0", "x1", "y1"]
@@ -118,6 +119,7 @@ class Run:
             seeds=at["seeds"],
         )
         locate_cameras(
+            site=polar(),
             terrain=self.terrain,
             positions=list(POSITIONS),
             inventory=at["inventory.json"],
@@ -129,6 +131,7 @@ class Run:
         if self.unlocalised:
             self._forget_pose(self.folder / "cameras" / f"Pos{self.unlocalised}.json")
         adopt_rocks(
+            site=polar(),
             terrain=self.terrain,
             inventory=at["inventory.json"],
             cameras=self.folder / "cameras",
@@ -264,8 +267,10 @@ def both_cameras(run: Run, truth: Truth) -> TerrainRocks:
     for key in fullest:
         if key.light == "off" and key.azimuth in SUNS:
             seeds.setdefault(key.position, {})[key.camera, key.azimuth] = AnnotatedBoxes(truth[key][ROCK], None)
-    suns = lamps.read_suns(run.folder / "cameras", localised)
-    return associate_rocks(read_terrain(run.folder / "meshes", run.terrain), localised, suns, seeds)
+    suns = lamps.read_suns(run.folder / "cameras", localised, polar(), run.terrain)
+    return associate_rocks(
+        read_terrain(run.folder / "meshes", run.terrain, polar().sandbox_of(run.terrain)), localised, suns, seeds
+    )
 
 
 def best_boxes(known: TerrainRocks, key: PhotoKey, annotated: np.ndarray, options: LabelsOptions) -> Drawing:

@@ -72,7 +72,15 @@ class Tripod(_Part):
     camera_m: Point = Field(description="Centre of the left camera, sandbox frame, m.")
     yaw_deg: float = Field(description="Heading of the optical axis, from +X towards +Y, degrees.")
     pitch_deg: float = Field(25.0, description="Downward tilt of the optical axis, degrees.")
+    usual_pitch_deg: float | None = Field(
+        None, description="Mean pitch of rigs that were located here, where known, degrees; null: pitch_deg."
+    )
     same_tilt_as: Name | None = Field(None, description="Position with the same tilt: the rig was only moved.")
+
+    @property
+    def usual_pitch(self) -> float:
+        """Most likely pitch of a rig that is not located, degrees."""
+        return self.pitch_deg if self.usual_pitch_deg is None else self.usual_pitch_deg
 
 
 class Lamp(_Part):

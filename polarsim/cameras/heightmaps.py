@@ -20,7 +20,7 @@ MIN_OVERLAP = 0.25  # minimum overlap of a translation, share of the smaller map
 class ScanHeights:
     """Mean heights of square cells: rows along y, columns along x, from -reach to +reach; NaN in empty cells."""
 
-    height: np.ndarray  # (n, n) metres
+    height: np.ndarray  # (rows, columns) metres
     step: float
 
     @property
@@ -28,7 +28,7 @@ class ScanHeights:
         return np.isfinite(self.height)
 
     def relief(self) -> np.ndarray:
-        """Return heights (n, n) above their surroundings, clipped; 0 in empty cells."""
+        """Return heights (rows, columns) above their surroundings, clipped; 0 in empty cells."""
         known = self.known.astype(float)
         blur = RELIEF_WIDTH / self.step
         weight = gaussian_filter(known, blur)
@@ -36,20 +36,26 @@ class ScanHeights:
         return np.asarray(np.clip(np.where(self.known, self.height - level, 0), -RELIEF_LIMIT, RELIEF_LIMIT))
 
 
-def height_map(points: np.ndarray, reach: float, step: float) -> ScanHeights:
-    """Return mean heights of points (n, 3) in cells of `step` over a square of +-`reach`, metres."""
-    side = 2 * round(reach / step)
+def height_map(points: np.ndarray, reach: float | np.ndarray, step: float) -> ScanHeights:
+    """Return mean heights of points (n, 3) in cells of `step` over a rectangle of +-`reach`, () or (2,), metres."""
+    columns, rows = (2 * round(float(along) / step) for along in np.broadcast_to(reach, 2))
     cells = np.floor((points[:, :2] + reach) / step).astype(int)
-    inside = ((cells >= 0) & (cells < side)).all(axis=1)
-    cell = cells[inside, 1] * side + cells[inside, 0]
-    count = np.bincount(cell, minlength=side * side)
-    total = np.bincount(cell, weights=points[inside, 2], minlength=side * side)
+    inside = ((cells >= 0) & (cells < [columns, rows])).all(axis=1)
+    cell = cells[inside, 1] * columns + cells[inside, 0]
+    count = np.bincount(cell, minlength=rows * columns)
+    total = np.bincount(cell, weights=points[inside, 2], minlength=rows * columns)
     with np.errstate(invalid="ignore"):
-        return ScanHeights((total / np.where(count > 0, count, np.nan)).reshape(side, side), step)
+        return ScanHeights((total / np.where(count > 0, count, np.nan)).reshape(rows, columns), step)
 
 
 def correlate_rotations(
-    fixed: np.ndarray, moving: np.ndarray, reach: float, step: float, yaws: np.ndarray, translation: float, count: int
+    fixed: np.ndarray,
+    moving: np.ndarray,
+    reach: float | np.ndarray,
+    step: float,
+    yaws: np.ndarray,
+    translation: float,
+    count: int,
 ) -> list[Pose]:
     """Return the best `fixed_from_moving` of two levelled clouds (n, 3), by correlation of their relief, best first.
 
@@ -89,7 +95,7 @@ class _MaskedSpectra:
     @classmethod
     def of(cls, heights: ScanHeights) -> _MaskedSpectra:
         relief, known = heights.relief(), heights.known.astype(float)
-        side = fft.next_fast_len(2 * len(known), real=True)
+        side = fft.next_fast_len(2 * max(known.shape), real=True)
         parts = (np.asarray(fft.rfft2(part, s=(side, side))) for part in (relief, relief**2, known))
         return cls(next(parts), next(parts), next(parts), float(known.sum()), side)
 
@@ -124,14 +130,18 @@ def _peaks(score: np.ndarray, limit: int, count: int) -> list[tuple[float, np.nd
     return peaks
 
 
-def agreement(fixed: np.ndarray, moving: np.ndarray, reach: float, step: float, tolerance: float) -> tuple[float, int]:
+def agreement(
+    fixed: np.ndarray, moving: np.ndarray, reach: float | np.ndarray, step: float, tolerance: float
+) -> tuple[float, int]:
     """Return the share of common cells of two aligned clouds with equal heights, and the number of common cells."""
     first, second = height_map(fixed, reach, step), height_map(moving, reach, step)
     off = np.abs(first.height - second.height)[first.known & second.known]
     return (float((off < tolerance).mean()) if len(off) else 0.0), len(off)
 
 
-def relief_correlation(fixed: np.ndarray, moving: np.ndarray, reach: float, step: float, min_sd: float) -> float:
+def relief_correlation(
+    fixed: np.ndarray, moving: np.ndarray, reach: float | np.ndarray, step: float, min_sd: float
+) -> float:
     """Return the correlation of the relief of two aligned clouds (n, 3), (m, 3) over common cells, -1 to 1.
 
     Return 1 if the standard deviation of both reliefs is below `min_sd` metres, or without common cells.

@@ -13,7 +13,6 @@ from polarsim.errors import RegistrationError
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
-from polarsim.survey import MAX_SURVEY_ERROR
 
 MIN_BOXES = 3  # positions with fewer boxes or meshes are localised by the survey
 ROLL_SD_DEG = 2.9  # prior on the roll of a tripod about level
@@ -75,8 +74,8 @@ def explained_share(fit: BoxFit, boxes: np.ndarray) -> float:
     return fit.sum_iou / max(1, min(fit.in_view, len(boxes)))
 
 
-def check_localisation(localisation: LabelLocalisation) -> LabelLocalisation:
-    """Refuse a pose that explains too few boxes, is ambiguous, or is too far from the survey."""
+def check_localisation(localisation: LabelLocalisation, max_error_m: float) -> LabelLocalisation:
+    """Refuse a pose that explains too few boxes, is ambiguous, or exceeds `max_error_m` (metres) from the survey."""
     leads = localisation.share >= MIN_LED_FIT and localisation.share - localisation.runner_up >= MIN_LEAD
     if localisation.share < MIN_FIT and not leads:
         raise RegistrationError(
@@ -89,22 +88,22 @@ def check_localisation(localisation: LabelLocalisation) -> LabelLocalisation:
             f"{localisation.runner_up:.2f} of the possible matches"
         )
     off = _off_survey(localisation)
-    if off > MAX_SURVEY_ERROR:
+    if off > max_error_m:
         raise RegistrationError(
-            f"the best pose is {off:.1f} m from the survey's position, the maximum is {MAX_SURVEY_ERROR:g} m: check "
+            f"the best pose is {off:.1f} m from the survey's position, the maximum is {max_error_m:g} m: check "
             f"whether these boxes belong to another position"
         )
     return localisation
 
 
-def is_plausible(localisation: LabelLocalisation) -> bool:
+def is_plausible(localisation: LabelLocalisation, max_error_m: float) -> bool:
     """Return whether a pose that `check_localisation` refuses is good enough to move labels in the image.
 
     This holds for poses near a surveyed tripod. At 19 positions of 03, 08, 11, 12 with few seeds, refused poses
     explained 0.19 to 0.82 of the possible matches. Boxes that the ground transferred from left to right by such poses
     matched annotated boxes with F1 0.82, by the surveyed poses with 0.60; no position was worse than by the survey.
     """
-    return _off_survey(localisation) <= MAX_SURVEY_ERROR
+    return _off_survey(localisation) <= max_error_m
 
 
 def _off_survey(localisation: LabelLocalisation) -> float:

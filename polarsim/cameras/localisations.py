@@ -20,6 +20,8 @@ from polarsim.cameras.translations import Translations, fit_translations, no_tra
 from polarsim.errors import RegistrationError
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
+from polarsim.geometry.poses import Pose
+from polarsim.site import Tripod
 
 log = logging.getLogger("polarsim")
 
@@ -42,19 +44,33 @@ class Localisations:
 
 
 def localise_all(
-    seen: Mapping[str, np.ndarray], outlines: Outlines, lens: Lens, options: LocalisationOptions
+    seen: Mapping[str, np.ndarray],
+    outlines: Outlines,
+    lens: Lens,
+    options: LocalisationOptions,
+    tripods: Mapping[str, Tripod],
+    max_error_m: float,
 ) -> Localisations:
-    """Localise positions by rock boxes (b, 4) of left photos; skip positions with too few boxes or meshes."""
+    """Localise positions by rock boxes (b, 4) of left photos; skip positions with too few boxes or meshes.
+
+    `max_error_m`: maximum distance of a camera from its surveyed position, metres.
+    """
     usable = [position for position, boxes in seen.items() if min(len(boxes), len(outlines)) >= MIN_BOXES]
     result = Localisations({}, no_translations(outlines, options.rock_translation_sd_mm / 1000), {})
     separately = {
-        position: _localise_separately(position, seen[position], outlines, lens, options) for position in usable
+        position: _localise_separately(
+            seen[position], outlines, lens, options, offset_surveyed_pose(position, {}, tripods)
+        )
+        for position in usable
     }
     surest_first = sorted(
         usable, key=lambda position: (-(one.share if (one := separately[position]) else 0.0), position)
     )
     for position in surest_first:
-        result = _add_position(result, position, seen[position], outlines, lens, options, separately[position])
+        poses = {other: localisation.fit.sandbox_from_left for other, localisation in result.localised.items()}
+        surveyed = offset_surveyed_pose(position, poses, tripods)
+        boxes, alone = seen[position], separately[position]
+        result = _add_position(result, position, boxes, outlines, lens, options, alone, surveyed, max_error_m)
     return result
 
 
@@ -69,11 +85,11 @@ def untranslated_fits(result: Localisations, outlines: Outlines, lens: Lens) -> 
 
 
 def _localise_separately(
-    position: str, boxes: np.ndarray, outlines: Outlines, lens: Lens, options: LocalisationOptions
+    boxes: np.ndarray, outlines: Outlines, lens: Lens, options: LocalisationOptions, surveyed: Pose | None
 ) -> LabelLocalisation | None:
     """Localise a position without the boxes of other positions; None if no pose explains any box."""
     try:
-        return localise_by_labels(boxes, outlines, lens, offset_surveyed_pose(position, {}), options)
+        return localise_by_labels(boxes, outlines, lens, surveyed, options)
     except RegistrationError:
         return None
 
@@ -86,18 +102,18 @@ def _add_position(
     lens: Lens,
     options: LocalisationOptions,
     separately: LabelLocalisation | None,
+    surveyed: Pose | None,
+    max_error_m: float,
 ) -> Localisations:
     """Add a position and fit all poses and translations again, or refuse the position."""
     best = separately
     try:
         if separately is None or before.localised:  # the rocks have been moved since
             moved = translated(outlines, before.translations.metres)
-            poses = {other: localisation.fit.sandbox_from_left for other, localisation in before.localised.items()}
-            surveyed = offset_surveyed_pose(position, poses)
             best = localise_by_labels(boxes, moved, lens, surveyed, options)
         assert best is not None
         after = _fit_jointly({**before.localised, position: best}, before.translations, outlines, lens, options)
-        check_localisation(after.localised[position])
+        check_localisation(after.localised[position], max_error_m)
     except RegistrationError as error:
         return replace(before, refused={**before.refused, position: Refusal(error.reason, best)})
     return replace(after, refused=before.refused)

@@ -18,8 +18,9 @@ from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.rounding import rounded, rounded_metrics
 from polarsim.cameras.sandbox_frame import SandboxFrame, find_sandbox_frame
 from polarsim.cameras.scans import Network, place_scans, register_scans
+from polarsim.cameras.search_area import SearchArea
 from polarsim.cameras.small_box import small_box_frame
-from polarsim.cameras.surveyed import expected_survey_pose, stations
+from polarsim.cameras.surveyed import expected_survey_pose
 from polarsim.cameras.translations import translation_table
 from polarsim.errors import RegistrationError, with_part
 from polarsim.formats import colmap, obj, tables
@@ -32,6 +33,7 @@ from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import Terrain, terrain_text
 from polarsim.run_files.inventory import Inventory, read_inventory
 from polarsim.run_files.rigs import (
+    FRAME_OF_SURVEY,
     PITCH_SD,
     STEREO,
     SURVEYED,
@@ -43,8 +45,9 @@ from polarsim.run_files.rigs import (
 )
 from polarsim.run_files.rock_translations import FILE as TRANSLATION_FILE
 from polarsim.run_files.scans import read_scan
+from polarsim.run_files.survey import surveyed_pose, surveyed_poses
 from polarsim.schemas.stages import ALIGNMENT, MATCHES
-from polarsim.survey import half_width
+from polarsim.site import Sandbox, Site, Tripod
 
 _NOT_LOCALISED = "localised neither by a scan, nor by labels and meshes, nor by the survey"
 log = logging.getLogger("polarsim")
@@ -61,6 +64,7 @@ class LocalisationResult:
 
 def locate_cameras(
     *,
+    site: Site,
     terrain: Terrain,
     positions: Sequence[str],
     inventory: Path,
@@ -76,13 +80,14 @@ def locate_cameras(
     the relative poses of positions that show the same ground.
     """
     source, rig = read_inventory(inventory), read_rig(calibration)
+    tripods = site.tripods_of(terrain)
     scanned = [position for position in positions if position in source.scanned]
     with with_part(f"Terrain{terrain_text(terrain)}"):
         if scanned:
-            located = _locate_by_scans(source, scanned, rig, ranges)
+            located = _locate_by_scans(source, scanned, rig, ranges, site, tripods)
         else:
-            located = _locate_by_labels(source, positions, rig, seeds, options)
-        localised = _complete_positions(located, positions, rig, stations(source.terrain))
+            located = _locate_by_labels(source, positions, rig, seeds, options, tripods, site.max_survey_error_m)
+        localised = _complete_positions(located, positions, rig, tripods)
     with writing_folder(cameras) as folder:
         for position in sorted(localised):
             write_localised(folder / f"Pos{position}.json", localised[position])
@@ -93,18 +98,24 @@ def locate_cameras(
 
 
 def _locate_by_scans(
-    source: Inventory, positions: list[str], rig: StereoRig, ranges: Path | None
+    source: Inventory,
+    positions: list[str],
+    rig: StereoRig,
+    ranges: Path | None,
+    site: Site,
+    tripods: Mapping[str, Tripod],
 ) -> LocalisationResult:
     scans = {position: read_scan(source, position, rig) for position in positions}
-    surveyed = stations(source.terrain)
+    surveyed, sandbox = surveyed_poses(tripods), site.sandbox_of(source.terrain)
+    area = SearchArea.of(sandbox, site.max_survey_error_m)
     placed = {} if ranges is None else read_all_localised(ranges)
     if set(scans) <= set(placed):
-        network = place_scans(scans, {position: placed[position].sandbox_from_left for position in scans})
+        network = place_scans(scans, {name: placed[name].sandbox_from_left for name in scans}, area)
     else:
-        network = register_scans(scans, surveyed)
+        network = register_scans(scans, surveyed, area)
     for reason in network.refused:
         log.warning("%s; the scan is excluded", reason)
-    frame = _frame(network, surveyed, half_width(source.terrain))
+    frame = _frame(network, surveyed, sandbox)
     localised = {}
     for position, level_from_left in network.level_from_left.items():
         pose = frame.sandbox_from_level @ level_from_left
@@ -118,7 +129,8 @@ def _locate_by_scans(
                 **_formal_errors(network.covariances[position], level_from_left.translation),
             }
         method = "scans" if ranges is None else STEREO
-        localised[position] = _rounded_rig(rig, position, pose, method, metrics, surveyed)
+        method += "" if frame.walls else FRAME_OF_SURVEY
+        localised[position] = _rounded_rig(rig, position, pose, method, metrics, tripods)
     rows = []
     for pair in network.pairs:
         alignment = pair.alignment
@@ -128,23 +140,24 @@ def _locate_by_scans(
     return LocalisationResult(localised, {"alignment.csv": pd.DataFrame(rows, columns=list(ALIGNMENT.columns))})
 
 
-def _frame(network: Network, surveyed: Mapping[str, Pose], half: float) -> SandboxFrame:
-    """Return the sandbox frame by the walls of a surveyed sandbox, or by the small box of a terrain without survey."""
-    if surveyed:
-        frame = find_sandbox_frame(network.points, network.normals, network.level_from_left, surveyed)
-        if not frame.walls:
-            log.warning("the scans show no two walls at right angles: origin and heading are taken from the survey")
-        return frame
-    points = np.concatenate([network.points[position] for position in sorted(network.points)])
-    pose = small_box_frame(points, half, network.level_from_left.values())
-    if pose is not None:
-        return SandboxFrame(pose, 4)
-    log.warning(
-        "the scans show no box of sand %g m wide on the floor: origin and heading are arbitrary, because this terrain "
-        "was not surveyed",
-        2 * half,
-    )
-    return find_sandbox_frame(network.points, network.normals, network.level_from_left, surveyed)
+def _frame(network: Network, surveyed: Mapping[str, Pose], sandbox: Sandbox) -> SandboxFrame:
+    """Return the sandbox frame by a raised box, by walls, or by the survey, see `find_sandbox_frame`."""
+    if sandbox.raised:
+        points = np.concatenate([network.points[position] for position in sorted(network.points)])
+        pose = small_box_frame(points, np.array(sandbox.half_width_m), network.level_from_left.values())
+        if pose is not None:
+            return SandboxFrame(pose, 4)
+        size = " x ".join(f"{2 * half:g}" for half in sandbox.half_width_m)
+        log.warning("the scans show no box of sand of %s m on the floor", size)
+    frame = find_sandbox_frame(network.points, network.normals, network.level_from_left, surveyed, sandbox)
+    if not surveyed:
+        reason = "+X points to the camera of the first position" if frame.walls else "origin and heading are arbitrary"
+        log.warning("%s, because no tripod of this terrain was surveyed", reason)
+    elif not frame.walls and any(sandbox.walls_m.values()):
+        log.warning("the scans do not show the walls that define origin and heading: both are taken from the survey")
+    elif not frame.walls:
+        log.info("the sandbox has no walls: origin and heading are fitted to the surveyed tripods")
+    return frame
 
 
 def _formal_errors(covariance: np.ndarray, position: np.ndarray) -> dict[str, float]:
@@ -163,24 +176,29 @@ def _formal_errors(covariance: np.ndarray, position: np.ndarray) -> dict[str, fl
 
 
 def _locate_by_labels(
-    source: Inventory, positions: Sequence[str], rig: StereoRig, seeds: Path, options: LocalisationOptions
+    source: Inventory,
+    positions: Sequence[str],
+    rig: StereoRig,
+    seeds: Path,
+    options: LocalisationOptions,
+    tripods: Mapping[str, Tripod],
+    max_error_m: float,
 ) -> LocalisationResult:
     meshes = {rock: obj.read_obj(path) for rock, path in source.rock_meshes().items()}
     outlines = outlines_of(meshes)
     annotated = read_rock_boxes(seeds, source.terrain)
     seen = {position: consensus_boxes(annotated.get(position, [])) for position in positions}
-    result = localise_all(seen, outlines, rig.left, options)
+    result = localise_all(seen, outlines, rig.left, options, tripods, max_error_m)
     _warn_refused(result)
     details = {}
     if options.rock_translation_sd_mm and result.localised:
         before = untranslated_fits(result, outlines, rig.left)
         fits = [localisation.fit for localisation in result.localised.values()]
         details[TRANSLATION_FILE] = translation_table(outlines.rocks, result.translations, before, fits)
-    surveyed = stations(source.terrain)
 
     def localised_rig(position: str, localisation: LabelLocalisation, method: str) -> LocalisedRig:
         pose, metrics = localisation.fit.sandbox_from_left, _label_metrics(localisation, len(outlines))
-        return _rounded_rig(rig, position, pose, method, metrics, surveyed)
+        return _rounded_rig(rig, position, pose, method, metrics, tripods)
 
     localised = {
         position: localised_rig(position, localisation, "labels")
@@ -189,7 +207,7 @@ def _locate_by_labels(
     unconfirmed = {
         position: localised_rig(position, guess, UNCERTAIN_LABELS)
         for position, refusal in sorted(result.refused.items())
-        if (guess := refusal.best) is not None and is_plausible(guess)
+        if (guess := refusal.best) is not None and is_plausible(guess, max_error_m)
     }
     rows = [
         row
@@ -242,7 +260,7 @@ def _offsets(localisation: LabelLocalisation) -> np.ndarray:
 
 
 def _complete_positions(
-    located: LocalisationResult, positions: Sequence[str], rig: StereoRig, surveyed: Mapping[str, Pose]
+    located: LocalisationResult, positions: Sequence[str], rig: StereoRig, tripods: Mapping[str, Tripod]
 ) -> dict[str, LocalisedRig]:
     """Add the most likely pose for each position without a confirmed pose.
 
@@ -258,13 +276,13 @@ def _complete_positions(
             log.warning("position %s: its pose is suggested by labels and meshes, but not confirmed", position)
             complete[position] = located.unconfirmed[position]
             continue
-        likely = expected_survey_pose(position, poses) if position in surveyed else None
+        likely = expected_survey_pose(position, poses, tripods)
         if likely is None:
             log.warning("position %s: %s; photos may localise it", position, _NOT_LOCALISED)
             continue
         log.warning("position %s has neither a scan nor enough labels and meshes: its surveyed pose is used", position)
         pose, pitch_sd = likely
-        complete[position] = _rounded_rig(rig, position, pose, SURVEYED, {PITCH_SD: pitch_sd}, surveyed)
+        complete[position] = _rounded_rig(rig, position, pose, SURVEYED, {PITCH_SD: pitch_sd}, tripods)
     if not complete:
         raise RegistrationError(f"positions {', '.join(positions)}: {_NOT_LOCALISED}")
     return complete
@@ -276,18 +294,19 @@ def _rounded_rig(
     pose: Pose,
     method: str,
     metrics: Mapping[str, float],
-    surveyed: Mapping[str, Pose],
+    tripods: Mapping[str, Tripod],
 ) -> LocalisedRig:
-    offsets = _survey_offsets(position, pose, surveyed)
+    offsets = _survey_offsets(position, pose, tripods)
     return LocalisedRig(rig, rounded(pose), method, rounded_metrics({**metrics, **offsets}))
 
 
-def _survey_offsets(position: str, pose: Pose, surveyed: Mapping[str, Pose]) -> dict[str, float]:
+def _survey_offsets(position: str, pose: Pose, tripods: Mapping[str, Tripod]) -> dict[str, float]:
     """Return distance and heading difference between a tripod and its surveyed pose."""
-    if position not in surveyed:
+    if position not in tripods:
         return {}
-    yaw = np.degrees(yaw_pitch_roll(pose)[0] - yaw_pitch_roll(surveyed[position])[0])
+    surveyed = surveyed_pose(tripods[position])
+    yaw = np.degrees(yaw_pitch_roll(pose)[0] - yaw_pitch_roll(surveyed)[0])
     return {
-        "off_survey_m": float(np.linalg.norm(pose.translation - surveyed[position].translation)),
+        "off_survey_m": float(np.linalg.norm(pose.translation - surveyed.translation)),
         "off_survey_deg": float((yaw + 180) % 360 - 180),
     }

@@ -36,6 +36,7 @@ from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised, write_localised
 from polarsim.run_files.scene import TerrainMesh, read_terrain
 from polarsim.run_files.walls import Walls, write_walls
+from polarsim.site import Site
 
 # Windows of 21 px of a shaded view, every 12 px, are matched within 5 px. Their correlation with the photo is at least
 # 0.6, and the noise of their position is 0.4 of sqrt((1 - correlation) / second derivative of the correlation).
@@ -55,6 +56,7 @@ log = logging.getLogger("polarsim")
 
 def refine_cameras(
     *,
+    site: Site,
     terrain: Terrain,
     located: Path,
     meshes: Path,
@@ -72,7 +74,7 @@ def refine_cameras(
     `covers`, `drawn`: folders of published photos and of the masks of their drawn lines; the walls are fitted to them
     if there are no own photos.
     """
-    mesh = read_terrain(meshes, terrain)
+    mesh = read_terrain(meshes, terrain, site.sandbox_of(terrain))
     localised = start = read_all_localised(located)
     pictures = best_pictures(terrain, photos) if photos is not None and options.scales else {}
     suns: dict[str, np.ndarray] = {}
@@ -81,11 +83,11 @@ def refine_cameras(
         name, surface = f"terrain {terrain_text(terrain)}", surface_of(mesh)
         localised = _add_by_features(name, localised, surface, pictures)
         shown = {view: of for view, of in pictures.items() if view[0] in localised and not localised[view[0]].unproven}
-        localised, suns = _refine(name, localised, surface, shown, options)
+        localised, suns = _refine(site, terrain, localised, surface, shown, options)
         if photos is not None:
-            suns, walls = _refine_by_wall_shadows(name, terrain, mesh, photos, localised, suns)
+            suns, walls = _refine_by_wall_shadows(site, terrain, mesh, photos, localised, suns)
     elif covers is not None and mesh.walls is not None:
-        lamp_positions = lamps.surveyed_suns(localised)
+        lamp_positions = lamps.surveyed_suns(localised, site, terrain)
         _, walls = refine_by_wall_shadows(
             f"terrain {terrain_text(terrain)}", terrain, mesh, covers, localised, lamp_positions, set(), drawn
         )
@@ -129,14 +131,19 @@ def _add_by_features(
 
 
 def _refine(
-    name: str, located: dict[str, LocalisedRig], surface: MeshSurface, pictures: BestPhotos, options: RefinementOptions
+    site: Site,
+    terrain: Terrain,
+    located: dict[str, LocalisedRig],
+    surface: MeshSurface,
+    pictures: BestPhotos,
+    options: RefinementOptions,
 ) -> tuple[dict[str, LocalisedRig], dict[str, np.ndarray]]:
     """Refine rigs and lamps alternately, from coarse to fine.
 
     Rigs whose photos match the meshes are refined; the remaining rigs only get the adjusted lenses.
     """
-    current = located
-    surveyed = lamps.surveyed_suns(located)
+    name, current = f"terrain {terrain_text(terrain)}", located
+    surveyed = lamps.surveyed_suns(located, site, terrain)
     suns: dict[str, np.ndarray] = {}
     for scale in options.scales:
         photos = read_all_resized(pictures, located, scale)
@@ -204,7 +211,7 @@ def _refine_suns(
 
 
 def _refine_by_wall_shadows(
-    name: str,
+    site: Site,
     terrain: Terrain,
     mesh: TerrainMesh,
     photos: Path,
@@ -215,7 +222,8 @@ def _refine_by_wall_shadows(
     refined = {position: rig for position, rig in localised.items() if rig.method.endswith(_REFINED)}
     if not refined or mesh.walls is None:
         return suns, None
-    everywhere = lamps.surveyed_suns(localised) | suns
+    everywhere = lamps.surveyed_suns(localised, site, terrain) | suns
+    name = f"terrain {terrain_text(terrain)}"
     moved, walls = refine_by_wall_shadows(name, terrain, mesh, photos, refined, everywhere, set(suns))
     return {**suns, **moved}, walls
 

@@ -21,8 +21,8 @@ from polarsim.cameras.crossings import find_crossing
 from polarsim.cameras.disparities import FULL, HALF, RangePoints, StereoPhotos, measure_points
 from polarsim.cameras.rounding import rounded, rounded_rig
 from polarsim.cameras.scans import register_scans
+from polarsim.cameras.search_area import SearchArea
 from polarsim.cameras.self_calibration import StereoPixels, correct_calibration
-from polarsim.cameras.surveyed import stations
 from polarsim.errors import ReconstructionError, RegistrationError
 from polarsim.formats import nasa, png
 from polarsim.formats.files import writing_folder
@@ -35,6 +35,8 @@ from polarsim.progress import track
 from polarsim.run_files.best_photos import BestPhotos, best_pictures
 from polarsim.run_files.inventory import read_inventory, write_inventory
 from polarsim.run_files.rigs import STEREO, LocalisedRig, read_rig, write_localised, write_rig
+from polarsim.run_files.survey import surveyed_poses
+from polarsim.site import Site
 from polarsim.tone import to_8bit
 
 log = logging.getLogger("polarsim")
@@ -51,7 +53,15 @@ _DEPTHS_M = (1.0, 10.0)  # range of matched features
 
 
 def measure_ranges(
-    *, terrain: Terrain, photos: Path, calibration: Path, inventory: Path, corrected: Path, measured: Path, maps: Path
+    *,
+    site: Site,
+    terrain: Terrain,
+    photos: Path,
+    calibration: Path,
+    inventory: Path,
+    corrected: Path,
+    measured: Path,
+    maps: Path,
 ) -> None:
     """Write a range map per position to the folder `maps`, the corrected calibration, and an inventory with the maps.
 
@@ -84,7 +94,7 @@ def measure_ranges(
         )
     pairs = {position: pairs[position] for position in seen}
     features = {position: features[position] for position in seen}
-    final, poses = _calibrated_by_ground(terrain, rig, by_features, pairs, features, seen)
+    final, poses = _calibrated_by_ground(site, terrain, rig, by_features, pairs, features, seen)
     final = rounded_rig(final)
     grid = rectified_left(final)
     paths = {}
@@ -170,6 +180,7 @@ def _measure(terrain: Terrain, pairs: Mapping[str, StereoPhotos], rig: StereoRig
 
 
 def _calibrated_by_ground(
+    site: Site,
     terrain: Terrain,
     stated: StereoRig,
     rig: StereoRig,
@@ -181,7 +192,7 @@ def _calibrated_by_ground(
 
     Without such ground, return `rig` and no poses.
     """
-    poses = _registered(terrain, seen)
+    poses = _registered(site, terrain, seen)
     for number, (cell, reach) in enumerate(ROUNDS):
         if number:
             seen = {position: measure_points(pairs[position], rig, [HALF]) for position in seen}
@@ -202,11 +213,12 @@ def _calibrated_by_ground(
     return rig, poses
 
 
-def _registered(terrain: Terrain, seen: Mapping[str, RangePoints]) -> dict[str, Pose]:
+def _registered(site: Site, terrain: Terrain, seen: Mapping[str, RangePoints]) -> dict[str, Pose]:
     """Return `level_from_left` of the positions whose range maps show the same terrain."""
+    area = SearchArea.of(site.sandbox_of(terrain), site.max_survey_error_m)
     scans = {name: points.points_left[np.isfinite(points.points_left[..., 2])] for name, points in seen.items()}
     try:
-        network = register_scans(scans, stations(terrain))
+        network = register_scans(scans, surveyed_poses(site.tripods_of(terrain)), area)
     except RegistrationError as error:
         log.warning("terrain %02d: %s", terrain, error.reason)
         return {}

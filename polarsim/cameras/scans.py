@@ -10,30 +10,25 @@ import numpy as np
 
 from polarsim.cameras import icp
 from polarsim.cameras.heightmaps import agreement, correlate_rotations, relief_correlation
+from polarsim.cameras.search_area import SearchArea
 from polarsim.errors import RegistrationError
 from polarsim.geometry.planes import level_from, tracked_plane
-from polarsim.geometry.poses import Pose, camera_pose
-from polarsim.survey import NOMINAL_PITCH_DEG
+from polarsim.geometry.poses import Pose
 
-SCAN_RADIUS = 3.2  # metres from the terrain's centre; points farther out belong to the hall
 VOXEL = 0.012  # metres: grid of the thinned scans for the joint alignment
 MAP_STEP = 0.02  # metres: grid of the correlated height maps
 YAW_RANGE_DEG, YAW_STEP_DEG = 15.0, 1.0  # of the search between two scans; the survey is accurate to a few degrees
-TRANSLATION_RANGE = 1.0  # metres along x and y of the same search
 CANDIDATES = 5  # number of correlation peaks that are refined by ICP
 SAME_SURFACE = 0.01  # metres: maximum distance between points of two scans on the same surface
 MIN_FITNESS = 0.5  # part of the overlap that must agree between scans
 MIN_RELIEF_CORRELATION = 0.5  # minimum correlation of relief between scans of the same terrain; 0.9 is usual
-SAND_REACH = 1.6  # metres from the centre: scans show only sand and rocks there, despite the errors of the survey
 SAND_SCALES = [0.4, 0.3, 0.2, 0.15, 0.1, 0.08, 0.06, 0.06, 0.06]  # metres: scales of the robust fit of the sand
 MIN_SAND_POINTS = 1000
-MIN_SAND_AREA = 1.0  # square metres: scans of the analog show 5 to 11
 MIN_RELIEF = 0.005  # minimum standard deviation, metres: the relief of flatter scans cannot be compared
 HEIGHT_REACH = 1.0  # metres from the sand's level; curtains and stands are higher
 MAX_LEVEL_HEIGHT, MIN_FLAT_NORMAL = 0.2, 0.8  # sand near the walls: maximum |z|, metres, and minimum |z| of normals
 COARSE_VOXELS = [0.04, 0.02]  # metres
 AGREE = 0.015  # maximum height difference in a cell of two scans that agree, metres
-GUESSED_POSITION = np.array([3.6, 0.0, 1.55])  # metres: start for a position that was not surveyed
 
 
 @dataclass(frozen=True)
@@ -65,16 +60,17 @@ class _Levelled:
     level_from_left: Pose
     coarse: list[icp.ScanSurface]
     fine: icp.ScanSurface
+    area: SearchArea
 
     def sand(self) -> icp.ScanSurface:
         """Return the fine grid without walls: they have two sides, and the cloth on them moves between scans."""
         points, normals = self.fine.points, self.fine.normals
-        inside = (np.abs(points[:, :2]) < SAND_REACH).all(axis=1)
+        inside = (np.abs(points[:, :2]) < self.area.sand).all(axis=1)
         level = (np.abs(points[:, 2]) < MAX_LEVEL_HEIGHT) & (np.abs(normals[:, 2]) > MIN_FLAT_NORMAL)
         return self.fine.select(inside | level)
 
 
-def register_scans(scans: Mapping[str, np.ndarray], stations: Mapping[str, Pose]) -> Network:
+def register_scans(scans: Mapping[str, np.ndarray], stations: Mapping[str, Pose], area: SearchArea) -> Network:
     """Register the scans of a terrain, without scans that show no sand or another terrain than the majority.
 
     `scans`, position -> (n, 3): points in the left camera frame of each position, metres.
@@ -84,16 +80,18 @@ def register_scans(scans: Mapping[str, np.ndarray], stations: Mapping[str, Pose]
     for first, second in combinations(sorted(scans), 2):
         if np.array_equal(scans[first], scans[second]):
             raise RegistrationError(f"the scans of positions {first} and {second} have the same points: one is a copy")
-    levelled, sandless = _level_all(scans, stations)
+    levelled, sandless = _level_all(scans, stations, area)
     reference, start, strange = _find_majority(levelled)
     levelled = {position: scan for position, scan in levelled.items() if position in start}
     sands = {position: scan.sand() for position, scan in levelled.items()}
     return _network(levelled, sands, icp.align_jointly(sands, start, reference), [*sandless, *strange])
 
 
-def place_scans(scans: Mapping[str, np.ndarray], level_from_left: Mapping[str, Pose]) -> Network:
+def place_scans(scans: Mapping[str, np.ndarray], level_from_left: Mapping[str, Pose], area: SearchArea) -> Network:
     """Return the scans (n, 3) of positions with known poses in a nearly level frame; arguments as `register_scans`."""
-    levelled = {position: _level_scan(position, points, level_from_left) for position, points in sorted(scans.items())}
+    levelled = {
+        position: _level_scan(position, points, level_from_left, area) for position, points in sorted(scans.items())
+    }
     moves = {
         position: level_from_left[position] @ scan.level_from_left.inverse() for position, scan in levelled.items()
     }
@@ -122,13 +120,13 @@ def _network(
 
 
 def _level_all(
-    scans: Mapping[str, np.ndarray], stations: Mapping[str, Pose]
+    scans: Mapping[str, np.ndarray], stations: Mapping[str, Pose], area: SearchArea
 ) -> tuple[dict[str, _Levelled], list[RegistrationError]]:
     """Level the scans, and return the scans that show sand and the reasons for the rest."""
     levelled, refused = {}, []
     for position, points in sorted(scans.items()):
         try:
-            levelled[position] = _level_scan(position, points, stations)
+            levelled[position] = _level_scan(position, points, stations, area)
         except RegistrationError as reason:
             refused.append(reason)
     if not levelled:
@@ -157,41 +155,46 @@ def _find_majority(levelled: Mapping[str, _Levelled]) -> tuple[str, dict[str, Po
     raise first
 
 
-def level_pose(position: str, points: np.ndarray, stations: Mapping[str, Pose]) -> Pose:
+def level_pose(position: str, points: np.ndarray, stations: Mapping[str, Pose], area: SearchArea) -> Pose:
     """Return `level_from_left`: position and heading from the survey, tilt and height from the sand."""
-    guess = stations.get(position) or camera_pose(GUESSED_POSITION, np.pi, np.radians(NOMINAL_PITCH_DEG))
+    guess = stations.get(position) or area.start
     near = guess.apply(points)
-    sand = near[(np.abs(near[:, :2]) < SAND_REACH).all(axis=1)]
+    sand = near[(np.abs(near[:, :2]) < area.sand).all(axis=1)]
     if len(sand) < MIN_SAND_POINTS:
         raise RegistrationError(
-            f"the scan of position {position} has {len(sand)} points within {SAND_REACH:g} m of the centre, "
+            f"the scan of position {position} has {len(sand)} points within {_metres(area.sand)} of the centre, "
             f"{MIN_SAND_POINTS} needed"
         )
     thin = sand[:: max(1, len(sand) // 100_000)]
     return level_from(tracked_plane(thin, np.array([0, 0, np.median(thin[:, 2])]), SAND_SCALES)) @ guess
 
 
-def _level_scan(position: str, points: np.ndarray, stations: Mapping[str, Pose]) -> _Levelled:
-    level_from_left = level_pose(position, points, stations)
+def _level_scan(position: str, points: np.ndarray, stations: Mapping[str, Pose], area: SearchArea) -> _Levelled:
+    level_from_left = level_pose(position, points, stations, area)
     near = level_from_left.apply(points)
-    reach = [SCAN_RADIUS, SCAN_RADIUS, HEIGHT_REACH]
+    reach = [*area.radius, HEIGHT_REACH]
     near = near[(np.abs(near) < reach).all(axis=1)]
     viewpoint = level_from_left.translation
-    area = _sand_area(icp.thin_to_planes(near, viewpoint, COARSE_VOXELS[0]))
-    if area < MIN_SAND_AREA:
+    shown = _sand_area(icp.thin_to_planes(near, viewpoint, COARSE_VOXELS[0]), area)
+    if shown < area.min_sand_area:
         raise RegistrationError(
-            f"the scan of position {position} shows {area:.1f} m2 of level sand within {SAND_REACH:g} m of the centre, "
-            f"{MIN_SAND_AREA:g} m2 needed: walls do not suffice for a registration"
+            f"the scan of position {position} shows {shown:.1f} m2 of level sand within {_metres(area.sand)} of the "
+            f"centre, {area.min_sand_area:g} m2 needed: walls do not suffice for a registration"
         )
     fine = icp.thin_to_planes(near, viewpoint, VOXEL)
     return _Levelled(
-        level_from_left, [icp.thin_to_planes(fine.points, viewpoint, voxel) for voxel in COARSE_VOXELS], fine
+        level_from_left, [icp.thin_to_planes(fine.points, viewpoint, voxel) for voxel in COARSE_VOXELS], fine, area
     )
 
 
-def _sand_area(coarse: icp.ScanSurface) -> float:
+def _metres(reach: np.ndarray) -> str:
+    """Return a half side of a square or the half sides of a rectangle for a message."""
+    return " x ".join(f"{side:g}" for side in dict.fromkeys(reach.tolist())) + " m"
+
+
+def _sand_area(coarse: icp.ScanSurface, area: SearchArea) -> float:
     """Return the area of level surface near the centre, square metres, on the coarsest grid."""
-    sand = (np.abs(coarse.points) < [SAND_REACH, SAND_REACH, MAX_LEVEL_HEIGHT]).all(axis=1) & (
+    sand = (np.abs(coarse.points) < [*area.sand, MAX_LEVEL_HEIGHT]).all(axis=1) & (
         np.abs(coarse.normals[:, 2]) > MIN_FLAT_NORMAL
     )
     return float(sand.sum() * COARSE_VOXELS[0] ** 2)
@@ -203,7 +206,7 @@ def _align_pair(fixed: str, moving: str, levelled: Mapping[str, _Levelled]) -> P
     farthest = np.radians(YAW_RANGE_DEG)
     yaws = np.linspace(-farthest, farthest, 2 * round(YAW_RANGE_DEG / YAW_STEP_DEG) + 1)
     grids = first.coarse[-1].points, second.coarse[-1].points
-    starts = correlate_rotations(*grids, SCAN_RADIUS, MAP_STEP, yaws, TRANSLATION_RANGE, CANDIDATES)
+    starts = correlate_rotations(*grids, first.area.radius, MAP_STEP, yaws, first.area.translation, CANDIDATES)
     tried = [icp.align_coarsely(first.coarse, second.coarse, COARSE_VOXELS, start) for start in starts]
     share = [_agreement(first, second, pose) for pose in tried]
     if max(share) < MIN_FITNESS:
@@ -229,9 +232,9 @@ def _measure_pair(fixed: str, moving: str, pose: Pose, levelled: Mapping[str, _L
 def _relief_similarity(fixed: _Levelled, moving: _Levelled, fixed_from_moving: Pose) -> float:
     """Return the correlation of the sand's relief in both scans; 1 if the relief is too flat."""
     moved = fixed_from_moving.apply(moving.fine.points)
-    return relief_correlation(fixed.fine.points, moved, SAND_REACH, MAP_STEP, MIN_RELIEF)
+    return relief_correlation(fixed.fine.points, moved, fixed.area.sand, MAP_STEP, MIN_RELIEF)
 
 
 def _agreement(fixed: _Levelled, moving: _Levelled, fixed_from_moving: Pose) -> float:
     moved = fixed_from_moving.apply(moving.fine.points)
-    return agreement(fixed.fine.points, moved, SCAN_RADIUS, MAP_STEP, AGREE)[0]
+    return agreement(fixed.fine.points, moved, fixed.area.radius, MAP_STEP, AGREE)[0]

@@ -6,51 +6,44 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from polarsim import survey
-from polarsim.geometry.poses import Pose, camera_pose, surveyed_pose, yaw_pitch_roll
-from polarsim.photo import Terrain
+from polarsim.geometry.poses import Pose, camera_pose, yaw_pitch_roll
+from polarsim.run_files.survey import surveyed_pose
+from polarsim.site import Tripod
 
-# The rig was tilted again for C, but only moved back from A to B: on six terrains the pitches of A and B, 21.8 to 28.4
-# degrees, differ by at most 1.1 degrees.
-SAME_TILT = {"A": "B", "B": "A"}
-USUAL_PITCH_DEG, USUAL_PITCH_SD_DEG = 25.4, 2.3  # downwards, mean and standard deviation of 18 localised positions
-SHARED_PITCH_SD_DEG = 0.8  # of the difference between A and B
+USUAL_PITCH_SD_DEG = 2.3  # of tilts that people set by eye: standard deviation of 18 localised positions of POLAR
+SHARED_PITCH_SD_DEG = 0.8  # of a rig that was only moved: of the difference between POLAR's A and B on six terrains
 
 
-def stations(terrain: Terrain) -> dict[str, Pose]:
-    """Return `sandbox_from_left` of the nominal stations by position; empty for terrains without survey."""
-    if not survey.is_surveyed(terrain):
-        return {}
-    return {position: pose for position in survey.SURVEYED_LEFT if (pose := surveyed_pose(position)) is not None}
-
-
-def offset_surveyed_pose(position: str, localised: Mapping[str, Pose]) -> Pose | None:
+def offset_surveyed_pose(position: str, localised: Mapping[str, Pose], tripods: Mapping[str, Tripod]) -> Pose | None:
     """Return the surveyed pose, translated by the mean offset of the other positions from their surveyed poses.
 
     Every terrain has a separate frame, so that its tripods share part of their offset from the survey, but not tilts.
     """
-    surveyed = surveyed_pose(position)
-    if surveyed is None:
+    if position not in tripods:
         return None
+    surveyed = surveyed_pose(tripods[position])
     offsets = [
-        pose.translation - surveyed_other.translation
+        pose.translation - surveyed_pose(tripods[other]).translation
         for other, pose in sorted(localised.items())
-        if other != position and (surveyed_other := surveyed_pose(other)) is not None
+        if other != position and other in tripods
     ]
     return Pose(surveyed.rotation, surveyed.translation + (np.mean(offsets, axis=0) if offsets else 0.0))
 
 
-def expected_survey_pose(position: str, localised: Mapping[str, Pose]) -> tuple[Pose, float] | None:
+def expected_survey_pose(
+    position: str, localised: Mapping[str, Pose], tripods: Mapping[str, Tripod]
+) -> tuple[Pose, float] | None:
     """Return the most likely pose of a position without evidence, and the standard deviation of its pitch, degrees.
 
     It is `offset_surveyed_pose` with the pitch of the position that shares the tilt, or the usual pitch; None for
     positions that the survey does not include. Boxes of 03, 04, 08, 11, 12 that the ground transfers by this pose from
     left to right photos match annotated boxes with F1 0.76, by `offset_surveyed_pose` with F1 0.57.
     """
-    pose = offset_surveyed_pose(position, localised)
+    pose = offset_surveyed_pose(position, localised, tripods)
     if pose is None:
         return None
-    neighbour = localised.get(SAME_TILT.get(position, ""))
-    pitch = np.radians(USUAL_PITCH_DEG) if neighbour is None else yaw_pitch_roll(neighbour)[1]
+    tripod = tripods[position]
+    neighbour = localised.get(tripod.same_tilt_as or "")
+    pitch = np.radians(tripod.usual_pitch) if neighbour is None else yaw_pitch_roll(neighbour)[1]
     sd_deg = USUAL_PITCH_SD_DEG if neighbour is None else SHARED_PITCH_SD_DEG
     return camera_pose(pose.translation, yaw_pitch_roll(pose)[0], float(pitch)), sd_deg

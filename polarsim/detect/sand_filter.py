@@ -15,7 +15,8 @@ from polarsim.geometry.camera import Camera
 from polarsim.photo import BOX_CLASSES, NO_ROCK, PhotoKey
 from polarsim.run_files.rigs import LocalisedRig, localised_files, read_all_localised
 from polarsim.run_files.scene import mesh_files, terrain_of_folder
-from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL, half_width, wall_height
+from polarsim.run_files.walls import surely_wall
+from polarsim.site import polar
 
 
 @dataclass(frozen=True)
@@ -61,19 +62,18 @@ class SandFilter:
         rig = sandbox.rigs.get(photo.position) if sandbox else None
         if sandbox is None or rig is None or rig.unproven or not len(detections):
             return detections
-        half, wall = half_width(photo.terrain), wall_height(photo.terrain, surely=True)
+        box = polar().sandbox_of(photo.terrain)
+        half, wall = np.array(box.half_width_m), surely_wall(box)
         return detections[boxes_on_sand(detections, rig.camera(photo.camera), sandbox.level_m, half, wall)]
 
 
-def boxes_on_sand(
-    detections: np.ndarray, camera: Camera, level_m: float, half: float = SANDBOX_HALF_WIDTH, wall: float = SURELY_WALL
-) -> np.ndarray:
+def boxes_on_sand(detections: np.ndarray, camera: Camera, level_m: float, half: np.ndarray, wall: float) -> np.ndarray:
     """Return a mask (n,) of boxes (n, 6) of a photo with their foot on visible sand.
 
     The foot is the middle of the lower side for a rock, and the centre of the box for a shadow. For a camera outside
     the sandbox, the near wall hides sand. Because the box of a partly hidden rock ends at the edge of this wall, the
-    centre of the box is tested against the wall. In the sandbox frame, `level_m` is the height of the sand, `half` its
-    half width and `wall` the minimum height of the walls above the sand, m.
+    centre of the box is tested against the wall. In the sandbox frame, `level_m` is the height of the sand, `half` (2,)
+    its half widths along X and Y, and `wall` the minimum height of the walls above the sand, m.
     """
     centres = boxes.box_centres(detections[:, :4])
     rocks = detections[:, 5] == BOX_CLASSES.index("rock")
@@ -86,6 +86,6 @@ def boxes_on_sand(
         entered = ((np.sign(start[:2]) * half - start[:2]) / rays[:, :2]).T
     outside = np.abs(start[:2]) > half
     entry_heights = start[2] + np.max(entered[outside], axis=0, initial=0) * rays[:, 2]
-    inside = np.abs(points).max(axis=1) <= half
+    inside = (np.abs(points) <= half).all(axis=1)
     # Rays above the horizon have negative depths.
     return np.asarray(inside & (depths > 0) & (entry_heights >= level_m + wall))

@@ -17,6 +17,7 @@ from polarsim.photo import CAMERAS, NO_ROCK, Terrain, terrain_text
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.run import Run
 from polarsim.run_files.scene import mesh_files
+from polarsim.site import polar
 
 GROUND_CELL, ROCK_CELL = 0.018, 0.008  # cell sizes of vertex clustering, metres
 REACH = 0.06  # maximum distance between a measured error and a vertex, metres
@@ -122,9 +123,13 @@ def terrain_setup(run: Run, terrain: Terrain) -> dict[str, Any]:
         for position, rig in localised.items()
         for side in CAMERAS
     ]
-    suns = {azimuth: as_rows(position) for azimuth, position in sorted(lamps.read_suns(folder, localised).items())}
+    site = polar()
+    positions = lamps.read_suns(folder, localised, site, terrain)
+    suns = {name: as_rows(position) for name, position in sorted(positions.items())}
     return {
         "cameras": cameras,
         "lamps": suns if localised else {},
-        "rover_lights": {position: as_rows(rig.rover_light) for position, rig in localised.items()},
+        "rover_lights": {
+            position: as_rows(rig.rover_light(site.rig_lamp)) for position, rig in localised.items() if site.rig_lamp
+        },
     }

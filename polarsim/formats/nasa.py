@@ -21,12 +21,12 @@ from polarsim.formats.stated_calibration import StatedCalibration, StatedLens
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import PhotoKey
-from polarsim.survey import POSITION_DISTANCE_MM
 
 log = logging.getLogger("polarsim")
 
 MM = 0.001  # metres
 
+POSITION_DISTANCE_MM = {"A": 1500, "B": 4000, "C": 1500}  # from the edge of the box, in the names of NASA's folders
 _ENTRY = re.compile(r"([A-Z0-9_]+):(.*)")
 _COUNTS = {
     "CAMERA_MATRIX_LEFT": (9,),

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim import survey
 from polarsim.errors import FormatError
 
 
@@ -109,14 +108,3 @@ def angle_between(first: Pose, second: Pose) -> float:
     from scipy.spatial.transform import Rotation
 
     return float(Rotation.from_matrix(first.rotation.T @ second.rotation).magnitude())
-
-
-def surveyed_pose(position: str) -> Pose | None:
-    """Return `sandbox_from_left` of a position's nominal station; None for positions without a survey."""
-    if position not in survey.SURVEYED_LEFT:
-        return None
-    return camera_pose(
-        survey.SURVEYED_LEFT[position],
-        np.radians(survey.NOMINAL_YAW_DEG[position]),
-        np.radians(survey.NOMINAL_PITCH_DEG),
-    )

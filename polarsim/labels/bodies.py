@@ -15,7 +15,6 @@ from polarsim.photo import NO_ROCK
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.run_files.walls import WALL_FOOT_M, Walls
-from polarsim.survey import SUN_LAMPS
 
 HIGH = 10.0  # metres: above all objects in the sandbox
 CONTACT = 1e-3  # metres: maximum depth below the ground at which a vertex belongs to the visible foot of a rock
@@ -161,7 +160,7 @@ def build_worlds(
     return world, built(terrain.ground()) if any(rig.unproven for rig in localised.values()) else world
 
 
-def build_world(terrain: TerrainMesh, trim: float, suns: Mapping[str, np.ndarray] = SUN_LAMPS) -> TerrainCasters:
+def build_world(terrain: TerrainMesh, trim: float, suns: Mapping[str, np.ndarray]) -> TerrainCasters:
     """Build the casters of the meshes of a terrain.
 
     `trim`: rock surface below this height above the ground counts as ground, metres.

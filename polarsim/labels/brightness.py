@@ -29,13 +29,14 @@ from polarsim.photo import (
 )
 from polarsim.run_files.brackets import read_rate
 from polarsim.run_files.pictures import pictures_at
-from polarsim.survey import ROVER_LIGHT_SHARE, SUN_LAMPS
+from polarsim.site import polar
 
 log = logging.getLogger("polarsim")
 
 READ_NOISE_DN = READ_NOISE_ELECTRONS / ELECTRONS_PER_DN
 CACHED_BRACKETS = 4  # number of brackets in memory, 10 MB each
-LEVEL_COSINE = float(SUN_LAMPS["30"][2] / np.linalg.norm(SUN_LAMPS["30"]))  # cosine of incidence at the centre
+# Cosine of incidence at the centre
+LEVEL_COSINE = float(polar().lamps["30"].point[2] / np.linalg.norm(polar().lamps["30"].point))
 SKY_SHARE = 0.01  # share of the light of a lamp that arrives uniformly from the sky
 STEP_PX = 2  # pixel step of OLAT images, fine enough for the contrast of boxes
 CACHED_VIEWS = 2  # number of views in memory, 5 MB for each lamp
@@ -91,7 +92,7 @@ class OlatBrightness:
     def __init__(self, terrain_rocks: TerrainRocks) -> None:
         self.terrain_rocks = terrain_rocks
         self._surface = lru_cache(maxsize=CACHED_VIEWS)(self._visible_surface)
-        self._olat_image = lru_cache(maxsize=CACHED_VIEWS * (len(SUN_LAMPS) + 1))(self._lit)
+        self._olat_image = lru_cache(maxsize=CACHED_VIEWS * (len(terrain_rocks.world.suns) + 1))(self._lit)
 
     def brightness(self, bracket: Bracket) -> Brightness | None:
         """Return the sum of the OLAT images of the active lamps, without exposures; None if the pose is unverified."""
@@ -100,7 +101,9 @@ class OlatBrightness:
             return None
         olat_images = [self._olat_image(position, camera, azimuth)] if azimuth != "no" else []
         if light == "on":
-            olat_images.append(ROVER_LIGHT_SHARE * self._olat_image(position, camera, "no"))
+            rig_lamp = polar().rig_lamp
+            assert rig_lamp is not None
+            olat_images.append(rig_lamp.share * self._olat_image(position, camera, "no"))
         rate = sum(olat_images, np.zeros(self._surface(position, camera).hit.shape, np.float32))
         return Brightness(rate.repeat(STEP_PX, axis=0).repeat(STEP_PX, axis=1), ())
 
@@ -118,8 +121,13 @@ class OlatBrightness:
     def _lit(self, position: str, camera: CameraSide, azimuth: Azimuth) -> np.ndarray:
         """Return grey values per millisecond (h, w) float32 under a Sun lamp or a rover light of equal intensity."""
         world, surface = self.terrain_rocks.world, self._surface(position, camera)
-        rover = self.terrain_rocks.localised[position].rover_light
-        to_lamp = (rover if azimuth == "no" else world.suns[azimuth]) - surface.points
+        if azimuth == "no":
+            rig_lamp = polar().rig_lamp
+            assert rig_lamp is not None
+            lamp = self.terrain_rocks.localised[position].rover_light(rig_lamp)
+        else:
+            lamp = world.suns[azimuth]
+        to_lamp = lamp - surface.points
         cosine = np.einsum("nk,nk->n", surface.normals, to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True))
         facing = np.flatnonzero(cosine > 0)
         lit = facing[~world.everything.occluded(surface.points[facing], to_lamp[facing], 1.0)]

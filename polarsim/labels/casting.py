@@ -16,6 +16,7 @@ from polarsim.labels.projection import sightlines
 from polarsim.photo import NO_ROCK, Azimuth, Light
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.walls import Walls
+from polarsim.site import polar
 
 THIN_PX = 4.0  # parts of a shadow thinner than this, such as rims at the foot of a mesh, do not extend its box
 ROCK_ELLIPSE = 0.8  # diameter relative to the rock box of the ellipse that annotators regard as rock, not shadow
@@ -36,7 +37,8 @@ def active_lamp(world: TerrainCasters, localised: LocalisedRig, light: Light, az
     if azimuth != "no":
         return world.suns[azimuth]
     if light == "on":
-        return localised.rover_light
+        rig_lamp = polar().rig_lamp
+        return localised.rover_light(rig_lamp) if rig_lamp else None
     return None
 
 

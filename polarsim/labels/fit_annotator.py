@@ -40,6 +40,7 @@ from polarsim.labels.visibility import MIN_ROVER_LIGHT_EXPOSURE_MS
 from polarsim.photo import ROCK, SHADOW, SUNS, CameraSide, PhotoKey, Terrain, terrain_text
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.scene import read_terrain
+from polarsim.site import polar
 
 log = logging.getLogger(__name__)
 
@@ -65,8 +66,10 @@ class TerrainFiles:
         localised = rigs.read_all_localised(self.cameras)
         drawings = read_seeds(self.seeds, self.terrain)
         seeds = choose_seeds(drawings, {}, MinExposures.of(drawings, options.shadow_start(self.terrain)))
-        suns = lamps.read_suns(self.cameras, localised)
-        return associate_rocks(read_terrain(self.meshes, self.terrain, cameras=self.cameras), localised, suns, seeds)
+        suns = lamps.read_suns(self.cameras, localised, polar(), self.terrain)
+        sandbox = polar().sandbox_of(self.terrain)
+        scene = read_terrain(self.meshes, self.terrain, sandbox, cameras=self.cameras)
+        return associate_rocks(scene, localised, suns, seeds)
 
 
 def read_published(root: Path, terrain: Terrain) -> dict[PhotoKey, AnnotatedBoxes]:

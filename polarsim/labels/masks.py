@@ -33,6 +33,7 @@ from polarsim.run_files import lamps, rigs
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import read_terrain
+from polarsim.site import polar
 
 log = logging.getLogger(__name__)
 
@@ -176,8 +177,9 @@ def draw_masks(
     localised = rigs.read_all_localised(cameras)
     for position in sorted({key.position for key in keys} - set(localised)):
         log.warning("terrain %02d, position %s: no camera pose, no outlines", terrain, position)
-    suns = lamps.read_suns(cameras, localised)
-    world, bare = build_worlds(read_terrain(meshes, terrain, cameras=cameras), localised, suns)
+    suns = lamps.read_suns(cameras, localised, polar(), terrain)
+    scene = read_terrain(meshes, terrain, polar().sandbox_of(terrain), cameras=cameras)
+    world, bare = build_worlds(scene, localised, suns)
     annotated: dict[PhotoKey, list[coco.Annotation]] = {}
     tiles: dict[str, np.ndarray] = {}
     with writing_folder(polygons) as polygon_folder, writing_folder(masks) as mask_folder:

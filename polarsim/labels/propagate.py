@@ -39,6 +39,7 @@ from polarsim.photo import BOX_CLASSES, Azimuth, Bracket, CameraSide, Light, Pho
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.scene import read_terrain
+from polarsim.site import polar
 
 log = logging.getLogger(__name__)
 
@@ -80,8 +81,8 @@ def labels_of_terrain(inputs: PropagationInputs, options: LabelsOptions) -> dict
         )
     _warn_of_gaps(inputs.photos, inputs.keys)
     localised = rigs.read_all_localised(inputs.cameras)
-    suns = lamps.read_suns(inputs.cameras, localised)
-    scene = read_terrain(inputs.meshes, terrain, cameras=inputs.cameras)
+    suns = lamps.read_suns(inputs.cameras, localised, polar(), terrain)
+    scene = read_terrain(inputs.meshes, terrain, polar().sandbox_of(terrain), cameras=inputs.cameras)
     seeded, corrected = read_seeds(inputs.seeds, terrain), read_corrections(options.corrections, terrain)
     if unknown := [key for key in options.excluded(terrain) if key not in {*seeded, *corrected}]:
         raise LabelError(

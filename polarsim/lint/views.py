@@ -7,16 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from polarsim import survey
 from polarsim.formats.calibrations import stated_rig
 from polarsim.geometry.boxes import box_centres, iou, match_by_summed_iou
 from polarsim.geometry.consensus import consensus_boxes
-from polarsim.geometry.poses import surveyed_pose
 from polarsim.geometry.stereo import StereoRig
 from polarsim.lint.files import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
 from polarsim.lint.siblings import Defects, modals, of_class
 from polarsim.photo import CAMERAS, HEIGHT, SUNS, Bracket, PhotoKey
+from polarsim.run_files.survey import surveyed_pose
 from polarsim.site import polar
 
 MIN_BOXES_OF_A_VIEW = 3  # minimum number of boxes that identify a view
@@ -165,11 +164,11 @@ def _sunward_shadows(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Yield shadows next to a rock on the side of the Sun lamp without a rock on the opposite side."""
     rig = stated_rig(polar())
     for key, (classes, boxes) in sorted(files.items()):
-        if key.azimuth not in SUNS or key.position not in survey.SURVEYED_LEFT:
+        if key.azimuth not in polar().lamps or key.position not in polar().tripods:
             continue
         rocks, shadows = boxes[classes == ROCK_CLASS], boxes[classes == SHADOW_CLASS]
         feet = _feet(rocks, key, rig, ROCK_FOOT), _feet(shadows, key, rig, SHADOW_FOOT)
-        wrong = _on_sunny_side(*feet, survey.lamp_position(key.azimuth)[:2])
+        wrong = _on_sunny_side(*feet, np.array(polar().lamps[key.azimuth].point)[:2])
         if wrong.any():
             numbers = np.flatnonzero(classes == SHADOW_CLASS)[wrong]
             detail = f"{len(numbers)} of {len(shadows)} shadows, first box {numbers[0] + 1}"
@@ -178,8 +177,7 @@ def _sunward_shadows(files: Mapping[PhotoKey, Boxes]) -> Defects:
 
 def _feet(boxes: np.ndarray, key: PhotoKey, rig: StereoRig, foot: float) -> np.ndarray:
     """Return ground points (n, 3, 2), metres, of boxes' centres at a share of their height and of lower corners."""
-    left = surveyed_pose(key.position)
-    assert left is not None  # positions without a survey were skipped
+    left = surveyed_pose(polar().tripods[key.position])
     pose = left if key.camera == "L" else left @ rig.left_from_right
     columns = np.stack([(boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 0], boxes[:, 2]], axis=1)
     rows = np.stack([boxes[:, 1] + foot * (boxes[:, 3] - boxes[:, 1]), boxes[:, 3], boxes[:, 3]], axis=1)

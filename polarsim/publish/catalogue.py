@@ -28,6 +28,7 @@ from polarsim.run_files import lamps, rigs, scene
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.rigs import SURVEYED, LocalisedRig
 from polarsim.run_files.run import CONFIG, PHOTO, Run
+from polarsim.site import polar
 
 Origin = Literal["measured", "fitted", "synthetic"]
 # Origin of raw data by source: all data of the analog are synthetic.
@@ -238,7 +239,7 @@ def _terrain(run: Path, number: int) -> CatalogueTerrain:
     folder = f"Terrain{number:02d}"
     cameras, meshes, rocks = run / "cameras" / folder, run / "meshes" / folder, run / "rocks" / folder
     localised = rigs.read_all_localised(cameras)
-    suns = lamps.read_suns(cameras, localised) if localised else {}
+    suns = lamps.read_suns(cameras, localised, polar(), number) if localised else {}
     maps = sorted(path for path in (run / "renders" / "maps" / folder).glob("*") if path.is_dir())
     return CatalogueTerrain(
         number=number,

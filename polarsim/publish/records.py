@@ -17,6 +17,7 @@ from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import MAPS, Catalogue, CatalogueImage, shadow_casters
 from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 from polarsim.schemas.photos import BOX
+from polarsim.site import polar
 
 PICTURE_FILE, MAP_FILE = "pictures/{name}.png", "maps/{name}/{stem}.png"
 # Meaning and unit of every column; the unit is empty for names, counts and shares.
@@ -178,11 +179,13 @@ def poses(catalogue: Catalogue) -> pd.DataFrame:
 def lamps(catalogue: Catalogue) -> pd.DataFrame:
     """Return a row per Sun lamp of a terrain and per rover light of a localised position."""
     rows: list[dict[str, object]] = []
+    rig_lamp = polar().rig_lamp
     for terrain in catalogue.terrains.values():
         named = [(name, position, terrain.sun_origin(name)) for name, position in terrain.suns.items()]
         named += [
-            (f"rover_{position}", localised.rover_light, terrain.pose_origin(position))
+            (f"rover_{position}", localised.rover_light(rig_lamp), terrain.pose_origin(position))
             for position, localised in sorted(terrain.rigs.items())
+            if rig_lamp
         ]
         for name, position, origin in named:
             rows.append({"terrain": terrain.number, "lamp": name, **_position(position), "origin": origin})

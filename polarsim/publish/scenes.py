@@ -17,6 +17,7 @@ from polarsim.photo import CAMERAS, NO_ROCK, ROCK
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue, CatalogueTerrain
 from polarsim.publish.reconstruction import CV_FROM_GL
+from polarsim.site import polar
 
 NEAR, FAR = 0.05, 100.0  # clipping distances of cameras, metres
 FOCAL = 20.0  # focal length of USD cameras; only the ratio to the aperture matters
@@ -74,8 +75,10 @@ def _lamps(terrain: CatalogueTerrain) -> Iterator[tuple[str, np.ndarray, str]]:
     """Yield name, position and origin of each lamp."""
     for azimuth, sun in terrain.suns.items():
         yield f"sun_{azimuth}", sun, terrain.sun_origin(azimuth)
+    rig_lamp = polar().rig_lamp
     for position, localised in sorted(terrain.rigs.items()):
-        yield f"rover_light_{position}", localised.rover_light, terrain.pose_origin(position)
+        if rig_lamp:
+            yield f"rover_light_{position}", localised.rover_light(rig_lamp), terrain.pose_origin(position)
 
 
 def lens_extras(lens: Lens) -> dict[str, Any]:

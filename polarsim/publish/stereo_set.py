@@ -30,6 +30,7 @@ from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue, CatalogueImage
 from polarsim.publish.detection_sets import PARTS
 from polarsim.run_files.scene import read_terrain
+from polarsim.site import polar
 
 _FULLY_VISIBLE, _PARTLY_VISIBLE = 0.98, 0.5  # minimum visible shares of KITTI's occlusion states 0 and 1
 DISPARITIES = ("disp_noc_0", "disp_occ_0")  # pixels visible in both cameras, and all pixels
@@ -118,7 +119,8 @@ class Disparities:
 
     def _truth(self, station: tuple[int, str], rig: Rectification) -> DepthTruth:
         terrain, position = station
-        mesh = read_terrain(self._catalogue.run / "meshes" / f"Terrain{terrain_text(terrain)}", terrain)
+        folder = self._catalogue.run / "meshes" / f"Terrain{terrain_text(terrain)}"
+        mesh = read_terrain(folder, terrain, polar().sandbox_of(terrain))
         caster = EmbreeCaster(mesh.vertices, mesh.faces)
         return depth_truth(mesh, caster, self._catalogue.terrains[terrain].rigs[position], rig)
 

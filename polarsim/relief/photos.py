@@ -16,14 +16,14 @@ from polarsim.render.fitting.exposures import merge_exposures
 from polarsim.run_files.lamps import read_suns
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.rigs import read_all_localised
-from polarsim.survey import is_surveyed
+from polarsim.site import Site
 
 log = logging.getLogger("polarsim")
 BRIGHTEST_GREY = 250  # grey values of covers above it may be clipped
 MIN_USABLE = 0.2  # minimum share of pixels that are neither clipped nor black in all exposures
 
 
-def read_ground_photos(terrain: Terrain, photos: Path, cameras: Path) -> list[PhotoView]:
+def read_ground_photos(site: Site, terrain: Terrain, photos: Path, cameras: Path) -> list[PhotoView]:
     """Return a view for each position, camera and Sun lamp of a terrain, from photos without rover light.
 
     All exposures of 12-bit photos are merged (`merge_exposures`). Photos with 8 bits have an unknown tone curve; one
@@ -39,10 +39,10 @@ def read_ground_photos(terrain: Terrain, photos: Path, cameras: Path) -> list[Ph
     """
     rigs = read_all_localised(cameras)
     proven = {position: rig for position, rig in rigs.items() if not rig.unproven}
-    if not is_surveyed(terrain):
+    if not site.options(terrain).surveyed:
         log.warning("terrain %02d: the lamps of this sandbox are unknown, no photo is used for the ground", terrain)
         return []
-    lamps = read_suns(cameras, rigs)
+    lamps = read_suns(cameras, rigs, site, terrain)
     brackets: dict[Bracket, list[tuple[PhotoKey, Path]]] = {}
     for key, path in sorted(pictures_at(photos).items()):
         if key.terrain == terrain and key.light == "off" and key.azimuth in SUNS and key.position in proven:

@@ -31,7 +31,7 @@ from polarsim.rocks.solids import cluster_vertices
 from polarsim.run_files.fitted_photos import GROUND_FILE
 from polarsim.run_files.scene import MESH_TABLE, PHOTOS, PUBLISHED, SCANNED, TerrainMesh, mesh_origins, read_terrain
 from polarsim.run_files.walls import level_walls
-from polarsim.survey import half_width
+from polarsim.site import Sandbox, Site
 
 log = logging.getLogger("polarsim")
 MAP, PICTURE = "ground_map.npz", "ground_kind.png"
@@ -42,7 +42,7 @@ KIND_COLOURS = {INVENTED: (200, 200, 200), INFERRED: (86, 180, 233), MEASURED: (
 
 
 def refine_ground(
-    *, terrain: Terrain, meshes: Path, cameras: Path, photos: Path, refined: Path, options: RenderOptions
+    *, site: Site, terrain: Terrain, meshes: Path, cameras: Path, photos: Path, refined: Path, options: RenderOptions
 ) -> None:
     """Copy a terrain's meshes with the ground refined by photos; write a map of the heights and their sources.
 
@@ -59,16 +59,17 @@ def refine_ground(
     options : RenderOptions
         Reflectance of the sand.
     """
-    scene = read_terrain(meshes, terrain, cameras=cameras)
+    sandbox = site.sandbox_of(terrain)
+    scene = read_terrain(meshes, terrain, sandbox, cameras=cameras)
     origins = mesh_origins(meshes)
     name = obj.ground_name(terrain)
     scanned = origins.get(name) == SCANNED
-    views = [] if scanned else read_ground_photos(terrain, photos, cameras)
+    views = [] if scanned else read_ground_photos(site, terrain, photos, cameras)
     rocks = {rock: scene.part(rock) for rock in scene.rocks}
     published = {rock: mesh for rock, mesh in rocks.items() if origins.get(obj.rock_name(terrain, rock)) == PUBLISHED}
     cell = CELL_OF_COVERS if views and not views[0].linear else CELL_OF_PHOTOS
-    start = start_map(scene, terrain, cell, _support(meshes, name) if scanned else None)
-    around = _scene(scene, terrain, views, [rim(mesh) for mesh in published.values()])
+    start = start_map(scene, sandbox, cell, _support(meshes, name) if scanned else None)
+    around = _scene(scene, sandbox, views, [rim(mesh) for mesh in published.values()])
     found, reasons = start, []
     if scanned:
         reasons.append("scans are more accurate than photos")
@@ -127,9 +128,9 @@ FAILURES: dict[Step, str] = {
 }
 
 
-def start_map(scene: TerrainMesh, terrain: Terrain, cell: float, support: np.ndarray | None) -> HeightMap:
+def start_map(scene: TerrainMesh, sandbox: Sandbox, cell: float, support: np.ndarray | None) -> HeightMap:
     """Return the heights of the ground mesh inside the walls; `support` (v,): of the mesh's vertices by scans."""
-    low, high = (scene.walls.bounds if scene.walls else _nominal_bounds(terrain)) + [[WALL_MARGIN], [-WALL_MARGIN]]
+    low, high = (scene.walls.bounds if scene.walls else _nominal_bounds(sandbox)) + [[WALL_MARGIN], [-WALL_MARGIN]]
     grid = FloorGrid(Extent(*low, *high).snapped(cell), cell)
     ground = scene.part(NO_ROCK)
     centres = grid.centres().reshape(-1, 2)
@@ -173,16 +174,16 @@ def _summary(start: HeightMap, found: HeightMap, photos: list[str], reasons: lis
     }
 
 
-def _scene(scene: TerrainMesh, terrain: Terrain, views: list[PhotoView], feet: list[np.ndarray]) -> SweptScene:
-    walls = scene.walls or level_walls(half_width(terrain), scene.sand_level)
+def _scene(scene: TerrainMesh, sandbox: Sandbox, views: list[PhotoView], feet: list[np.ndarray]) -> SweptScene:
+    walls = scene.walls or level_walls(sandbox.half_width_m[0], scene.sand_level)
     vertices, faces, _ = walls.mesh(scene.sand_level - 0.5)
     rocks = Mesh(scene.vertices, scene.faces[scene.rock_of_face != NO_ROCK])
     return SweptScene(views, comparable_groups(views), rocks, Mesh(vertices, faces), feet)
 
 
-def _nominal_bounds(terrain: Terrain) -> np.ndarray:
-    half = half_width(terrain)
-    return np.array([[-half, -half], [half, half]])
+def _nominal_bounds(sandbox: Sandbox) -> np.ndarray:
+    half = np.array(sandbox.half_width_m)
+    return np.array([-half, half])
 
 
 def _support(meshes: Path, name: str) -> np.ndarray:

@@ -20,7 +20,7 @@ from polarsim.render.lamps import Lamp
 from polarsim.render.options import MODELS, Model, RenderOptions
 from polarsim.run_files.materials import FittedMaterial, FittedMaterials
 from polarsim.run_files.pictures import pictures_at
-from polarsim.survey import SURVEYED_LEFT, lamp_position
+from polarsim.site import polar
 
 log = logging.getLogger("polarsim.render")
 
@@ -33,9 +33,10 @@ _STEP = 3  # every third row and column is sufficient for a median
 
 def default_gain(model: Model, options: RenderOptions) -> float:
     """Return the gain at which level ground at the centre has `CENTRE_DN_PER_MS`: DN per ms per unit radiance."""
-    to_lamp, irradiance = Lamp(lamp_position("30")).light_at(np.zeros((1, 3)), falloff=options.falloff)
+    to_lamp, irradiance = Lamp(np.array(polar().lamps["30"].point)).light_at(np.zeros((1, 3)), falloff=options.falloff)
     to_lamp = to_lamp / np.linalg.norm(to_lamp)
-    to_viewer = SURVEYED_LEFT["A"][None] / np.linalg.norm(SURVEYED_LEFT["A"])
+    camera = np.array(polar().tripods["A"].camera_m)
+    to_viewer = camera[None] / np.linalg.norm(camera)
     value = brdf.reflectance(options.parameters(model), np.array([[0.0, 0.0, 1.0]]), to_lamp, to_viewer)
     radiance = float(value[0] * irradiance[0] * to_lamp[0, 2])
     return CENTRE_DN_PER_MS / radiance if radiance > 0 else CENTRE_DN_PER_MS

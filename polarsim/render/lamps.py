@@ -11,7 +11,7 @@ from polarsim.geometry.light_field import relative_irradiance
 from polarsim.geometry.vectors import dot, length
 from polarsim.photo import PhotoKey
 from polarsim.run_files.rigs import LocalisedRig
-from polarsim.survey import ROVER_LIGHT_SHARE
+from polarsim.site import polar
 
 ROVER = "rover"  # name of the rover light; Sun lamps are named by their azimuth
 REFERENCE_DISTANCE = 4.0  # metres: a lamp of intensity 1 at this distance has irradiance 1, with and without falloff
@@ -74,8 +74,9 @@ def beam_power(beam_deg: float) -> float:
 
 def lamps_of_rig(suns: Mapping[str, np.ndarray], rig: LocalisedRig, radius_m: float = 0.0) -> dict[str, Lamp]:
     """Return the Sun lamps by azimuth (discs of the given radius) and the rover light of a rig (a point)."""
-    rover = Lamp(rig.rover_light, ROVER_LIGHT_SHARE)
-    return {**{azimuth: Lamp(position, radius_m=radius_m) for azimuth, position in suns.items()}, ROVER: rover}
+    lamps = {azimuth: Lamp(position, radius_m=radius_m) for azimuth, position in suns.items()}
+    rig_lamp = polar().rig_lamp
+    return {**lamps, ROVER: Lamp(rig.rover_light(rig_lamp), rig_lamp.share)} if rig_lamp else lamps
 
 
 def lamps_on(key: PhotoKey) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ from polarsim.render.sidecar import Shot, Sidecar, digests_of
 from polarsim.render.surfaces import Surfaces, build_surfaces, check_position
 from polarsim.run_files.scene import cameras_of_run, mesh_files, read_terrain
 from polarsim.run_files.walls import walls_file
+from polarsim.site import polar
 
 
 class Scene:
@@ -31,7 +32,7 @@ class Scene:
         """
         self.meshes, self.terrain, self.options = meshes, terrain, options
         self._cameras = cameras_of_run(meshes)
-        self._mesh = read_terrain(meshes, terrain, cameras=self._cameras)
+        self._mesh = read_terrain(meshes, terrain, polar().sandbox_of(terrain), cameras=self._cameras)
 
     @cached_property
     def surfaces(self) -> Surfaces:

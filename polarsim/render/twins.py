@@ -30,6 +30,7 @@ from polarsim.run_files.light_fields import read_light_fields, sun_coefficients
 from polarsim.run_files.materials import FittedMaterials, files_of, read_materials
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.run_files.scene import TerrainMesh, read_terrain
+from polarsim.site import polar
 
 log = logging.getLogger("polarsim.render")
 
@@ -160,11 +161,11 @@ def render_twins(
         Keys to write; None: all. The gain is calibrated over all keys and does not depend on this selection.
     """
     rigs = read_all_localised(cameras)
-    suns = read_suns(lamps or cameras, rigs)
+    suns = read_suns(lamps or cameras, rigs, polar(), terrain)
     views = keys_by_view(keys, rigs, cameras)
     with ThreadPoolExecutor(max(1, threads)) as pool:
         sourced = pool.submit(input_digests, terrain, meshes, cameras, lamps or cameras)
-        mesh = read_terrain(meshes, terrain, pool, cameras)
+        mesh = read_terrain(meshes, terrain, polar().sandbox_of(terrain), pool, cameras)
         sources = sourced.result()
     groups = twin_groups(twins, mesh, options, materials, light, sources, threads)
     located = list(chain.from_iterable(views.values()))

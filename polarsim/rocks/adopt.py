@@ -26,9 +26,10 @@ from polarsim.rocks.solids import merged_vertices
 from polarsim.run_files import scene
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.rock_translations import read_translations
+from polarsim.site import Site
 
 log = logging.getLogger("polarsim")
-PUBLISHED_HALF_WIDTH = 2.10  # metres: the origin of published frames may be a decimetre off the centre of the box
+PUBLISHED_MARGIN = 0.10  # metres around the sand: the origin of published frames may be a decimetre off the centre
 MAX_GROUND_SIZE = 20.0  # maximum size of a ground, metres: the sandbox measures 4, a ground in other units much more
 MIN_FOOT_ON_GROUND = 0.5  # minimum share of the points of a rock's foot with ground below or above
 MAX_FOOT_GAP = 0.05  # maximum distance between rocks' feet and the ground, metres, median over rocks
@@ -86,7 +87,9 @@ def _heights_at(ground: Mesh, points: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(distance), top - distance, np.nan)
 
 
-def adopt_rocks(*, terrain: Terrain, inventory: Path, cameras: Path, rocks: Path, cuboids: Path, meshes: Path) -> None:
+def adopt_rocks(
+    *, site: Site, terrain: Terrain, inventory: Path, cameras: Path, rocks: Path, cuboids: Path, meshes: Path
+) -> None:
     """Copy a terrain's published rock meshes and its ground; fit a ground if none is published.
 
     Rocks are translated as in `cameras/rock_translations.csv`, if that file exists. `meshes.csv` states the source of
@@ -98,10 +101,8 @@ def adopt_rocks(*, terrain: Terrain, inventory: Path, cameras: Path, rocks: Path
     translations = read_translations(cameras)
     as_published = {rock: cleaned(obj.read_obj(path)) for rock, path in files.items()}
     adopted = {rock: translated_mesh(mesh, translations.get(rock, np.zeros(3))) for rock, mesh in as_published.items()}
-    grid = FloorGrid(
-        Extent(-PUBLISHED_HALF_WIDTH, -PUBLISHED_HALF_WIDTH, PUBLISHED_HALF_WIDTH, PUBLISHED_HALF_WIDTH),
-        FITTED_GROUND_CELL,
-    )
+    half = np.array(site.sandbox_of(terrain).half_width_m) + PUBLISHED_MARGIN
+    grid = FloorGrid(Extent(*-half, *half), FITTED_GROUND_CELL)
     if published.ground:
         ground = read_ground(published.ground, {rock: rim(mesh) for rock, mesh in as_published.items()})
         heights, made_from = heights_on(grid, ground), scene.PUBLISHED

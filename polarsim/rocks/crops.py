@@ -35,10 +35,13 @@ class CroppedRock:
 
 
 def crop_rocks(
-    sand: SandSurface, regions: Sequence[RockRegion], overrides: Overrides, foot: float
+    sand: SandSurface, regions: Sequence[RockRegion], overrides: Overrides, foot: float, half: np.ndarray
 ) -> tuple[SandSurface, dict[int, CroppedRock]]:
-    """Return rocks by id after the overrides, and the sand with everything else as ground."""
-    finds = _keep_ids(sand, regions, overrides.positions)
+    """Return rocks by id after the overrides, and the sand with everything else as ground.
+
+    `half` (2,): half the width of the sand along X and Y, metres.
+    """
+    finds = _keep_ids(sand, regions, overrides.positions, half)
     for rock in overrides.drop:
         if finds.pop(rock, None) is None:
             log.warning("rock %d cannot be dropped: no detected rock has this id", rock)
@@ -81,10 +84,10 @@ def rock_of_points(sand: SandSurface, rocks: dict[int, CroppedRock], scans: Scan
 
 
 def _keep_ids(
-    sand: SandSurface, regions: Sequence[RockRegion], positions: Mapping[int, np.ndarray]
+    sand: SandSurface, regions: Sequence[RockRegion], positions: Mapping[int, np.ndarray], half: np.ndarray
 ) -> dict[int, RockRegion]:
     """Return regions by id: regions at the given positions (2,) keep the given ids, the rest is renumbered."""
-    finds, kept, cells = number_regions(regions), {}, sand.grid.centres().reshape(-1, 2)
+    finds, kept, cells = number_regions(regions, half), {}, sand.grid.centres().reshape(-1, 2)
     for rock, position in positions.items():
         gaps = {
             number: np.linalg.norm(cells[region.footprint] - position, axis=1).min() for number, region in finds.items()

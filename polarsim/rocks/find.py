@@ -36,7 +36,7 @@ from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scans import read_scan
 from polarsim.run_files.scene import PHOTOS, SCANNED
 from polarsim.run_files.walls import Walls, write_walls
-from polarsim.survey import half_width
+from polarsim.site import Site
 
 log = logging.getLogger("polarsim")
 FOOT_HEIGHT = 0.006  # height above the ground at which a rock begins, metres
@@ -48,6 +48,7 @@ NEIGHBOURHOOD = Extent(-2.5, -2.5, 2.5, 2.5)  # box and walls; points outside ar
 
 def find_rocks(
     *,
+    site: Site,
     terrain: Terrain,
     inventory: Path,
     cameras: Path,
@@ -77,7 +78,8 @@ def find_rocks(
         log.warning("%s: terrain %02d has no scan, so that it gets no rocks and no ground", inventory, terrain)
         _write(rocks, cuboids, ids, clouds, [], {}, {}, Cloud(np.zeros((0, 3)), np.zeros((0, 3))), None, {})
         return
-    extent = sand_extent(scans, half_width(terrain))
+    sandbox = site.sandbox_of(terrain)
+    extent = sand_extent(scans, sandbox)
     everything, scans = scans, scans.select(extent.contains(scans.points))
     sand = find_ground(scans, extent, GROUND_CELL, np.radians(options.max_sand_slope_deg))
     limits = Limits(
@@ -94,7 +96,7 @@ def find_rocks(
     sand, regions = add_bumps(sand, regions, limits, evidence, bumps)
     if from_photos:
         regions = [region for region in regions if region.confirmed]
-    sand, cropped = crop_rocks(sand, regions, typed, limits.foot)
+    sand, cropped = crop_rocks(sand, regions, typed, limits.foot, np.array(sandbox.half_width_m))
     rock_of_point = rock_of_points(sand, cropped, scans, limits.foot)
     points = {rock: _by_scan(scans.select(rock_of_point == rock), localised) for rock in cropped}
     translations = {rock: alignment_translations(list(parts.values())) for rock, parts in points.items()}
@@ -108,7 +110,7 @@ def find_rocks(
         )
         for rock in cropped
     }
-    walls = None if from_photos else measure_walls(terrain, everything, float(np.median(sand.ground)))
+    walls = None if from_photos else measure_walls(terrain, sandbox, everything, float(np.median(sand.ground)))
     _write(rocks, cuboids, ids, clouds, rows, cropped, rock_clouds, ground_cloud(sand), walls, localised)
 
 

@@ -9,7 +9,8 @@ from scipy import ndimage
 
 from polarsim.rocks.heights import FloorGrid, filled, hull_mask, mean_heights, smoothed, top_heights
 from polarsim.rocks.scans import MIN_WALL_HEIGHT, Extent, ScanPoints
-from polarsim.survey import SANDBOX_HALF_WIDTH
+from polarsim.run_files.walls import SIDES
+from polarsim.site import Sandbox
 
 GROUND_CELL = 0.005  # cell of the grid of scanned heights, metres
 EXCLUDED_WALL_MARGIN = 0.03  # width of the excluded sand along a wall, metres
@@ -49,34 +50,42 @@ class SandSurface:
         return np.nan_to_num(np.fmin(self.mean, self.surface) - self.ground)
 
 
-def sand_extent(scans: ScanPoints, half: float = SANDBOX_HALF_WIDTH, cell: float = 0.02) -> Extent:
+def sand_extent(scans: ScanPoints, sandbox: Sandbox, cell: float = 0.02) -> Extent:
     """Return the rectangle of sand between the walls: where the surface rises by a wall's height, else the nominal one.
 
     On each side, points higher than a wall above the median height of the sand are collected in strips. The wall is at
-    the median over strips of their minimum distance from the centre. `half`: nominal half width of the sand, metres.
+    the median over strips of their minimum distance from the centre. Sides without a wall are nominal; a raised sandbox
+    has a rim of unknown height.
     """
+    half = np.array(sandbox.half_width_m)
     area = scans.points[(np.abs(scans.points[:, :2]) < half + MAX_WALL_OFFSET).all(axis=1)]
     if not len(area):
-        return Extent(-half, -half, half, half)
+        return Extent(*-half, *half)
     central = (np.abs(area[:, :2]) < half / 2).all(axis=1)
     level = np.median(area[central, 2]) if central.any() else np.median(area[:, 2])
     high = area[area[:, 2] > level + MIN_WALL_HEIGHT]
     sides = {}
     for axis in (0, 1):
         for sign in (-1, 1):
-            sides[axis, sign] = sign * _wall_distance(sign * high[:, axis], high[:, 1 - axis], half, cell)
+            found = float(half[axis])
+            if sandbox.raised or sandbox.walls_m.get(SIDES[2 * axis + (sign > 0)]):
+                found = _wall_distance(sign * high[:, axis], high[:, 1 - axis], found, float(half[1 - axis]), cell)
+            sides[axis, sign] = sign * found
     return Extent(sides[0, -1], sides[1, -1], sides[0, 1], sides[1, 1]).grown(-EXCLUDED_WALL_MARGIN)
 
 
-def _wall_distance(outward: np.ndarray, along: np.ndarray, half: float, cell: float) -> float:
-    """Return the distance of a wall from the origin, from outward and along coordinates (n,) of its high points."""
-    beyond = (outward > half - MAX_WALL_OFFSET) & (np.abs(along) < half)
+def _wall_distance(outward: np.ndarray, along: np.ndarray, half: float, length: float, cell: float) -> float:
+    """Return the distance of a wall from the origin, from outward and along coordinates (n,) of its high points.
+
+    `half`: nominal distance, `length`: half the length of the wall, metres.
+    """
+    beyond = (outward > half - MAX_WALL_OFFSET) & (np.abs(along) < length)
     strip = np.round(along[beyond] / cell).astype(int)
     if not len(strip):
         return half
     order = np.lexsort((outward[beyond], strip))
     first = np.unique(strip[order], return_index=True)[1]
-    if len(first) < 0.3 * 2 * half / cell:  # a wall is visible along much of its side
+    if len(first) < 0.3 * 2 * length / cell:  # a wall is visible along much of its side
         return half
     return float(np.median(outward[beyond][order][first]))
 

@@ -20,14 +20,21 @@ from polarsim.rocks.scans import Extent
 from polarsim.rocks.surfaces import closed_rock, ground_surface
 from polarsim.run_files.scene import PHOTOS, SCANNED
 from polarsim.run_files.walls import read_walls
-from polarsim.survey import half_width
+from polarsim.site import Site
 
 log = logging.getLogger("polarsim")
 WALL_REACH = 0.05  # width of the ground's mesh outside the surveyed sand, under the walls, metres
 
 
 def mesh_rocks(
-    *, terrain: Terrain, rocks: Path, clouds: Path, meshes: Path, options: RocksOptions, from_photos: bool = False
+    *,
+    site: Site,
+    terrain: Terrain,
+    rocks: Path,
+    clouds: Path,
+    meshes: Path,
+    options: RocksOptions,
+    from_photos: bool = False,
 ) -> None:
     """Reconstruct every rock and the ground of a terrain; write OBJ files, decimated copies, tables, walls, glTF.
 
@@ -36,7 +43,7 @@ def mesh_rocks(
     """
     table = tables.read_parquet(rocks, ["rock"])
     points = ply.read_ply(Path(clouds) / "ground.ply")
-    half = half_width(terrain)
+    half = np.array(site.sandbox_of(terrain).half_width_m)
     grid, ground = ground_heights(points, GROUND_CELL, half)
     bare = np.zeros(grid.shape, bool)
     bare.ravel()[grid.cell_of(points.points)] = True
@@ -56,12 +63,12 @@ def mesh_rocks(
     write_meshes(terrain, meshes, solids, surface, sources, scanned, read_walls(clouds))
 
 
-def ground_heights(cloud: Cloud, cell: float, half: float) -> tuple[FloorGrid, np.ndarray]:
+def ground_heights(cloud: Cloud, cell: float, half: np.ndarray) -> tuple[FloorGrid, np.ndarray]:
     """Return heights of the ground over all sand and slightly under the walls; level z = 0 without points.
 
-    `half`: half width of the sand, metres.
+    `half` (2,): half the width of the sand along X and Y, metres.
     """
-    low, high = np.full(2, -half - WALL_REACH), np.full(2, half + WALL_REACH)
+    low, high = -half - WALL_REACH, half + WALL_REACH
     if len(cloud):
         low, high = np.minimum(low, cloud.points[:, :2].min(axis=0)), np.maximum(high, cloud.points[:, :2].max(axis=0))
     grid = FloorGrid(Extent(*low, *high).grown(cell).snapped(cell), cell)

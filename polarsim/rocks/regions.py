@@ -5,26 +5,28 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, count
+from math import ceil
 
 import numpy as np
 from scipy import ndimage
 
+from polarsim.errors import ReconstructionError
+from polarsim.photo import FIRST_ID_WITHOUT_MESH
 from polarsim.rocks.creases import neighbours
 from polarsim.rocks.evidence import Evidence
 from polarsim.rocks.ground import SandSurface
 from polarsim.rocks.grouping import group_pieces
 from polarsim.rocks.heights import hull_mask
 from polarsim.rocks.splitting import Pieces, cut_into_pieces, is_upright, join_slivers
-from polarsim.survey import SANDBOX_HALF_WIDTH
 
 PEAK_SHARE = 0.99  # quantile of heights that defines a region's height, to ignore stray cells
 WALL_CLEARANCE = 0.05  # distance from the sand's border within which only confirmed regions are rocks, metres
 MIN_HEIGHT_SHARE = 0.16  # minimum height over size of an unconfirmed rock: ripples and heaps are flatter, rocks > 0.3
 MIN_VISIBLE_WIDTH = 0.8  # minimum visible share of a rock's width, for the test whether it is upright
 SWEEP = np.array([0.83, 0.56])  # direction of the order; oblique, so that rocks in rows along a wall do not tie
-ID_SIDE = 0.25  # side of the squares that define ids, metres
+ID_SIDE = 0.25  # minimum side of the squares that define ids, metres
+ID_HALF_WIDTH, ID_SQUARES = 2.0, 256  # minimum half width of the area of these squares, and maximum number of squares
 ID_LAYERS = 3  # number of rocks with stable ids in a square
-ID_SQUARES = round(2 * SANDBOX_HALF_WIDTH / ID_SIDE)  # number along each side of the sandbox
 
 
 @dataclass(frozen=True)
@@ -127,20 +129,43 @@ def sort_regions(regions: Sequence[RockRegion]) -> list[RockRegion]:
     return sorted(regions, key=lambda region: float(region.centre @ SWEEP))
 
 
-def number_regions(regions: Sequence[RockRegion]) -> dict[int, RockRegion]:
+def number_regions(regions: Sequence[RockRegion], half: np.ndarray) -> dict[int, RockRegion]:
     """Return regions by the number of the sandbox square that contains their centre, from 1, along x, then along y.
 
-    Of several regions in a square, the largest has this number, the next 256 more, the third 512 more; further regions
-    get subsequent numbers. Therefore a rock that is added, removed or moved by millimetres changes at most ids in the
-    same square; ranks along a sweep would change all ids after it.
+    Of several regions in a square, the largest has this number; the next and the third get the numbers in a second and
+    third layer of squares (256 and 512 more in a sandbox of 4 m); further regions get subsequent numbers. Therefore a
+    rock that is added, removed or moved by millimetres changes at most ids in the same square; ranks along a sweep
+    would change all ids after it.
+
+    `half` (2,): half the width of the sand along X and Y, metres.
     """
+    reach, side, shape = _id_squares(half)
+    squares = int(np.prod(shape))
     ids: dict[int, RockRegion] = {}
     for region in sorted(regions, key=lambda region: (-region.size, float(region.centre @ SWEEP))):
-        column, row = np.clip((region.centre + SANDBOX_HALF_WIDTH) // ID_SIDE, 0, ID_SQUARES - 1).astype(int).tolist()
-        layers = [1 + column + ID_SQUARES * row + layer * ID_SQUARES**2 for layer in range(ID_LAYERS)]
-        numbers = chain(layers, count(1 + ID_LAYERS * ID_SQUARES**2))
+        column, row = np.clip((region.centre + reach) // side, 0, shape - 1).astype(int).tolist()
+        layers = [1 + column + int(shape[0]) * row + layer * squares for layer in range(ID_LAYERS)]
+        numbers = chain(layers, count(1 + ID_LAYERS * squares))
         ids[next(number for number in numbers if number not in ids)] = region
+    if max(ids, default=0) >= FIRST_ID_WITHOUT_MESH:
+        raise ReconstructionError(
+            f"{len(ids)} rocks: too many for ids below {FIRST_ID_WITHOUT_MESH}, raise rocks.min_size_mm"
+        )
     return dict(sorted(ids.items()))
+
+
+def _id_squares(half: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+    """Return half widths (2,) of the area of the squares that define ids, their side, metres, and their number (2,).
+
+    The area of small sandboxes is that of a sandbox of 4 m. The squares of large sandboxes are larger, so that ids of
+    `ID_LAYERS` rocks in each square remain below those of rocks without a mesh.
+    """
+    if half.max() <= ID_HALF_WIDTH:
+        half = np.full(2, ID_HALF_WIDTH)
+    side = ID_SIDE
+    while (number := ceil(2 * half[0] / side) * ceil(2 * half[1] / side)) > ID_SQUARES:
+        side *= max(1.001, (number / ID_SQUARES) ** 0.25)
+    return half, side, np.array([ceil(2 * along / side) for along in half])
 
 
 def scanned_points(sand: SandSurface, cells: np.ndarray) -> np.ndarray:

@@ -30,7 +30,7 @@ from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.rigs import read_all_localised
 from polarsim.run_files.scene import PUBLISHED
 from polarsim.schemas.stages import DEFECTS
-from polarsim.survey import half_width
+from polarsim.site import Site
 
 log = logging.getLogger("polarsim")
 FILE = "defects.csv"
@@ -103,7 +103,7 @@ def _skirt_height(mesh: Mesh, points: np.ndarray) -> np.ndarray:
 
 
 def repair_rocks(
-    *, terrain: Terrain, inventory: Path, cameras: Path, meshes: Path, copies: Path, options: RocksOptions
+    *, site: Site, terrain: Terrain, inventory: Path, cameras: Path, meshes: Path, copies: Path, options: RocksOptions
 ) -> None:
     """Write `copies`: a watertight OBJ file per rock, `meshes.csv`, and `defects.csv` of the published rocks.
 
@@ -114,7 +114,8 @@ def repair_rocks(
     with with_path(inventory):
         published = {rock: obj.read_obj(path) for rock, path in read_inventory(inventory).rock_meshes().items()}
     ground = obj.read_obj(meshes / obj.ground_name(terrain)).vertices
-    grid, heights = ground_heights(Cloud(ground, np.zeros_like(ground)), FITTED_GROUND_CELL, half_width(terrain))
+    half = np.array(site.sandbox_of(terrain).half_width_m)
+    grid, heights = ground_heights(Cloud(ground, np.zeros_like(ground)), FITTED_GROUND_CELL, half)
     rigs = read_all_localised(cameras).values()
     scanners = np.array([rig.sandbox_from_left.translation for rig in rigs]).reshape(-1, 3)
     closed = {}

@@ -10,10 +10,10 @@ import logging
 
 import numpy as np
 
-from polarsim.photo import Terrain
+from polarsim.photo import Terrain, terrain_text
 from polarsim.rocks.scans import MIN_WALL_HEIGHT, ScanPoints
-from polarsim.run_files.walls import SIDES, STRIP_M, Side, Wall, Walls, surveyed_walls, wall_strips
-from polarsim.survey import half_width
+from polarsim.run_files.walls import STRIP_M, Side, Wall, Walls, surveyed_walls, wall_strips
+from polarsim.site import Sandbox
 
 log = logging.getLogger("polarsim")
 MAX_OFFSET = 0.4  # maximum distance of a wall from its nominal line, metres
@@ -27,30 +27,35 @@ MAX_DROP = 0.03  # metres: strips lower than the median top by more show only th
 MIN_SUPPORT = 0.3  # minimum share of the strips with points; otherwise the nominal wall is used
 
 
-def measure_walls(terrain: Terrain, scans: ScanPoints, level: float) -> Walls | None:
+def measure_walls(terrain: Terrain, sandbox: Sandbox, scans: ScanPoints, level: float) -> Walls | None:
     """Measure the walls of a terrain; None for a sandbox whose walls were not surveyed.
 
     `scans`: all points near the sandbox, sandbox frame.
     `level`: height of the sand, metres.
     """
-    nominal = surveyed_walls(terrain, level)
+    nominal = surveyed_walls(sandbox, level)
     if nominal is None:
         return None
-    half = half_width(terrain)
+    half = sandbox.half_width_m
     points = scans.points[scans.points[:, 2] > level + MIN_WALL_HEIGHT]
-    measured = {side: _measure(points, side, half) for side in SIDES}
+    measured = {side: _measure(points, side, half) for side in nominal.sides}
     missing = [side for side, wall in measured.items() if wall is None]
     if missing:
-        log.warning("terrain %02d: the scans do not show the walls %s; nominal walls used", terrain, ", ".join(missing))
+        log.warning(
+            "terrain %s: the scans do not show the walls %s; walls of the site used",
+            terrain_text(terrain),
+            ", ".join(missing),
+        )
     sides = {side: wall if wall is not None else nominal.sides[side] for side, wall in measured.items()}
-    return Walls(sides, "survey" if len(missing) == len(SIDES) else "scans")
+    return Walls(sides, "survey" if len(missing) == len(measured) else "scans")
 
 
-def _measure(points: np.ndarray, side: Side, half: float) -> Wall | None:
+def _measure(points: np.ndarray, side: Side, half_width_m: tuple[float, float]) -> Wall | None:
     """Return the wall of one side from points (n, 3) above wall height; None with too little support."""
     axis, sign = "xy".index(side[1]), -1.0 if side[0] == "-" else 1.0
+    half = half_width_m[1 - axis]
     outward, along = sign * points[:, axis], points[:, 1 - axis]
-    near = (outward > half - MAX_OFFSET) & (np.abs(along) < half - CORNER)
+    near = (outward > half_width_m[axis] - MAX_OFFSET) & (np.abs(along) < half - CORNER)
     outward, along, height = outward[near], along[near], points[near, 2]
     if not len(outward):
         return None

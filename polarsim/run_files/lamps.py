@@ -10,9 +10,10 @@ import numpy as np
 from polarsim.errors import FormatError, with_path
 from polarsim.formats.files import read_json, write_json
 from polarsim.formats.readers import reader
-from polarsim.photo import SUNS
-from polarsim.run_files.rigs import LocalisedRig, lift_of
-from polarsim.survey import lamp_position
+from polarsim.photo import Terrain
+from polarsim.run_files.rigs import LocalisedRig
+from polarsim.run_files.survey import survey_lift
+from polarsim.site import Site
 
 FILE = "lamps.json"
 
@@ -23,8 +24,10 @@ def write_suns(folder: str | Path, suns: Mapping[str, np.ndarray]) -> None:
 
 
 @reader("lamps")
-def read_suns(folder: str | Path, localised: Mapping[str, LocalisedRig]) -> dict[str, np.ndarray]:
-    """Read the position (3,) of every Sun lamp. Lamps that are not localised have the surveyed position.
+def read_suns(
+    folder: str | Path, localised: Mapping[str, LocalisedRig], site: Site, terrain: Terrain
+) -> dict[str, np.ndarray]:
+    """Read the position (3,) of every Sun lamp of the site. Lamps that are not localised have the surveyed position.
 
     Parameters
     ----------
@@ -33,7 +36,11 @@ def read_suns(folder: str | Path, localised: Mapping[str, LocalisedRig]) -> dict
     localised : position -> LocalisedRig
         The rig poses, from which the height of the survey is computed.
     """
-    return surveyed_suns(localised) | read_localised_suns(folder)
+    found = read_localised_suns(folder)
+    if unknown := sorted(set(found) - set(site.lamps)):
+        known = ", ".join(site.lamps) or "none"
+        raise FormatError(f"lamp {unknown[0]!r}, expected {known} of the site {site.name}", path=Path(folder) / FILE)
+    return surveyed_suns(localised, site, terrain) | found
 
 
 @reader("lamps")
@@ -45,8 +52,8 @@ def read_localised_suns(folder: str | Path) -> dict[str, np.ndarray]:
         return suns
     content = read_json(path)
     with with_path(path):
-        if not isinstance(content, dict) or set(content) - set(SUNS):
-            raise FormatError(f"expected positions by azimuth ({', '.join(SUNS)})")
+        if not isinstance(content, dict):
+            raise FormatError("expected positions by the name of a lamp")
         for azimuth, point in content.items():
             try:
                 suns[azimuth] = np.array(point, float).reshape(3)
@@ -57,7 +64,7 @@ def read_localised_suns(folder: str | Path) -> dict[str, np.ndarray]:
     return suns
 
 
-def surveyed_suns(localised: Mapping[str, LocalisedRig]) -> dict[str, np.ndarray]:
-    """Return the surveyed positions (3,), shifted to the height that the rigs of a terrain imply."""
-    lift = lift_of(localised)
-    return {azimuth: lamp_position(azimuth, lift) for azimuth in SUNS}
+def surveyed_suns(localised: Mapping[str, LocalisedRig], site: Site, terrain: Terrain) -> dict[str, np.ndarray]:
+    """Return the surveyed positions (3,) of the lamps, shifted to the height that the rigs of a terrain imply."""
+    lift = survey_lift(localised, site.tripods_of(terrain), site.max_survey_error_m)
+    return {name: np.array(lamp.point) + np.array([0.0, 0.0, lift]) for name, lamp in site.lamps.items()}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,13 +15,14 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
-from polarsim.survey import ROVER_LIGHT_FROM_LEFT, survey_lift
+from polarsim.site import RigLamp
 
 MAX_SIDE_PX = 1 << 16  # maximum width and height of a photo
 SURVEYED = "survey"  # method of a rig that is placed at the surveyed pose
 PITCH_SD = "pitch_sd_deg"  # metric of a surveyed rig: standard deviation of the pitch
 KNOWN_PITCH_DEG = 1.5  # maximum standard deviation of a known pitch
 UNCERTAIN_LABELS = "labels, unsure"  # method of a rig with an uncertain pose from labels
+FRAME_OF_SURVEY = ", tripods"  # end of the method of scans without walls: the surveyed tripods define the frame
 STEREO = "stereo"  # method of a rig that is localised by range maps from stereo photos
 FEATURES = "features"  # method of a rig that is localised by features of photos from other positions
 
@@ -33,7 +33,8 @@ class LocalisedRig:
 
     rig: StereoRig
     sandbox_from_left: Pose
-    # "scans", STEREO, "labels", FEATURES, UNSURE or SURVEYED, followed by ", photos" after a refinement
+    # "scans", STEREO, "labels", FEATURES, UNCERTAIN_LABELS or SURVEYED; FRAME_OF_SURVEY if the scans show no walls;
+    # ", photos" after a refinement
     method: str = ""
     metrics: dict[str, float] = field(default_factory=dict)  # metrics of the fit; keys carry their units
 
@@ -51,10 +52,9 @@ class LocalisedRig:
         """Return the pose of camera L or R in the sandbox."""
         return self.sandbox_from_left @ self.rig.left_from(camera)
 
-    @property
-    def rover_light(self) -> np.ndarray:
-        """Position (3,) of the rover light in the sandbox frame."""
-        return self.sandbox_from_left.apply(ROVER_LIGHT_FROM_LEFT)
+    def rover_light(self, lamp: RigLamp) -> np.ndarray:
+        """Return the position (3,) of the rover light in the sandbox frame."""
+        return self.sandbox_from_left.apply(np.array(lamp.from_camera_m))
 
     def camera(self, side: str) -> Camera:
         """Return camera L or R in the sandbox."""
@@ -109,11 +109,6 @@ def localised_files(folder: str | Path) -> dict[str, Path]:
 def read_all_localised(folder: str | Path) -> dict[str, LocalisedRig]:
     """Read all localised rigs in the folder of a terrain, by position."""
     return {position: read_localised(path) for position, path in localised_files(folder).items()}
-
-
-def lift_of(localised: Mapping[str, LocalisedRig]) -> float:
-    """Return `survey_lift` of the rigs of a terrain, metres."""
-    return survey_lift({position: rig.sandbox_from_left.translation for position, rig in localised.items()})
 
 
 def _rig_content(rig: StereoRig) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from polarsim.formats.readers import reader
 from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.photo import NO_ROCK, Terrain
 from polarsim.run_files.walls import Walls, read_walls, surveyed_walls, walls_file
+from polarsim.site import Sandbox
 
 MESH_TABLE = "meshes.csv"  # in the folder of the meshes, with a row per mesh
 # Origins of meshes; a fitted ground is an estimate, refined by photos if the origin is PHOTOS.
@@ -96,12 +97,16 @@ def mesh_origins(folder: str | Path) -> dict[str, str]:
 
 @reader("terrain")
 def read_terrain(
-    folder: str | Path, terrain: Terrain, pool: Executor | None = None, cameras: Path | None = None
+    folder: str | Path,
+    terrain: Terrain,
+    sandbox: Sandbox,
+    pool: Executor | None = None,
+    cameras: Path | None = None,
 ) -> TerrainMesh:
     """Read `terrainNN_ground.obj` and every `terrainNN_rock<k>.obj`, in parallel if a pool is given.
 
     A decimated mesh is read only if the full mesh is missing. The walls are those of `walls.json` in the folder of the
-    rig poses `cameras`, fitted to photos, else in the folder of the meshes, measured in scans, else nominal.
+    rig poses `cameras`, fitted to photos, else in the folder of the meshes, measured in scans, else those of the site.
     """
     files = mesh_files(folder, terrain)
     meshes = list((pool.map if pool else map)(obj.read_obj, files.values()))
@@ -109,7 +114,7 @@ def read_terrain(
     rocks = np.repeat(list(files), [len(mesh.faces) for mesh in meshes])
     mesh = TerrainMesh(whole.vertices, whole.faces, rocks)
     file = walls_file(Path(folder), cameras)
-    return replace(mesh, walls=read_walls(file.parent) if file else surveyed_walls(terrain, mesh.sand_level))
+    return replace(mesh, walls=read_walls(file.parent) if file else surveyed_walls(sandbox, mesh.sand_level))
 
 
 def cameras_of_run(meshes: Path) -> Path | None:

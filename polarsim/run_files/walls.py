@@ -12,17 +12,19 @@ import numpy as np
 from polarsim.errors import FormatError, with_path
 from polarsim.formats.files import read_json, write_json
 from polarsim.formats.readers import reader
-from polarsim.photo import Terrain
-from polarsim.survey import is_surveyed
+from polarsim.site import Sandbox, Side
 
 FILE = "walls.json"
-Side = Literal["-x", "+x", "-y", "+y"]
 SIDES: tuple[Side, ...] = get_args(Side)
 Origin = Literal["scans", "photos", "survey"]
 STRIP_M = 0.10  # width of the strips along a wall with one height each
 THICKNESS_M = 0.05
 WALL_FOOT_M = 0.5  # depth of the walls below the median sand, metres
-NOMINAL_FACE_M, NOMINAL_TOP_M = 2.05, 0.28  # best of 12 pairs on five of six published cover photos
+# Without measurements: distance of the inner faces from the border of the sand, and of the top edges below the stated
+# height. Best of 12 pairs on five of six published cover photos of POLAR.
+FACE_BEYOND_SAND_M, TOP_BELOW_STATED_M = 0.05, 0.02
+# Safety margin for objects that must not exceed any wall: 1 cm for the lowest wall, 1 cm for the sand level (a median).
+WALL_MARGIN = 0.02
 
 
 @dataclass(frozen=True)
@@ -139,9 +141,22 @@ def wall_strips(half: float) -> np.ndarray:
     return (np.arange(count) + 0.5) * STRIP_M - count * STRIP_M / 2
 
 
-def surveyed_walls(terrain: Terrain, level: float) -> Walls | None:
-    """Return nominal walls above sand at a height of `level` metres; None for a sandbox without survey."""
-    return level_walls(NOMINAL_FACE_M, level + NOMINAL_TOP_M) if is_surveyed(terrain) else None
+def surveyed_walls(sandbox: Sandbox, level: float) -> Walls | None:
+    """Return the walls that the site states, above sand at a height of `level` metres; None without walls."""
+    if not sandbox.is_walled:
+        return None
+    return level_walls(sandbox.half_width_m[0] + FACE_BEYOND_SAND_M, level + surely_wall(sandbox))
+
+
+def surely_wall(sandbox: Sandbox) -> float:
+    """Return the minimum height of all walls above the sand, metres; 0 if a side has no wall."""
+    return lowest_wall(sandbox) if sandbox.is_walled else 0.0
+
+
+def lowest_wall(sandbox: Sandbox) -> float:
+    """Return the minimum height of the existing walls above the sand, metres; 0 without walls."""
+    heights = [height for side in SIDES if (height := sandbox.walls_m.get(side))]
+    return max(0.0, round(min(heights, default=0.0) - WALL_MARGIN, 4))
 
 
 def write_walls(folder: str | Path, walls: Walls) -> None:

@@ -22,6 +22,7 @@ from polarsim.scoring.alignment import align_rigs, fit_alignment
 from polarsim.scoring.labels import read_sound_boxes
 from polarsim.scoring.metrics import Metric, metrics_of, summary_metric, write_metrics
 from polarsim.scoring.score import PhotoLabels
+from polarsim.site import polar
 
 MATCH_COLUMNS = ("position", "rock", "iou", "dx_px", "dy_px")
 _PROJECTED_POINTS = 4000  # approximate number of projected points of the true surface
@@ -49,7 +50,7 @@ def score_cameras(
         true = read_all_localised(truth / "cameras")
         metrics += against_truth(localised, true, true_points(truth, terrain))
         if set(localised) & set(true) and (truth / lamps.FILE).exists():  # sandboxes without photos have no lamps
-            metrics += lamps_against_truth(cameras, truth, align_rigs(localised, true))
+            metrics += lamps_against_truth(terrain, cameras, truth, align_rigs(localised, true))
     if matches is not None and matches.exists():
         metrics += against_boxes(matches)
     if annotated is not None:
@@ -201,7 +202,7 @@ def true_points(truth: Path, terrain: Terrain) -> np.ndarray:
     return points[:: max(1, len(points) // _PROJECTED_POINTS)]
 
 
-def lamps_against_truth(cameras: Path, truth: Path, truth_from_sandbox: Pose) -> list[Metric]:
+def lamps_against_truth(terrain: Terrain, cameras: Path, truth: Path, truth_from_sandbox: Pose) -> list[Metric]:
     """Return the angle at the centre of the sandbox between the estimated and the true direction of each lamp.
 
     The error is an angle because shadows determine the direction of a lamp, but hardly the distance. `cameras` may be
@@ -210,8 +211,8 @@ def lamps_against_truth(cameras: Path, truth: Path, truth_from_sandbox: Pose) ->
     localised, true = read_all_localised(cameras), read_json(truth / lamps.FILE)
     metrics, worst = [], {}
     for name, suns in (
-        ("surveyed_direction", lamps.surveyed_suns(localised)),
-        ("direction", lamps.read_suns(cameras, localised)),
+        ("surveyed_direction", lamps.surveyed_suns(localised, polar(), terrain)),
+        ("direction", lamps.read_suns(cameras, localised, polar(), terrain)),
     ):
         of_lamps = [
             Metric(f"lamp {azimuth}", f"{name}_error", off_deg, "deg", 1, "truth")

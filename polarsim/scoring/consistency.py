@@ -42,7 +42,7 @@ from polarsim.scoring.left_right import boxes_of_both, photos_of_both
 from polarsim.scoring.metrics import Metric, metrics_of, write_metrics
 from polarsim.scoring.surface import Surface
 from polarsim.scoring.wall_shadows import wall_shadow_metrics
-from polarsim.survey import half_width
+from polarsim.site import polar
 
 log = logging.getLogger("polarsim")
 
@@ -71,20 +71,20 @@ def check_consistency(
     of all annotated label files, is used without photos of both cameras.
     """
     known, localised = read_inventory(inventory), read_all_localised(located)
+    sandbox = polar().sandbox_of(terrain)
+    half = np.array(sandbox.half_width_m)
     scans = {
-        position: sand_points(
-            localised[position], read_scan(known, position, localised[position].rig), half_width(terrain)
-        )
+        position: sand_points(localised[position], read_scan(known, position, localised[position].rig), half)
         for position in known.scanned
         if position in localised and not localised[position].unproven
     }
     metrics = []
-    scene, last = read_terrain(meshes, terrain, cameras=cameras), read_all_localised(cameras)
+    scene, last = read_terrain(meshes, terrain, sandbox, cameras=cameras), read_all_localised(cameras)
     if scans:
         metrics += scans_on_meshes(scans, scene)
     if mesh_origins(meshes).get(obj.ground_name(terrain)) == FITTED:
         rims = [rim(obj.read_obj(path)) for path in obj.rock_files(meshes).values()]
-        metrics += ground_support(scene.part(NO_ROCK), rims, half_width(terrain) - MARGIN)
+        metrics += ground_support(scene.part(NO_ROCK), rims, half - MARGIN)
     metrics += cameras_together(localised, last)
     if (located / "matches.parquet").exists():
         metrics += box_overlaps(read_parquet(located / "matches.parquet", MATCH_COLUMNS))
@@ -96,7 +96,7 @@ def check_consistency(
         both = boxes_of_both(last, outlines, read_sound_boxes(annotated, terrain))
     metrics += both
     if photos is not None and scene.walls is not None:
-        suns = read_suns(cameras, last)
+        suns = read_suns(cameras, last, polar(), terrain)
         metrics += wall_shadow_metrics(measure_edges(terrain, OpenGround.of(scene), scene.walls, photos, last, suns))
     for metric in metrics:
         for sentence in metric_warning(metric.subject, metric.metric, metric.value):
@@ -104,10 +104,10 @@ def check_consistency(
     write_metrics(evaluation, STAGE, terrain, metrics)
 
 
-def sand_points(localised: LocalisedRig, points_left: np.ndarray, half: float) -> np.ndarray:
+def sand_points(localised: LocalisedRig, points_left: np.ndarray, half: np.ndarray) -> np.ndarray:
     """Return the points (m, 3) of a scan (n, 3) on sand and rocks, transformed to the sandbox frame and subsampled.
 
-    `half`: half width of the sand, metres.
+    `half` (2,): half widths of the sand along X and Y, metres.
     """
     points = localised.sandbox_from_left.apply(points_left)
     inside = (np.abs(points[:, :2]) < half - MARGIN).all(axis=1)
@@ -137,13 +137,13 @@ def scans_on_meshes(scans: Mapping[str, np.ndarray], scene: TerrainMesh) -> list
     return metrics
 
 
-def ground_support(ground: Mesh, rims: Sequence[np.ndarray], half: float) -> list[Metric]:
+def ground_support(ground: Mesh, rims: Sequence[np.ndarray], half: np.ndarray) -> list[Metric]:
     """Return the share of rocks that a fitted ground does not support, and the share of ground far from all rocks.
 
-    `rims` are points (n, 3) of the foot of each rock, `half` is half the width of the evaluated square of sand, metres.
+    `rims` are points (n, 3) of the foot of each rock, `half` (2,) are half widths of the evaluated sand, metres.
     """
-    side = np.arange(-half, half, SUPPORT_STEP)
-    sand = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    sides = (np.arange(-along, along, SUPPORT_STEP) for along in half)
+    sand = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
     far = 1.0
     metrics = []
     if rims:

@@ -16,6 +16,7 @@ from polarsim.run_files.materials import FittedMaterials, read_materials, rock_o
 from polarsim.run_files.scene import TerrainMesh, read_terrain
 from polarsim.scoring.alignment import read_alignment
 from polarsim.scoring.metrics import Metric, summary_metric, write_metrics
+from polarsim.site import polar
 
 ALBEDO_COLUMNS = ("rock", "x", "y", "z", "albedo", "pixels")
 _MAX_DISTANCE = 0.02  # metres; maximum distance from a true point to the nearest vertex
@@ -32,7 +33,7 @@ def score_materials(
     `cameras` determine the alignment with the frame of the ground truth. Without `albedo.parquet` in `truth`, only
     errors on photos are computed.
     """
-    mesh = read_terrain(meshes, terrain)
+    mesh = read_terrain(meshes, terrain, polar().sandbox_of(terrain))
     fitted = read_materials(materials, mesh)
     metrics = [metric for model, fit in sorted(fitted.models.items()) for metric in held_out_metrics(model, fit.check)]
     if (truth / "albedo.parquet").exists() and fitted.models:

@@ -20,6 +20,7 @@ from polarsim.scoring.metrics import Metric, metrics_of, summary_metric, write_m
 from polarsim.scoring.rock_pairs import pair_rocks, recall_and_precision, size_classes, size_names
 from polarsim.scoring.surface import Surface
 from polarsim.scoring.true_surface import SEED, Comparison, compare_surfaces
+from polarsim.site import polar
 
 ROCK_COLUMNS = ("rock", "x", "y", "z", "size_m", "height_m", "volume_m3")
 HAUSDORFF_SAMPLES = 4000  # points on a rock and on the decimated copy, in addition to all vertices
@@ -49,7 +50,7 @@ def score_rocks(
     visible reconstructed surface, empty without ground truth, see `OFFSETS`.
     """
     found = read_parquet(rocks, ROCK_COLUMNS)
-    scene = read_terrain(meshes, terrain)
+    scene = read_terrain(meshes, terrain, polar().sandbox_of(terrain))
     against_truth: list[Metric] = []
     offset_table = typed([], OFFSETS)
     rows = soundness_rows(scene, meshes, terrain, generator(SEED, "mesh samples", terrain), HAUSDORFF_SAMPLES)

@@ -21,6 +21,7 @@ from polarsim.run_files.scene import mesh_files, read_terrain
 from polarsim.run_files.walls import read_walls, write_walls
 from polarsim.scoring.rock_pairs import pair_rocks
 from polarsim.scoring.true_surface import compare_surfaces
+from polarsim.site import polar
 
 _CENTRES = ("rock", "x", "y", "z", "size_m")
 
@@ -43,7 +44,7 @@ def write_true_scene(
     are those of the run. `located` has the poses for which the meshes were reconstructed, `truth` is the folder
     truth/TerrainTT of the analog.
     """
-    scene = read_terrain(meshes, terrain)
+    scene = read_terrain(meshes, terrain, polar().sandbox_of(terrain))
     truth_from_sandbox = compare_surfaces(terrain, scene, located, truth, inventory).truth_from_sandbox
     sandbox_from_truth = truth_from_sandbox.inverse()
     true, found = (read_parquet(path, _CENTRES) for path in (truth / "rocks.parquet", rocks))

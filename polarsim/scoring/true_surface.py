@@ -20,7 +20,7 @@ from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.run_files.scene import TerrainMesh, read_terrain
 from polarsim.scoring.alignment import read_alignment, refine_alignment
 from polarsim.scoring.surface import Surface
-from polarsim.survey import half_width
+from polarsim.site import polar
 
 SEED = 0  # of the samples on surfaces
 SURFACE_SAMPLES = 20_000  # points on all rocks, and on the ground
@@ -109,22 +109,24 @@ def compare_surfaces(
     """
     by_cameras, raw = read_alignment(cameras, truth), read_inventory(inventory) if inventory is not None else None
     views = true_views(read_all_localised(truth / "cameras"), set(read_all_localised(cameras)), raw)
-    true_scene = read_terrain(truth / "meshes", terrain)
+    sandbox = polar().sandbox_of(terrain)
+    half = np.array(sandbox.half_width_m)
+    true_scene = read_terrain(truth / "meshes", terrain, sandbox)
     true_surface = Surface(true_scene.vertices, true_scene.faces)
     rng = generator(SEED, "surface samples", terrain)
-    points, rock, area = _visible_points(true_surface, true_scene.rock_of_face, views, half_width(terrain), rng)
+    points, rock, area = _visible_points(true_surface, true_scene.rock_of_face, views, half, rng)
     alignment = refine_alignment(by_cameras, points[rock == NO_ROCK], Surface(scene.vertices, scene.faces))
     surface = Surface(alignment.apply(scene.vertices), scene.faces)
     true = SurfaceSamples(points, rock, *_signed_distance(surface, scene.rock_of_face, points), area)
-    points, rock, area = _visible_points(surface, scene.rock_of_face, views, half_width(terrain), rng)
+    points, rock, area = _visible_points(surface, scene.rock_of_face, views, half, rng)
     distances = _signed_distance(true_surface, true_scene.rock_of_face, points)
     return Comparison(true, SurfaceSamples(points, rock, *distances, area), alignment, by_cameras)
 
 
 def _visible_points(
-    surface: Surface, rock_of_face: np.ndarray, views: list[TrueView], half: float, rng: np.random.Generator
+    surface: Surface, rock_of_face: np.ndarray, views: list[TrueView], half: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the visible points, their rocks and the area per point, within a half width (metres).
+    """Return the visible points, their rocks and the area per point, within half widths (2,) along X and Y, metres.
 
     Before the visibility test, `SURFACE_SAMPLES` points are sampled on rocks and on the ground.
     """

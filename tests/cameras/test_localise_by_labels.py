@@ -9,17 +9,16 @@ from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.refine import EdgeNoise, EdgeProblem, unknowns_of
 from polarsim.cameras.surveyed import (
     SHARED_PITCH_SD_DEG,
-    USUAL_PITCH_DEG,
     USUAL_PITCH_SD_DEG,
     expected_survey_pose,
     offset_surveyed_pose,
-    surveyed_pose,
 )
 from polarsim.errors import RegistrationError
 from polarsim.geometry.boxes import match_by_position_and_size
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between, camera_pose, yaw_pitch_roll
 from tests.support.polar_rig import default_rig
+from tests.support.polar_survey import TRIPODS, surveyed_pose
 
 pytestmark = pytest.mark.usefixtures("coarse_search")
 OPTIONS = LocalisationOptions()
@@ -70,12 +69,12 @@ def test_mirrored_boxes_are_refused(labelled, outlines):
     mirrored = labelled.seen("A") * [-1, 1, -1, 1] + [LENS.width, 0, LENS.width, 0]
     localisation = localise_by_labels(mirrored[:, [2, 1, 0, 3]], outlines, LENS, surveyed_pose("A"), OPTIONS)
     with pytest.raises(RegistrationError):
-        check_localisation(localisation)
+        check_localisation(localisation, 1.0)
 
 
 def test_an_ambiguous_pose_is_refused(localisation_of_a):
     with pytest.raises(RegistrationError):
-        check_localisation(replace(localisation_of_a, runner_up=localisation_of_a.share - 0.05))
+        check_localisation(replace(localisation_of_a, runner_up=localisation_of_a.share - 0.05), 1.0)
 
 
 def test_the_second_best_pose_is_at_another_position(localisation_of_a):
@@ -112,21 +111,21 @@ def test_an_unlocalised_position_gets_the_mean_offset_of_localised_positions():
     translation = np.array([0.1, -0.2, 0.3])
     localised = {p: Pose(surveyed_pose(p).rotation, surveyed_pose(p).translation + translation) for p in "AC"}
     np.testing.assert_allclose(
-        offset_surveyed_pose("B", localised).translation, surveyed_pose("B").translation + translation
+        offset_surveyed_pose("B", localised, TRIPODS).translation, surveyed_pose("B").translation + translation
     )
-    np.testing.assert_array_equal(offset_surveyed_pose("B", {}).matrix, surveyed_pose("B").matrix)
-    assert offset_surveyed_pose("G", localised) is None
+    np.testing.assert_array_equal(offset_surveyed_pose("B", {}, TRIPODS).matrix, surveyed_pose("B").matrix)
+    assert offset_surveyed_pose("G", localised, TRIPODS) is None
 
 
 def test_a_position_without_evidence_gets_the_tilt_of_its_neighbour_or_the_usual_tilt():
     steep = camera_pose(surveyed_pose("A").translation, np.pi, np.radians(19.0))
     for localised, pitch, sd in (
         ({"A": steep, "C": surveyed_pose("C")}, 19.0, SHARED_PITCH_SD_DEG),
-        ({"C": steep}, USUAL_PITCH_DEG, USUAL_PITCH_SD_DEG),
-        ({}, USUAL_PITCH_DEG, USUAL_PITCH_SD_DEG),
+        ({"C": steep}, 25.4, USUAL_PITCH_SD_DEG),
+        ({}, 25.4, USUAL_PITCH_SD_DEG),
     ):
-        pose, found_sd = expected_survey_pose("B", localised)
-        np.testing.assert_allclose(pose.translation, offset_surveyed_pose("B", localised).translation)
+        pose, found_sd = expected_survey_pose("B", localised, TRIPODS)
+        np.testing.assert_allclose(pose.translation, offset_surveyed_pose("B", localised, TRIPODS).translation)
         np.testing.assert_allclose(np.degrees(yaw_pitch_roll(pose)), [180, pitch, 0], atol=1e-9)
         assert found_sd == sd
     assert expected_survey_pose("G", {"A": steep}) is None

@@ -14,6 +14,7 @@ from polarsim.geometry.poses import angle_between
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.rigs import SURVEYED, UNCERTAIN_LABELS, read_all_localised, write_rig
 from polarsim.schemas.stages import ALIGNMENT, MATCHES
+from polarsim.site import polar
 from tests.support.polar_rig import default_rig
 
 pytestmark = pytest.mark.usefixtures("coarse_search", "coarse_scans")
@@ -23,6 +24,7 @@ def locate(folder, inventory, rig, positions="ABC", seeds=None, name="cameras"):
     write_inventory(folder / "inventory.json", inventory)
     write_rig(folder / "calibration.json", rig, "test")
     locate_cameras(
+        site=polar(),
         terrain=inventory.terrain,
         positions=list(positions),
         inventory=folder / "inventory.json",

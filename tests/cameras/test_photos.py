@@ -21,8 +21,9 @@ from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 from polarsim.run_files.lamps import FILE, read_suns, surveyed_suns
 from polarsim.run_files.rigs import SURVEYED, LocalisedRig, read_all_localised, write_localised
 from polarsim.run_files.scene import read_terrain
-from polarsim.survey import lamp_position
+from polarsim.site import polar
 from tests.support.polar_rig import default_rig
+from tests.support.polar_survey import lamp_position
 
 TRUE = LocalisedRig(
     default_rig(), camera_pose(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans", {"rmse_mm": 2.0}
@@ -44,7 +45,8 @@ def rough_ground(cells=260):
 
 def photograph(folder, position, rig, suns=SUNS, exposures=EXPOSURES, cameras="LR"):
     """Render photos at a position, and return rows of `photos.parquet`."""
-    surface, rng, rows = surface_of(read_terrain(folder / "meshes", 13)), np.random.default_rng(2), []
+    mesh = read_terrain(folder / "meshes", 13, polar().sandbox_of(13))
+    surface, rng, rows = surface_of(mesh), np.random.default_rng(2), []
     for camera in cameras:
         seen = cast_view(surface, rig.camera(camera))
         for azimuth, off in suns.items():
@@ -80,7 +82,8 @@ def located(folder, rigs):
 def refine(photographed, tmp_path, rigs, **changes):
     asked = {"photos": photographed / "photos.parquet", "options": RefinementOptions()}
     refine_cameras(
-        terrain=13, located=located(tmp_path, rigs), meshes=photographed / "meshes", cameras=tmp_path / "cameras",
+        site=polar(), terrain=13, located=located(tmp_path, rigs), meshes=photographed / "meshes",
+        cameras=tmp_path / "cameras",
         **{**asked, **changes},
     )  # fmt: skip
     return read_all_localised(tmp_path / "cameras")
@@ -111,12 +114,12 @@ def test_photos_correct_a_pose(refined):
 
 
 def test_lamps_are_corrected_across_the_line_to_the_centre(refined):
-    suns = read_suns(refined[1] / "cameras", refined[0])
+    suns = read_suns(refined[1] / "cameras", refined[0], polar(), 13)
     for azimuth, off in SUNS.items():
         line = lamp_position(azimuth) / np.linalg.norm(lamp_position(azimuth))
         wrong = suns[azimuth] - lamp_position(azimuth) - off
         assert np.linalg.norm(wrong - (wrong @ line) * line) < 0.03
-    np.testing.assert_allclose(suns["180"], surveyed_suns(refined[0])["180"])  # no valid photo
+    np.testing.assert_allclose(suns["180"], surveyed_suns(refined[0], polar(), 13)["180"])  # no valid photo
 
 
 def test_offsets_between_photos_and_meshes_are_metrics(refined):
@@ -154,7 +157,7 @@ def test_tables_and_a_colmap_model_are_written(refined):
 def test_a_colmap_model_has_points_of_the_meshes(refined, photographed):
     model = pycolmap.Reconstruction(str(refined[1] / "cameras" / "colmap"))
     points = np.array([point.xyz for point in model.points3D.values()])
-    vertices = read_terrain(photographed / "meshes", 13).vertices
+    vertices = read_terrain(photographed / "meshes", 13, polar().sandbox_of(13)).vertices
     assert 10_000 < len(points) <= 20_000
     assert cKDTree(vertices).query(points)[0].max() < 1e-6
     assert np.ptp(points[:, :2], axis=0).min() > 3.9  # across the sandbox

@@ -16,6 +16,7 @@ from polarsim.geometry.poses import Pose, angle_between
 from polarsim.geometry.stereo import StereoRig
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.rigs import write_rig
+from polarsim.site import polar
 from tests.relief.scenes import LENS, camera, photograph, relief, texture
 from tests.support.polar_rig import default_rig
 
@@ -129,6 +130,7 @@ def test_a_terrain_without_stereo_photos_is_an_error_with_the_table(tmp_path):
     write_inventory(tmp_path / "inventory.json", Inventory(3, "polar"))
     with pytest.raises(ReconstructionError) as caught:
         measure_ranges(
+            site=polar(),
             terrain=3,
             photos=table,
             calibration=tmp_path / "calibration.json",

@@ -6,20 +6,19 @@ from polarsim.cameras.heightmaps import agreement, correlate_rotations, height_m
 from polarsim.cameras.icp import ScanSurface, align_jointly, covariances, measure, thin_to_planes
 from polarsim.cameras.sandbox_frame import find_sandbox_frame
 from polarsim.cameras.scans import level_pose, place_scans, register_scans
-from polarsim.cameras.surveyed import stations
 from polarsim.errors import RegistrationError
 from polarsim.geometry.poses import Pose, angle_between, camera_pose
 from polarsim.geometry.stereo import rectified_left
+from tests.support.polar_survey import AREA, SANDBOX, STATIONS
 
 from .conftest import make_sandbox
 
-STATIONS = stations(1)
 pytestmark = pytest.mark.usefixtures("coarse_scans")
 
 
 @pytest.fixture(scope="module")
 def network(scans):
-    return register_scans(scans, STATIONS)
+    return register_scans(scans, STATIONS, AREA)
 
 
 def relative(poses, first, second):
@@ -37,7 +36,7 @@ def test_scans_are_registered(network, true_poses):
 def test_scans_with_known_poses_keep_their_relative_pose(scans, network):
     tilted = Pose.from_rotvec(np.array([0.004, -0.003, 0.1]), np.array([0.05, 0.0, 0.02]))
     known = {position: tilted @ pose for position, pose in network.level_from_left.items()}
-    placed = place_scans(scans, known)
+    placed = place_scans(scans, known, AREA)
     for position, pose in placed.level_from_left.items():
         np.testing.assert_allclose(pose.matrix, known[position].matrix, atol=1e-9)
         apart = network.level_from_left[position].inverse().apply(network.points[position])
@@ -56,6 +55,7 @@ def test_the_walls_give_origin_and_heading(network, true_poses, common_from_leve
         {position: common_from_level.rotate(normals) for position, normals in network.normals.items()},
         {position: common_from_level @ pose for position, pose in network.level_from_left.items()},
         STATIONS,
+        SANDBOX,
     )
     assert frame.walls >= 3
     for position, pose in network.level_from_left.items():
@@ -67,7 +67,7 @@ def test_the_walls_give_origin_and_heading(network, true_poses, common_from_leve
 def test_without_walls_the_survey_defines_the_frame(network, true_poses):
     low = {p: points[points[:, 2] < 0.05] for p, points in network.points.items()}
     normals = {p: network.normals[p][network.points[p][:, 2] < 0.05] for p in low}
-    frame = find_sandbox_frame(low, normals, network.level_from_left, STATIONS)
+    frame = find_sandbox_frame(low, normals, network.level_from_left, STATIONS, SANDBOX)
     assert frame.walls == 0
     for position, pose in network.level_from_left.items():
         found = frame.sandbox_from_level @ pose
@@ -79,23 +79,23 @@ def test_positions_without_a_survey_start_at_the_same_pose(scans, rng):
     """As on terrain 13, where B and C are within decimetres of A."""
     a_from_b = Pose.from_rotvec(np.array([0.02, -0.03, 0.05]), np.array([0.15, -0.1, 0.05]))
     beside = a_from_b.inverse().apply(scans["A"]) + rng.normal(0, 0.001, scans["A"].shape)
-    found = relative(register_scans({"A": scans["A"], "B": beside}, stations(13)).level_from_left, "A", "B")
+    found = relative(register_scans({"A": scans["A"], "B": beside}, {}, AREA).level_from_left, "A", "B")
     assert np.linalg.norm(found.translation - a_from_b.translation) < 0.002
     assert np.degrees(angle_between(found, a_from_b)) < 0.03
 
 
 def test_scans_of_two_terrains_are_refused(scans):
     # The relief in the same box has bumps of 10 cm in C only.
-    level = level_pose("C", scans["C"], STATIONS)
+    level = level_pose("C", scans["C"], STATIONS, AREA)
     bumpy = level.apply(scans["C"])
     bumpy[:, 2] += 0.1 * np.sin(9 * bumpy[:, 0]) * np.sin(11 * bumpy[:, 1])
     with pytest.raises(RegistrationError, match=r"[AC] and [AC]"):
-        register_scans({"A": scans["A"], "C": level.inverse().apply(bumpy)}, STATIONS)
+        register_scans({"A": scans["A"], "C": level.inverse().apply(bumpy)}, STATIONS, AREA)
 
 
 def test_copies_of_a_scan_are_refused(scans):
     with pytest.raises(RegistrationError, match="A and C"):
-        register_scans({"A": scans["A"], "C": scans["A"].copy()}, STATIONS)
+        register_scans({"A": scans["A"], "C": scans["A"].copy()}, STATIONS, AREA)
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +110,7 @@ def foreign(true_poses):
 def test_scans_of_two_terrains_with_similar_relief_are_refused(scans, foreign):
     """70 % of their cells agree to 15 mm, because sand is flat; the rocks differ."""
     with pytest.raises(RegistrationError, match=r"[AC] and [AC]"):
-        register_scans({"A": scans["A"], "C": foreign["C"]}, STATIONS)
+        register_scans({"A": scans["A"], "C": foreign["C"]}, STATIONS, AREA)
 
 
 def test_a_scan_that_contradicts_two_scans_is_excluded(sandbox, scans, foreign):
@@ -121,7 +121,7 @@ def test_a_scan_that_contradicts_two_scans_is_excluded(sandbox, scans, foreign):
     third = left_from_rectified.apply(third[np.isfinite(third).all(axis=-1)])
     given = {**scans, "D": third}
     odd = max("AC", key=lambda position: len(foreign[position]))
-    network = register_scans({**given, odd: foreign[odd]}, STATIONS)
+    network = register_scans({**given, odd: foreign[odd]}, STATIONS, AREA)
     assert set(network.level_from_left) == set("ACD") - {odd}
     assert len(network.refused) == 1
     assert f" {odd} " in str(network.refused[0])
@@ -130,7 +130,7 @@ def test_a_scan_that_contradicts_two_scans_is_excluded(sandbox, scans, foreign):
 
 def test_a_scan_that_is_rotated_by_180_degrees_is_excluded(scans):
     backwards = scans["C"] * np.array([-1, 1, -1])  # by 180 degrees about the camera's vertical
-    network = register_scans({"A": scans["A"], "C": backwards}, STATIONS)
+    network = register_scans({"A": scans["A"], "C": backwards}, STATIONS, AREA)
     assert list(network.level_from_left) == ["A"]
     (reason,) = network.refused
     assert "position C" in str(reason)
@@ -144,12 +144,12 @@ def wall(distance=2.8):
 
 def test_scans_of_walls_localise_no_terrain():
     with pytest.raises(RegistrationError, match="position A"):
-        register_scans({"A": wall(), "C": wall(2.7)}, STATIONS)
+        register_scans({"A": wall(), "C": wall(2.7)}, STATIONS, AREA)
 
 
 def test_a_scan_without_sand_is_refused():
     with pytest.raises(RegistrationError, match="position A"):
-        level_pose("A", np.full((50_000, 3), [0.0, 0.0, 30.0]), STATIONS)
+        level_pose("A", np.full((50_000, 3), [0.0, 0.0, 30.0]), STATIONS, AREA)
 
 
 def test_correlation_finds_a_known_rotation_and_translation(rng):

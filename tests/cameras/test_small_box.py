@@ -26,7 +26,7 @@ def box_on_a_floor(rng: np.random.Generator, half: float = HALF) -> np.ndarray:
 def test_a_small_box_gives_origin_heading_and_height(rng, heading):
     level_from_box = Pose.from_rotvec(np.array([0, 0, heading]), np.array([1.6, -0.3, 0.4]))
     points = level_from_box.apply(box_on_a_floor(rng))
-    found = small_box_frame(points, HALF, [level_from_box @ BOX_FROM_LEFT]) @ level_from_box
+    found = small_box_frame(points, np.full(2, HALF), [level_from_box @ BOX_FROM_LEFT]) @ level_from_box
     assert np.linalg.norm(found.translation[:2]) < 0.01  # cells of 2 cm
     assert abs(found.translation[2]) < 0.002
     assert np.degrees(angle_between(found, Pose.identity())) < 0.5
@@ -34,9 +34,9 @@ def test_a_small_box_gives_origin_heading_and_height(rng, heading):
 
 def test_a_box_of_another_size_is_ignored(rng):
     points = box_on_a_floor(rng, half=0.9)
-    assert small_box_frame(points, HALF, [BOX_FROM_LEFT]) is None
+    assert small_box_frame(points, np.full(2, HALF), [BOX_FROM_LEFT]) is None
 
 
 def test_a_bare_floor_has_no_box(rng):
     floor = np.column_stack([rng.uniform(-2.5, 2.5, (100_000, 2)), 0.002 * rng.normal(size=100_000)])
-    assert small_box_frame(floor, HALF, [BOX_FROM_LEFT]) is None
+    assert small_box_frame(floor, np.full(2, HALF), [BOX_FROM_LEFT]) is None

@@ -18,8 +18,9 @@ from polarsim.run_files.lamps import surveyed_suns
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.run_files.wall_edges import EdgeSamples
 from polarsim.run_files.walls import SIDES, Wall, Walls, level_walls, read_walls, wall_strips
-from polarsim.survey import SUN_LAMPS
+from polarsim.site import polar
 from tests.support.polar_rig import default_rig
+from tests.support.polar_survey import SUN_LAMPS
 from tests.support.wall_photos import level_sand, shaded_sand
 
 SIDE_OF_SUN = {"30": "+x", "350": "+x", "180": "-x", "270": "-y"}
@@ -181,11 +182,11 @@ def test_a_terrain_without_own_photos_gets_the_walls_of_its_cover_photos(publish
     covers = {"covers": published / "photos", "drawn": published / "drawn"}
     for name, given in (("fitted", covers), ("nominal", {})):
         refine_cameras(
-            terrain=1, located=tmp_path / "located", meshes=tmp_path / "meshes", photos=None,
+            site=polar(), terrain=1, located=tmp_path / "located", meshes=tmp_path / "meshes", photos=None,
             cameras=tmp_path / name, options=RefinementOptions(), **given,
         )  # fmt: skip
         assert (tmp_path / name / "PosA.json").read_bytes() == (tmp_path / "located" / "PosA.json").read_bytes()
-    lamp = surveyed_suns({"A": RIG})["30"]  # at the height that the rig implies
+    lamp = surveyed_suns({"A": RIG}, polar(), 1)["30"]  # at the height that the rig implies
     assert wall_error(read_walls(tmp_path / "fitted"), lamp) < 0.005
     assert read_walls(tmp_path / "nominal") is None
 

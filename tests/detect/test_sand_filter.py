@@ -14,8 +14,8 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
 from polarsim.run_files.rigs import LocalisedRig, write_localised
-from polarsim.survey import SANDBOX_HALF_WIDTH, SURELY_WALL
 from tests.support.polar_rig import default_rig
+from tests.support.polar_survey import HALF, SURELY_WALL
 
 KEY = "01_A_off_30_L_0256"
 RIG = LocalisedRig(default_rig(), camera_pose(np.array([-3.2, 0.0, 1.0]), 0.0, np.radians(12)), "labels")
@@ -38,20 +38,20 @@ def write_ground(folder, level=0.0):
 
 @given(st.floats(-1.1, 4), st.floats(-1, 1), st.sampled_from([0, 1]))
 def test_a_box_is_on_the_sand_if_its_foot_is(x, y, kind):
-    if abs(x - SANDBOX_HALF_WIDTH) > 1e-6:
-        assert boxes_on_sand(standing_at(x, y, kind), CAMERA, 0.0).tolist() == [x < SANDBOX_HALF_WIDTH]
+    if abs(x - HALF[0]) > 1e-6:
+        assert boxes_on_sand(standing_at(x, y, kind), CAMERA, 0.0, HALF, SURELY_WALL).tolist() == [x < HALF[0]]
 
 
 def test_nothing_above_the_horizon_is_on_the_sand():
     sky = np.array([[900.0, -40, 940, 0.5, 0.9, 0]])
     assert CAMERA.directions(np.array([920.0, 0.5]))[2] > 0
-    assert not boxes_on_sand(sky, CAMERA, 0.0)[0]
+    assert not boxes_on_sand(sky, CAMERA, 0.0, HALF, SURELY_WALL)[0]
 
 
 def test_higher_sand_covers_less_of_the_photo():
     wall = standing_at(2.3, 0.0)
-    assert not boxes_on_sand(wall, CAMERA, 0.0)[0]
-    assert boxes_on_sand(wall, CAMERA, 0.2)[0]
+    assert not boxes_on_sand(wall, CAMERA, 0.0, HALF, SURELY_WALL)[0]
+    assert boxes_on_sand(wall, CAMERA, 0.2, HALF, SURELY_WALL)[0]
 
 
 @given(st.floats(-1.95, -0.8))
@@ -61,16 +61,16 @@ def test_the_near_wall_hides_sand(x):
     if abs(above - SURELY_WALL) > 1e-6:
         u, v = STEEP.project(np.array([x, 0.0, 0.0]))
         shadow = np.array([[u - 20, v - 20, u + 20, v + 20, 0.9, 1]])
-        assert boxes_on_sand(shadow, STEEP, 0.0)[0] == (above > SURELY_WALL)
+        assert boxes_on_sand(shadow, STEEP, 0.0, HALF, SURELY_WALL)[0] == (above > SURELY_WALL)
 
 
 def test_a_rock_partly_hidden_by_the_near_wall_is_kept():
     """The box ends at the edge of the wall in the photo, or slightly below because of detector errors."""
-    edge = STEEP.project(np.array([-SANDBOX_HALF_WIDTH, 0.0, SURELY_WALL]))[1]
+    edge = STEEP.project(np.array([-HALF[0], 0.0, SURELY_WALL]))[1]
     box = np.array([[900.0, edge - 60, 990, edge + 3, 0.9, 0]])
-    assert boxes_on_sand(box, STEEP, 0.0)[0]
+    assert boxes_on_sand(box, STEEP, 0.0, HALF, SURELY_WALL)[0]
     lower = np.array([0, 80, 0, 80, 0, 0])
-    assert not boxes_on_sand(box + lower, STEEP, 0.0)[0]  # cloth on the wall itself
+    assert not boxes_on_sand(box + lower, STEEP, 0.0, HALF, SURELY_WALL)[0]  # cloth on the wall itself
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ from polarsim.report.stereo_table import tabulate_stereo
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.run_files.scene import TerrainMesh, read_terrain
 from tests.support.polar_rig import default_rig
+from tests.support.polar_survey import SANDBOX
 
 SCALE = 0.25
 OPTIONS = StereoOptions(scale=SCALE, exposures_ms=(256,))
@@ -69,7 +70,7 @@ def picture(mesh: TerrainMesh, camera: str) -> np.ndarray:
 @pytest.fixture(scope="module")
 def scene(meshes):
     """Mesh, rectification, reference depth, left and right image."""
-    mesh = read_terrain(meshes, 1)
+    mesh = read_terrain(meshes, 1, SANDBOX)
     rig = rectify(RIG, SCALE)
     truth = depth_truth(mesh, make_caster(mesh.vertices, mesh.faces), LOCALISED, rig)
     return mesh, rig, truth, picture(mesh, "L"), picture(mesh, "R")

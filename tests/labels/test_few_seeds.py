@@ -14,6 +14,7 @@ from polarsim.labels.propagate import PropagationInputs, propagate_labels
 from polarsim.photo import SUNS, PhotoKey
 from polarsim.rocks.adopt import adopt_rocks
 from polarsim.run_files import rigs
+from polarsim.site import polar
 
 pytestmark = pytest.mark.release
 
@@ -38,6 +39,7 @@ def labels(release_root, tmp_path_factory):
         seeds=folder / "seeds",
     )
     locate_cameras(
+        site=polar(),
         terrain=TERRAIN,
         positions=list("ABC"),
         inventory=folder / "inventory.json",
@@ -47,6 +49,7 @@ def labels(release_root, tmp_path_factory):
         options=LocalisationOptions(),
     )
     adopt_rocks(
+        site=polar(),
         terrain=TERRAIN,
         inventory=folder / "inventory.json",
         cameras=folder / "cameras",

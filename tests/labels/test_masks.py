@@ -13,6 +13,7 @@ from polarsim.geometry.polygons import paint, rasterised, signed_area
 from polarsim.labels.masks import BOX_COLUMNS, draw_masks
 from polarsim.photo import BOX_CLASSES, COLOURS, GREY_VALUES, SHADOW, PhotoKey, photo_grid
 from polarsim.run_files import lamps
+from polarsim.site import polar
 
 from .conftest import BLOCKS, TERRAIN, block, localised
 from .test_propagate import propagate
@@ -221,7 +222,7 @@ def true_outline(kind: str, rock: int) -> np.ndarray:
 
 def on_the_sand(points: np.ndarray) -> np.ndarray:
     """Project points (n, 3) from a lamp onto the ground."""
-    lamp = lamps.surveyed_suns({position: localised(position) for position in "AC"})[LIT.azimuth]
+    lamp = lamps.surveyed_suns({position: localised(position) for position in "AC"}, polar(), 1)[LIT.azimuth]
     return points + points[:, 2:] / (lamp[2] - points[:, 2:]) * (points - lamp)
 
 

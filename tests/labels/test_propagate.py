@@ -17,6 +17,8 @@ from polarsim.photo import BLACK_LEVEL, FIRST_ID_WITHOUT_MESH, PhotoKey, photo_g
 from polarsim.run_files import inventory, rigs
 from polarsim.run_files.lamps import surveyed_suns
 from polarsim.run_files.scene import read_terrain
+from polarsim.site import polar
+from tests.support.polar_survey import SANDBOX
 
 from .conftest import BLOCKS, TERRAIN, block, localised
 
@@ -133,8 +135,8 @@ def test_shadow_edges_follow_the_photo_except_in_annotated_photos(scene, tmp_pat
     key_annotated, sibling = key("A_off_30_L_0256"), key("A_off_30_L_1024")
     rocks_only = yolo.read_boxes(scene.seeds / f"{key_annotated}.txt")[1][: len(BLOCKS)]
     localised_rigs = rigs.read_all_localised(scene.cameras)
-    suns = surveyed_suns(localised_rigs)
-    known = associate_rocks(read_terrain(scene.meshes, TERRAIN), localised_rigs, suns, {})
+    suns = surveyed_suns(localised_rigs, polar(), TERRAIN)
+    known = associate_rocks(read_terrain(scene.meshes, TERRAIN, SANDBOX), localised_rigs, suns, {})
     brightness = OlatBrightness(known).brightness((3, "A", "off", "30", "L"))
     rows = []
     for one in (key_annotated, sibling):

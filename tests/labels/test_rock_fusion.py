@@ -13,7 +13,7 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import project_rock
 from polarsim.labels.seeds import AnnotatedBoxes
 from polarsim.photo import SUNS
-from polarsim.survey import SUN_LAMPS
+from tests.support.polar_survey import SUN_LAMPS
 
 from .conftest import BLOCKS, localised, terrain_of
 
@@ -28,7 +28,7 @@ def annotated_boxes_alone(monkeypatch):
 
 
 def box_of(rock, position="A", camera="L", blocks=BLOCKS):
-    world = build_world(terrain_of(blocks), TRIM)
+    world = build_world(terrain_of(blocks), TRIM, SUN_LAMPS)
     return project_rock(world, localised(position).camera(camera), rock).box
 
 

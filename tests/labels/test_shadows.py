@@ -14,14 +14,14 @@ from polarsim.labels.shadows import CastShadow, PositionShadows, mean_shadow
 from polarsim.photo import NO_ROCK
 from polarsim.run_files.scene import read_terrain
 from polarsim.run_files.walls import level_walls
-from polarsim.survey import lamp_position
+from tests.support.polar_survey import SANDBOX, SUN_LAMPS, lamp_position
 
 from .conftest import BLOCKS, TERRAIN, localised
 
 
 @pytest.fixture(scope="module")
 def world(untouched_scene):
-    return build_world(replace(read_terrain(untouched_scene.meshes, TERRAIN), walls=None), 0.004)
+    return build_world(replace(read_terrain(untouched_scene.meshes, TERRAIN, SANDBOX), walls=None), 0.004, SUN_LAMPS)
 
 
 @pytest.fixture(scope="module")
@@ -80,14 +80,14 @@ def test_the_active_lamp_of_each_light_setting(world):
 
 def test_lamp_positions_come_from_the_calibration(untouched_scene):
     found = {"180": np.array([-3.5, 0.4, 0.8])}
-    world = build_world(read_terrain(untouched_scene.meshes, TERRAIN), 0.004, found)
+    world = build_world(read_terrain(untouched_scene.meshes, TERRAIN, SANDBOX), 0.004, found)
     np.testing.assert_array_equal(active_lamp(world, localised("A"), "off", "180"), found["180"])
 
 
 @pytest.fixture(scope="module")
 def walled(untouched_scene):
-    terrain = read_terrain(untouched_scene.meshes, TERRAIN)
-    return build_world(replace(terrain, walls=level_walls(2.1, terrain.sand_level + 0.3)), 0.004)
+    terrain = read_terrain(untouched_scene.meshes, TERRAIN, SANDBOX)
+    return build_world(replace(terrain, walls=level_walls(2.1, terrain.sand_level + 0.3)), 0.004, SUN_LAMPS)
 
 
 def seen_at(world, position):
@@ -145,7 +145,8 @@ def test_a_cast_shadow_without_overlap_is_ignored():
 
 def test_a_shadow_in_a_photo_ends_at_the_shadow_of_the_wall(untouched_scene):
     """A higher wall shades the near part of the shadow of the rock."""
-    lamp_position, terrain = np.array([3.2, -0.6, 0.6]), read_terrain(untouched_scene.meshes, TERRAIN)
+    lamp_position = np.array([3.2, -0.6, 0.6])
+    terrain = read_terrain(untouched_scene.meshes, TERRAIN, SANDBOX)
 
     def box(height, *, with_photo=True):
         walls = level_walls(2.1, terrain.sand_level + height)

@@ -3,15 +3,13 @@
 import numpy as np
 import pytest
 
-from polarsim import survey
-from polarsim.geometry.poses import camera_pose
 from polarsim.lint.rules import RULES
 from polarsim.lint.siblings import sibling_defects
 from polarsim.lint.views import view_defects
 from polarsim.photo import SUNS, PhotoKey
-from polarsim.survey import SURVEYED_LEFT, lamp_position
 from tests.lint.test_boxes import ROCK, SHADOW
 from tests.support.polar_rig import default_rig
+from tests.support.polar_survey import lamp_position, surveyed_pose
 
 PLACES = np.array(
     [(-0.9, -0.6), (-0.3, 0.7), (0.2, -0.2), (0.7, 0.5), (0.9, -0.7), (-0.6, 0.1), (0.1, 0.2), (-0.1, -0.8)]
@@ -21,7 +19,7 @@ SIDE = 0.16  # metres
 
 def annotated(key, points, offset=0.0):
     """Return boxes of objects of 16 cm on the ground, moved by `offset` metres away from the lamp."""
-    left = camera_pose(SURVEYED_LEFT[key.position], np.radians(survey.NOMINAL_YAW_DEG[key.position]), np.radians(25))
+    left = surveyed_pose(key.position)
     rig = default_rig()
     pose = left if key.camera == "L" else left @ rig.left_from_right
     away = points - lamp_position(key.azimuth)[:2]

@@ -15,7 +15,7 @@ from polarsim.relief.heights import HeightMap, PhotoView
 from polarsim.rocks.folder import height_mesh
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.scans import Extent
-from polarsim.survey import SUN_LAMPS
+from tests.support.polar_survey import SUN_LAMPS
 
 GRID = FloorGrid(Extent(-0.7, -0.7, 0.7, 0.7), 0.01)
 LARGER = FloorGrid(Extent(-1.6, -1.6, 1.6, 1.6), 0.01)

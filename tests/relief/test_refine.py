@@ -23,8 +23,9 @@ from polarsim.run_files.lamps import write_suns
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.run_files.scene import FITTED, PHOTOS, PUBLISHED, SCANNED
 from polarsim.run_files.walls import level_walls
-from polarsim.survey import SUN_LAMPS
+from polarsim.site import polar
 from tests.relief.scenes import GRID, LARGER, LENS, camera, photograph, relief, texture
+from tests.support.polar_survey import SUN_LAMPS
 
 HALF = 0.7  # metres: half width of the walls
 BOX = Mesh(  # open below, 2 cm above the level ground
@@ -65,8 +66,8 @@ def write_photos(folder, seeds=(0, 0)):
 def refined(folder):
     out = folder / "refined"
     refine_ground(
-        terrain=1, meshes=folder / "meshes", cameras=folder / "cameras", photos=folder / "photos", refined=out,
-        options=RenderOptions(),
+        site=polar(), terrain=1, meshes=folder / "meshes", cameras=folder / "cameras",
+        photos=folder / "photos", refined=out, options=RenderOptions(),
     )  # fmt: skip
     return out, json.loads((out / GROUND_FILE).read_text())
 

@@ -22,6 +22,7 @@ from polarsim.render.options import OF_FITTED, FittingOptions, LambertParameters
 from polarsim.run_files.light_fields import FittedField, read_light_fields, write_light_fields
 from polarsim.run_files.materials import FittedMaterial, FittedMaterials, read_materials, write_materials
 from polarsim.run_files.scene import read_terrain
+from tests.support.polar_survey import SANDBOX
 
 from .conftest import render_into
 
@@ -65,7 +66,7 @@ def _small_pictures(monkeypatch):
 @pytest.fixture
 def photographed(folders):
     """Photos of a terrain with a rock twice as bright as the ground and a lamp twice as bright as the first."""
-    mesh = read_terrain(folders / "meshes", 1)
+    mesh = read_terrain(folders / "meshes", 1, SANDBOX)
     albedo = np.where(np.arange(len(mesh.vertices)) < 4, 1.0, 2.0)
     lamps = {"30": 60.0, "180": 120.0, "rover": 90.0}
     fit = FittedMaterial({"albedo": 0.2}, lamps, {1: 2.0}, albedo.astype(np.float32))
@@ -112,7 +113,7 @@ def test_without_usable_photos_materials_are_constant_with_a_warning(folders, ph
             png.write_png(path, np.full((140, 200), BLACK_LEVEL, np.uint16))
     materials = fitted(folders, None if photos == "no table" else index(folders, paths))
     assert [record.levelname for record in caplog.records].count("WARNING") >= 1
-    assert read_materials(materials, read_terrain(folders / "meshes", 1)).models == {}
+    assert read_materials(materials, read_terrain(folders / "meshes", 1, SANDBOX)).models == {}
     plain, with_nothing = twins_of(folders, "plain"), twins_of(folders, "nothing", materials=materials)
     for key, path in plain.items():
         assert path.read_bytes() == with_nothing[key].read_bytes()

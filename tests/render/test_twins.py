@@ -11,7 +11,7 @@ from polarsim.render.gain import default_gain, gain_ratios
 from polarsim.render.optics import spread, vignette
 from polarsim.render.options import MODELS, RenderOptions
 from polarsim.run_files.rigs import SURVEYED, UNCERTAIN_LABELS, read_localised, write_localised
-from polarsim.survey import SURVEYED_LEFT, lamp_position
+from tests.support.polar_survey import SURVEYED_LEFT, lamp_position
 
 from .conftest import render_into
 

@@ -28,6 +28,7 @@ from polarsim.scoring.label_pairs import EDGES, TRUE_EDGES
 from polarsim.scoring.reliability import COLUMNS as RELIABILITY_COLUMNS
 from tests.report.pixels import coloured, is_drawn
 from tests.support.label_rows import label_row
+from tests.support.polar_survey import SANDBOX
 
 NARROW = 600  # px
 WIDE = 1300  # px
@@ -111,7 +112,8 @@ def residuals_drawn(folder, name, twins=None, covers=None):
 
 def test_displaced_boxes_get_arrows_and_matching_boxes_none(tmp_path, world):
     world.write(tmp_path)
-    localised, scene = read_all_localised(tmp_path / "cameras"), read_terrain(tmp_path / "meshes", 3)
+    localised = read_all_localised(tmp_path / "cameras")
+    scene = read_terrain(tmp_path / "meshes", 3, SANDBOX)
     position, rig = sorted(localised.items())[0]
     boxes = np.array([box_around_points(rig.project("L", scene.rock_vertices(rock))) for rock in scene.rocks])
     arrows = []
@@ -153,7 +155,7 @@ def test_a_cover_photo_of_the_right_camera_is_not_a_background_of_residuals(tmp_
 
 def test_a_cube_from_above_has_the_true_area_height_and_position(tmp_path, world):
     world.write(tmp_path)
-    scene = read_terrain(tmp_path / "meshes", 3)
+    scene = read_terrain(tmp_path / "meshes", 3, SANDBOX)
     top = top_view(scene, make_caster(scene.vertices, scene.faces))
     on_rock = top.rock == 1
     assert on_rock.sum() * STEP**2 == pytest.approx(0.2**2, rel=0.06)
@@ -165,7 +167,7 @@ def test_a_cube_from_above_has_the_true_area_height_and_position(tmp_path, world
 
 def test_the_oblique_view_shows_tinted_rocks_and_shadows(tmp_path, world):
     world.write(tmp_path)
-    scene = read_terrain(tmp_path / "meshes", 3)
+    scene = read_terrain(tmp_path / "meshes", 3, SANDBOX)
     pixels = oblique_view(scene, make_caster(scene.vertices, scene.faces), 400).astype(int)
     tinted = pixels[..., 0] > pixels[..., 2] + 60
     dark = pixels.max(axis=-1) < 110

@@ -15,6 +15,7 @@ from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.scans import Extent
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.scene import mesh_origins
+from polarsim.site import polar
 
 GRID = FloorGrid(Extent(-2.1, -2.1, 2.1, 2.1), 0.02)
 
@@ -28,6 +29,7 @@ def coarse(monkeypatch):
 def adopt(folder, terrain, meshes, **inventory):
     write_inventory(folder / "inventory.json", Inventory(terrain, "release", meshes=meshes, **inventory))
     adopt_rocks(
+        site=polar(),
         terrain=terrain,
         inventory=folder / "inventory.json",
         cameras=folder / "cameras",

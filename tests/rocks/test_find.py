@@ -17,6 +17,7 @@ from polarsim.rocks.solids import volume
 from polarsim.run_files import rigs
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.rigs import LocalisedRig
+from polarsim.site import polar
 from tests.rocks.conftest import SIZES, Scene, angular_rock, hilly
 from tests.support.polar_rig import default_rig
 
@@ -55,6 +56,7 @@ def hilly_below(x0, y0):
 def given(folder, **changed):
     """Return the arguments of `find_rocks` in a folder."""
     return {
+        "site": polar(),
         "terrain": 1,
         "inventory": folder / "inventory.json",
         "cameras": folder / "cameras",
@@ -73,7 +75,12 @@ def run(folder, **changed):
     arguments = given(folder, **changed)
     find_rocks(**arguments)
     mesh_rocks(
-        terrain=1, rocks=arguments["rocks"], clouds=arguments["clouds"], meshes=folder / "meshes", options=OPTIONS
+        site=polar(),
+        terrain=1,
+        rocks=arguments["rocks"],
+        clouds=arguments["clouds"],
+        meshes=folder / "meshes",
+        options=OPTIONS,
     )
 
 

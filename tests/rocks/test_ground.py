@@ -10,7 +10,9 @@ from polarsim.rocks.ground import find_ground, sand_extent
 from polarsim.rocks.overrides import Cuboid, Overrides
 from polarsim.rocks.regions import Limits, RockRegion, _has_rock_shape, find_regions, number_regions
 from polarsim.rocks.scans import Extent, ScanPoints
+from polarsim.site import polar
 from tests.rocks.conftest import SIZES, hilly
+from tests.support.polar_survey import HALF, SANDBOX
 
 CELL = 0.008
 SLOPE = np.radians(40)
@@ -98,24 +100,24 @@ def test_an_id_is_the_number_of_a_square_of_the_sandbox():
     low, next_one, above, high = (
         region(*position) for position in [(-1.9, -1.9), (-1.6, -1.9), (-1.9, -1.6), (1.9, 1.9)]
     )
-    assert {rock: id(one) for rock, one in number_regions([above, high, next_one, low]).items()} == {
+    assert {rock: id(one) for rock, one in number_regions([above, high, next_one, low], HALF).items()} == {
         1: id(low), 2: id(next_one), 17: id(above), 256: id(high),
     }  # fmt: skip
 
 
 def test_ids_in_a_square_are_ordered_by_size_and_rocks_outside_get_ids_of_the_border():
     many = [region(0.1 + 0.01 * k, 0.1, 0.2 - 0.01 * k) for k in range(5)]
-    assert list(number_regions(many)) == [137, 393, 649, 769, 770]
-    assert [id(one) for one in number_regions(many).values()] == [id(one) for one in many]
-    assert list(number_regions([region(-2.1, 2.1)])) == [241]
+    assert list(number_regions(many, HALF)) == [137, 393, 649, 769, 770]
+    assert [id(one) for one in number_regions(many, HALF).values()] == [id(one) for one in many]
+    assert list(number_regions([region(-2.1, 2.1)], HALF)) == [241]
 
 
 @given(gone=st.integers(0, 39), seed=st.integers(0, 50))
 def test_a_removed_rock_changes_only_ids_of_its_square(gone, seed):
     rng = np.random.default_rng(seed)
     rocks = [region(*rng.uniform(-1.9, 1.9, 2), size) for size in rng.uniform(0.05, 0.3, 40)]
-    before = {id(one): rock for rock, one in number_regions(rocks).items()}
-    after = {id(one): rock for rock, one in number_regions(rocks[:gone] + rocks[gone + 1 :]).items()}
+    before = {id(one): rock for rock, one in number_regions(rocks, HALF).items()}
+    after = {id(one): rock for rock, one in number_regions(rocks[:gone] + rocks[gone + 1 :], HALF).items()}
     square = np.floor(rocks[gone].centre / 0.25)
     for one in rocks:
         if one is not rocks[gone] and (np.floor(one.centre / 0.25) != square).any():
@@ -129,7 +131,7 @@ def around(region):
 def test_overrides_decide_ids_and_crops(found, caplog):
     """By id: the region that a rock has after the overrides, or `override` for a cuboid."""
     sand, regions = found
-    (_, one), (b, two), (c, three) = number_regions(regions).items()
+    (_, one), (b, two), (c, three) = number_regions(regions, HALF).items()
     nowhere = np.array([-1.2, 1.2])
     cases = [
         (Overrides({7: around(one)}, drop=(b,)), {7: "override", c: three}),
@@ -141,7 +143,7 @@ def test_overrides_decide_ids_and_crops(found, caplog):
         (Overrides(positions={8: one.centre}, drop=(8,)), {b: two, c: three}),
     ]
     for overrides, expected in cases:
-        _, rocks = crop_rocks(sand, regions, overrides, LIMITS.foot)
+        _, rocks = crop_rocks(sand, regions, overrides, LIMITS.foot, HALF)
         got = {rock: crop.source if crop.source == "override" else crop.region for rock, crop in rocks.items()}
         assert list(got) == list(expected)
         for rock, region in expected.items():
@@ -157,7 +159,7 @@ def test_ids_of_positions_do_not_depend_on_other_regions(found, gone):
     sand, regions = found
     points = {rock: region.centre for rock, region in enumerate(regions, 1)}
     left = {rock: region for rock, region in enumerate(regions, 1) if rock - 1 not in gone}
-    _, rocks = crop_rocks(sand, list(left.values()), Overrides(positions=points), LIMITS.foot)
+    _, rocks = crop_rocks(sand, list(left.values()), Overrides(positions=points), LIMITS.foot, HALF)
     assert {rock: id(crop.region) for rock, crop in rocks.items()} == {rock: id(own) for rock, own in left.items()}
 
 
@@ -171,7 +173,7 @@ def test_a_rock_that_is_only_annotated_changes_no_other_id(found):
             return ["A"]
 
     before, after = (
-        number_regions(find_regions(sand, picky, evidence({}, {}, 0.3))) for evidence in (Evidence, Annotated)
+        number_regions(find_regions(sand, picky, evidence({}, {}, 0.3)), HALF) for evidence in (Evidence, Annotated)
     )
     assert len(before) == 2
     assert len(after) == 3
@@ -186,7 +188,7 @@ def test_cloth_in_the_box_is_not_ground(bare_scans, rng):
     points = np.concatenate([bare_scans.points[away], cloth])
     scans = ScanPoints(points, np.tile([0.0, 0, 1], (len(points), 1)), np.ones(len(points)))
     sand, regions = regions_of(scans)
-    sand, _ = crop_rocks(sand, regions, Overrides(), LIMITS.foot)
+    sand, _ = crop_rocks(sand, regions, Overrides(), LIMITS.foot, HALF)
     error = sand.ground - hills(sand.grid.centres())
     assert np.abs(error[:30, :30]).max() < 0.08  # 24 cm of the corner, filled from neighbours
 
@@ -219,7 +221,7 @@ def test_swells_and_upright_strips_are_not_rocks_but_a_stone_is(bare_scans, rng)
         sand, regions = regions_of(with_patch(bare_scans, size, height, rng))
         assert len(regions) == expected, (size, height)
         if height > size[0]:  # an upright strip makes no spike in the ground
-            sand, _ = crop_rocks(sand, regions, Overrides(), LIMITS.foot)
+            sand, _ = crop_rocks(sand, regions, Overrides(), LIMITS.foot, HALF)
             assert np.abs(sand.ground - hills(sand.grid.centres())).max() < 0.02
 
 
@@ -239,7 +241,7 @@ def test_walls_bound_the_sand(rng):
     floor = np.column_stack([rng.uniform(-2.2, 2.2, (200_000, 2)), np.zeros(200_000)])
     wall = np.column_stack([np.full(40_000, -1.93), rng.uniform(-2, 2, 40_000), rng.uniform(0, 0.3, 40_000)])
     points = np.concatenate([floor, wall])
-    extent = sand_extent(ScanPoints(points, np.zeros_like(points), np.ones(len(points))))
+    extent = sand_extent(ScanPoints(points, np.zeros_like(points), np.ones(len(points))), SANDBOX)
     assert extent.x0 == pytest.approx(-1.93 + 0.03, abs=0.005)
     assert (extent.y0, extent.x1, extent.y1) == (-1.97, 1.97, 1.97)  # the surveyed 2.0 m minus the margin
 
@@ -247,7 +249,7 @@ def test_walls_bound_the_sand(rng):
 def test_a_small_box_is_bounded_by_its_width(rng):
     points = np.column_stack([rng.uniform(-0.7, 0.7, (50_000, 2)), np.zeros(50_000)])
     points[(np.abs(points[:, :2]) > 0.53).any(axis=1), 2] = -0.4  # the floor around it
-    extent = sand_extent(ScanPoints(points, np.zeros_like(points), np.ones(len(points))), 0.5)
+    extent = sand_extent(ScanPoints(points, np.zeros_like(points), np.ones(len(points))), polar().sandbox_of(13))
     assert (extent.x0, extent.y0, extent.x1, extent.y1) == (-0.47, -0.47, 0.47, 0.47)
 
 

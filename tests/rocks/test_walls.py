@@ -7,6 +7,8 @@ from polarsim.errors import FormatError
 from polarsim.rocks.scans import ScanPoints
 from polarsim.rocks.walls import measure_walls
 from polarsim.run_files.walls import FILE, SIDES, read_walls, surveyed_walls, write_walls
+from polarsim.site import polar
+from tests.support.polar_survey import SANDBOX
 
 FACES = {"-x": 2.02, "+x": 1.98, "-y": 2.05, "+y": 1.96}
 TOPS = {"-x": 0.31, "+x": 0.28, "-y": 0.33, "+y": 0.29}
@@ -39,7 +41,7 @@ def sand(rng: np.random.Generator) -> np.ndarray:
 
 @pytest.mark.parametrize("inner", [True, False])
 def test_face_and_top_of_every_side_are_measured(rng, inner):
-    walls = measure_walls(1, scans(sand(rng), *(board(side, rng, inner=inner) for side in SIDES)), level=0.0)
+    walls = measure_walls(1, SANDBOX, scans(sand(rng), *(board(side, rng, inner=inner) for side in SIDES)), level=0.0)
     assert walls.origin == "scans"
     for side, wall in walls.sides.items():
         assert wall.face_m == pytest.approx(FACES[side], abs=0.003)
@@ -48,7 +50,7 @@ def test_face_and_top_of_every_side_are_measured(rng, inner):
 
 
 def test_the_top_follows_a_sloping_wall(rng):
-    walls = measure_walls(1, scans(*(board(side, rng, inner=True, sag=0.005) for side in SIDES)), level=0.0)
+    walls = measure_walls(1, SANDBOX, scans(*(board(side, rng, inner=True, sag=0.005) for side in SIDES)), level=0.0)
     along = np.linspace(-1.8, 1.8, 7)
     assert walls.sides["+y"].top(along) == pytest.approx(TOPS["+y"] + 0.005 * along, abs=0.002)
 
@@ -56,28 +58,28 @@ def test_the_top_follows_a_sloping_wall(rng):
 def test_parts_without_a_visible_top_are_interpolated(rng):
     low = board("-x", rng, inner=True)
     cut = low[(np.abs(low[:, 1]) > 0.5) | (low[:, 2] < 0.2)]  # an object hides the upper part of the middle
-    walls = measure_walls(1, scans(cut, *(board(side, rng, inner=True) for side in SIDES[1:])), level=0.0)
+    walls = measure_walls(1, SANDBOX, scans(cut, *(board(side, rng, inner=True) for side in SIDES[1:])), level=0.0)
     assert walls.sides["-x"].top(np.array([0.0])) == pytest.approx(TOPS["-x"], abs=0.003)
     assert walls.sides["-x"].support == pytest.approx(0.7, abs=0.06)
 
 
 def test_missing_walls_are_nominal_and_reported(rng, caplog):
-    walls = measure_walls(1, scans(sand(rng), board("-x", rng, inner=True)), level=0.01)
-    nominal = surveyed_walls(1, 0.01)
+    walls = measure_walls(1, SANDBOX, scans(sand(rng), board("-x", rng, inner=True)), level=0.01)
+    nominal = surveyed_walls(SANDBOX, 0.01)
     assert walls.sides["-x"].support > 0.9
     for side in SIDES[1:]:
         assert walls.sides[side].support == 0
         assert walls.sides[side].face_m == nominal.sides[side].face_m
         assert side in caplog.text
-    assert measure_walls(1, scans(sand(rng)), level=0.0).origin == "survey"
+    assert measure_walls(1, SANDBOX, scans(sand(rng)), level=0.0).origin == "survey"
 
 
 def test_a_sandbox_without_survey_has_no_walls(rng):
-    assert measure_walls(13, scans(sand(rng)), level=0.0) is None
+    assert measure_walls(13, polar().sandbox_of(13), scans(sand(rng)), level=0.0) is None
 
 
 def test_walls_are_read_as_written(rng, tmp_path):
-    walls = measure_walls(1, scans(*(board(side, rng, inner=True) for side in SIDES)), level=0.0)
+    walls = measure_walls(1, SANDBOX, scans(*(board(side, rng, inner=True) for side in SIDES)), level=0.0)
     write_walls(tmp_path, walls)
     read = read_walls(tmp_path)
     assert read.origin == walls.origin
@@ -99,7 +101,7 @@ def test_walls_are_read_as_written(rng, tmp_path):
     ],
 )
 def test_damaged_files_are_refused_with_their_path(tmp_path, damage):
-    write_walls(tmp_path, surveyed_walls(1, 0.0))
+    write_walls(tmp_path, surveyed_walls(SANDBOX, 0.0))
     text = (tmp_path / FILE).read_text()
     assert damage(text) != text
     (tmp_path / FILE).write_text(damage(text))

@@ -5,8 +5,9 @@ from polarsim.errors import FormatError
 from polarsim.geometry.poses import Pose
 from polarsim.run_files import lamps
 from polarsim.run_files.rigs import LocalisedRig
-from polarsim.survey import SURVEYED_LEFT, lamp_position
+from polarsim.site import polar
 from tests.support.polar_rig import default_rig
+from tests.support.polar_survey import SURVEYED_LEFT, lamp_position
 
 LIFT = np.array([0.0, 0.0, 0.18])
 RIGS = {
@@ -15,7 +16,7 @@ RIGS = {
 
 
 def test_lamps_that_are_not_localised_have_surveyed_positions_at_the_height_of_the_rigs(tmp_path):
-    suns = lamps.read_suns(tmp_path, RIGS)
+    suns = lamps.read_suns(tmp_path, RIGS, polar(), 1)
     assert sorted(suns) == ["180", "270", "30", "350"]
     np.testing.assert_allclose(suns["180"], lamp_position("180") + LIFT, atol=1e-12)
 
@@ -24,15 +25,15 @@ def test_cameras_of_another_sandbox_do_not_affect_the_height_of_the_survey(tmp_p
     beside = {
         position: LocalisedRig(default_rig(), Pose(np.eye(3), np.array([2.0, -0.15, 1.25]))) for position in "ABCDEFG"
     }
-    np.testing.assert_array_equal(lamps.read_suns(tmp_path, beside)["30"], lamp_position("30"))
+    np.testing.assert_array_equal(lamps.read_suns(tmp_path, beside, polar(), 13)["30"], lamp_position("30"))
     one_there = beside | {"A": RIGS["A"]}
     lift = RIGS["A"].sandbox_from_left.translation[2] - np.median([point[2] for point in SURVEYED_LEFT.values()])
-    np.testing.assert_allclose(lamps.read_suns(tmp_path, one_there)["30"], lamp_position("30", lift))
+    np.testing.assert_allclose(lamps.read_suns(tmp_path, one_there, polar(), 1)["30"], lamp_position("30", lift))
 
 
 def test_localised_lamps_replace_surveyed_lamps(tmp_path):
     lamps.write_suns(tmp_path, {"30": np.array([3.51234, 1.3, 0.8])})
-    suns = lamps.read_suns(tmp_path, RIGS)
+    suns = lamps.read_suns(tmp_path, RIGS, polar(), 1)
     np.testing.assert_array_equal(suns["30"], [3.5123, 1.3, 0.8])
     np.testing.assert_allclose(suns["270"], lamp_position("270") + LIFT, atol=1e-12)
 
@@ -41,7 +42,7 @@ def test_localised_lamps_replace_surveyed_lamps(tmp_path):
 def test_an_invalid_file_is_an_error(tmp_path, text):
     (tmp_path / lamps.FILE).write_text(text)
     with pytest.raises(FormatError, match=r"lamps\.json"):
-        lamps.read_suns(tmp_path, RIGS)
+        lamps.read_suns(tmp_path, RIGS, polar(), 1)
 
 
 def test_the_file_has_only_localised_lamps(tmp_path):

@@ -6,6 +6,7 @@ from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
 from polarsim.run_files.scene import TerrainMesh, read_terrain, terrain_of_folder
+from tests.support.polar_survey import SANDBOX
 
 TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
 FACE = np.array([[0, 1, 2]])
@@ -15,7 +16,7 @@ def test_each_face_has_the_rock_and_position_of_the_mesh(tmp_path):
     obj.write_obj(tmp_path / "terrain04_ground.obj", Mesh(TRIANGLE, FACE), "ground")
     obj.write_obj(tmp_path / "terrain04_rock7.obj", Mesh(TRIANGLE + 2, FACE), "rock7")
     obj.write_obj(tmp_path / "terrain04_rock3.obj", Mesh(TRIANGLE + 1, FACE), "rock3")
-    terrain = read_terrain(tmp_path, 4)
+    terrain = read_terrain(tmp_path, 4, SANDBOX)
     assert terrain.rocks == [3, 7]
     assert terrain.rock_of_face.tolist() == [NO_ROCK, 3, 7]
     np.testing.assert_allclose(terrain.vertices[terrain.faces[1]], TRIANGLE + 1)
@@ -25,7 +26,7 @@ def test_each_face_has_the_rock_and_position_of_the_mesh(tmp_path):
 
 def test_a_folder_without_ground_is_an_error(tmp_path):
     with pytest.raises(FormatError, match=r"terrain04_ground\.obj"):
-        read_terrain(tmp_path, 4)
+        read_terrain(tmp_path, 4, SANDBOX)
 
 
 def test_the_ground_mesh_has_the_number_of_the_terrain(tmp_path):

@@ -11,7 +11,7 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
 from polarsim.run_files.wall_edges import SIDES, OpenGround, edge_profiles
 from polarsim.run_files.walls import level_walls
-from polarsim.survey import SUN_LAMPS
+from tests.support.polar_survey import SUN_LAMPS
 from tests.support.wall_photos import level_sand, shaded_sand
 
 CAMERA = Camera(

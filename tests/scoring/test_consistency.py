@@ -234,15 +234,15 @@ def test_a_fitted_ground_that_does_not_support_its_rocks_is_reported():
     places = [np.array([x, y, 0.0]) for x in (-1.2, 0.0, 1.2) for y in (-1.2, 0.0, 1.2)]
     for lifted, reported in ((0, set()), (3, {("fitted ground", "feet_off")})):
         rims = [foot + place + [0, 0, 0.03 * (number < lifted)] for number, place in enumerate(places)]
-        metrics = ground_support(ground, rims, 1.7)
+        metrics = ground_support(ground, rims, np.full(2, 1.7))
         assert {metric.metric: metric.value for metric in metrics}["feet_off"] == pytest.approx(lifted / 9)
         assert exceeded(metrics) == reported
-    single_rock = {metric.metric: metric.value for metric in ground_support(ground, [foot], 1.7)}
+    single_rock = {metric.metric: metric.value for metric in ground_support(ground, [foot], np.full(2, 1.7))}
     assert single_rock["far_from_feet"] == pytest.approx(1 - np.pi * 0.6**2 / 3.4**2, abs=0.02)
     for beyond_m, share in ((1.95, 0), (2.05, 1)):  # less and more than half of the foot is outside the ground
-        at_edge = ground_support(ground, [foot + np.array([beyond_m, 0, 0])], 1.7)
+        at_edge = ground_support(ground, [foot + np.array([beyond_m, 0, 0])], np.full(2, 1.7))
         assert {metric.metric: metric.value for metric in at_edge}["feet_off"] == share
-    (bare,) = ground_support(ground, [], 1.7)
+    (bare,) = ground_support(ground, [], np.full(2, 1.7))
     assert (bare.metric, bare.value) == ("far_from_feet", 1.0)
 
 

@@ -9,7 +9,7 @@ OTHER_FROM_TRUTH = Pose.from_rotvec(np.array([0.0, 0.0, 0.3]), np.array([0.1, -0
 
 
 def errors(folder, truth_from_sandbox):
-    metrics = lamps_against_truth(folder / "own/cameras", folder / "truth", truth_from_sandbox)
+    metrics = lamps_against_truth(1, folder / "own/cameras", folder / "truth", truth_from_sandbox)
     return {(metric.subject, metric.metric): metric.value for metric in metrics}
 
 

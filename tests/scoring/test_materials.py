@@ -10,6 +10,7 @@ from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.run_files.scene import read_terrain
 from polarsim.scoring.materials import held_out_metrics, score_materials
 from tests.support.polar_rig import default_rig
+from tests.support.polar_survey import SANDBOX
 
 TRANSLATION = np.array([0.3, -0.1, 0.05])  # of the true frame
 STEPS = ("unfitted", "constant_albedo", "fitted")
@@ -35,7 +36,7 @@ def scored(tmp_path):
     def score(off_ground, off_rock, looks=1, albedo_known=True):
         for name, mesh in ((obj.ground_name(1), grid(0, 0.5, 0)), (obj.rock_name(1, 3), grid(0.1, 0.2, 0.1))):
             obj.write_obj(tmp_path / "meshes" / name, mesh, "part")
-        mesh = read_terrain(tmp_path / "meshes", 1)
+        mesh = read_terrain(tmp_path / "meshes", 1, SANDBOX)
         rock = mesh.vertices[:, 2] > 0.05
         true = np.where(rock, 0.4, 0.2 + 0.1 * mesh.vertices[:, 0])
         factor = 3 * true * np.where(rock, 1 + off_rock, 1 + off_ground)

@@ -18,6 +18,7 @@ from polarsim.scoring.mesh_scores import (
 )
 from polarsim.scoring.surface import Surface
 from polarsim.scoring.true_surface import SurfaceSamples
+from tests.support.polar_survey import SANDBOX
 
 LEVEL = Mesh(
     np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]),
@@ -84,7 +85,7 @@ def test_a_folder_gives_a_row_for_the_ground_and_each_rock(tmp_path, rng):
         {"mesh": obj.rock_name(1, 4), "made_from": "published"},
     ]
     write_csv(tmp_path / "meshes.csv", pd.DataFrame(rows))
-    table = mesh_table(soundness_rows(read_terrain(tmp_path, 1), tmp_path, 1, rng, 500))
+    table = mesh_table(soundness_rows(read_terrain(tmp_path, 1, SANDBOX), tmp_path, 1, rng, 500))
     assert list(table.columns) == list(COLUMNS)
     assert table["made_from"].tolist() == ["fitted", "published"]
     ground, rock = table.to_dict("records")

@@ -11,7 +11,7 @@ from polarsim.errors import FormatError
 from polarsim.formats import obj, png, yolo
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, read_csv, read_parquet, write_parquet
 from polarsim.geometry import boxes as box_geometry
-from polarsim.geometry.poses import Pose, surveyed_pose
+from polarsim.geometry.poses import Pose
 from polarsim.photo import PhotoKey
 from polarsim.run_files.instances import GROUND, SHADOW_IDS
 from polarsim.run_files.rigs import LocalisedRig, read_localised, write_localised
@@ -24,6 +24,7 @@ from polarsim.scoring.rocks import score_rocks
 from polarsim.scoring.twins import score_twins
 from tests.support.label_rows import label_row
 from tests.support.polar_rig import default_rig
+from tests.support.polar_survey import surveyed_pose
 
 OPTIONS = ScoringOptions()
 OTHER_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0.1, -0.05, 0.02]))

@@ -7,9 +7,11 @@ from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
 from polarsim.rocks.find import find_rocks
 from polarsim.rocks.options import RocksOptions
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     find_rocks(
+        site=Site(**snakemake.params.site),
         terrain=parse_terrain(snakemake.wildcards.terrain),
         inventory=Path(snakemake.input.inventory),
         cameras=Path(snakemake.input.cameras),

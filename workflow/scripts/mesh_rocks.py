@@ -6,9 +6,11 @@ from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
 from polarsim.rocks.mesh import mesh_rocks
 from polarsim.rocks.options import RocksOptions
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     mesh_rocks(
+        site=Site(**snakemake.params.site),
         terrain=parse_terrain(snakemake.wildcards.terrain),
         rocks=Path(snakemake.input.rocks),
         clouds=Path(snakemake.input.clouds),

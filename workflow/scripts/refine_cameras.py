@@ -7,9 +7,11 @@ from polarsim.cameras.photos import refine_cameras
 from polarsim.job_files import optional_path
 from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     refine_cameras(
+        site=Site(**snakemake.params.site),
         terrain=parse_terrain(snakemake.wildcards.terrain),
         located=Path(snakemake.input.located),
         meshes=Path(snakemake.input.meshes),

@@ -6,9 +6,11 @@ from polarsim.photo import parse_terrain
 from polarsim.relief.refine import refine_ground
 from polarsim.render.options import RenderOptions
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     refine_ground(
+        site=Site(**snakemake.params.site),
         terrain=parse_terrain(snakemake.wildcards.terrain),
         meshes=Path(snakemake.input.meshes),
         cameras=Path(snakemake.input.cameras),

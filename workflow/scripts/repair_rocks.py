@@ -6,9 +6,11 @@ from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.repair import repair_rocks
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     repair_rocks(
+        site=Site(**snakemake.params.site),
         terrain=parse_terrain(snakemake.wildcards.terrain),
         inventory=Path(snakemake.input.inventory),
         cameras=Path(snakemake.input.cameras),

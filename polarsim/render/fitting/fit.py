@@ -24,6 +24,7 @@ from polarsim.run_files.light_fields import read_light_fields, sun_coefficients
 from polarsim.run_files.materials import FittedMaterial, FittedMaterials, rock_of_vertex, write_materials
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.scene import TerrainMesh, read_terrain
+from polarsim.site import polar
 
 log = logging.getLogger("polarsim.render")
 
@@ -46,7 +47,7 @@ def fit_materials(
 
     `cameras`, `meshes`: folders of the terrain. `photos`: `photos.parquet`, may be empty. `light`: light fields.
     """
-    mesh = read_terrain(meshes, terrain, cameras=cameras)
+    mesh = read_terrain(meshes, terrain, polar().sandbox_of(terrain), cameras=cameras)
     paths = pictures_at(photos) if photos else {}
     found = samples_of_terrain(terrain, cameras, mesh, paths, options, threads)
     engine = reflectance_engine(options, threads)

@@ -26,6 +26,7 @@ from polarsim.render.options import RenderOptions
 from polarsim.run_files.light_fields import FittedField, write_light_fields
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.scene import TerrainMesh, read_terrain
+from polarsim.site import polar
 
 log = logging.getLogger("polarsim.render")
 
@@ -80,7 +81,8 @@ def fit_light(
         else (png.read_photo, frozenset({options.fitting.held_out}))
     )
     for terrain in sorted({key.terrain for key in paths} & set(light)):
-        mesh = read_terrain(meshes[terrain], terrain, cameras=cameras[terrain])
+        sandbox = polar().sandbox_of(terrain)
+        mesh = read_terrain(meshes[terrain], terrain, sandbox, cameras=cameras[terrain])
         samples = samples_of_terrain(terrain, cameras[terrain], mesh, paths, options, threads, _SCALE, read)
         if samples is not None:
             found[terrain] = mesh, samples[0] if published else samples_of_scene(terrain, samples[0])

@@ -20,6 +20,7 @@ from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.lamps import read_suns
 from polarsim.run_files.rigs import read_all_localised
 from polarsim.run_files.scene import TerrainMesh
+from polarsim.site import polar
 
 log = logging.getLogger("polarsim.render")
 LAMPS = (*SUNS, ROVER)  # names of the lamps, indexed by `FitSamples.lamp`
@@ -45,7 +46,7 @@ def samples_of_terrain(
     samples are selected. `read`: see `single_lamps`.
     """
     rigs = read_all_localised(cameras)
-    suns = read_suns(cameras, rigs)
+    suns = read_suns(cameras, rigs, polar(), terrain)
     surfaces = build_surfaces(mesh, options)
     paths: dict[PositionCamera, dict[PhotoKey, Path]] = {}
     for key, path in photos.items():

@@ -21,7 +21,7 @@ from polarsim.render.views.cameras import NamedCamera, cameras_of
 from polarsim.render.views.moon import local_from_celestial, sun_over
 from polarsim.render.views.options import LunarSuns, NearLamps, SceneSection, Suns, Views
 from polarsim.run_files.picture_sets import AUTO, exposure_name
-from polarsim.survey import ROVER_LIGHT_FROM_LEFT, ROVER_LIGHT_SHARE
+from polarsim.site import polar
 
 log = logging.getLogger("polarsim.render")
 
@@ -72,7 +72,9 @@ def lights_of(views: Views) -> list[NamedLight]:
 def rover_lamp(camera: NamedCamera) -> Lamp:
     """Return the rover light next to a camera; both cameras of a pair share the same light."""
     left_from_sandbox = camera.left_from_camera @ camera.world_from_camera.inverse()
-    return Lamp(left_from_sandbox.inverse().apply(ROVER_LIGHT_FROM_LEFT), ROVER_LIGHT_SHARE)
+    rig_lamp = polar().rig_lamp
+    assert rig_lamp is not None
+    return Lamp(left_from_sandbox.inverse().apply(np.array(rig_lamp.from_camera_m)), rig_lamp.share)
 
 
 PlannedLamp = tuple[Lamp, float, float, str, np.ndarray]

@@ -12,7 +12,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.photo import NO_ROCK, Terrain, terrain_text
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, LETTER_M, PLAIN, SERIES, name_positions, note, page
 from polarsim.schemas.evaluation import OFFSETS
-from polarsim.survey import SANDBOX_HALF_WIDTH
+from polarsim.site import polar
 
 RANGES_MM = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)  # possible limits of the colour scale
 SHOWN_SHARE = 95  # minimum percentage of the points within the limit
@@ -51,7 +51,8 @@ def _draw_map(sheet: Any, axes: Any, table: pd.DataFrame, title: str, reach: flo
     )  # fmt: skip
     axes.set_title(title)
     axes.set(xlabel="x (Sun azimuth 0), m", ylabel="y (Sun azimuth 90), m", facecolor="#f1f3f4")
-    axes.set(xlim=(-SANDBOX_HALF_WIDTH, SANDBOX_HALF_WIDTH), ylim=(-SANDBOX_HALF_WIDTH, SANDBOX_HALF_WIDTH))
+    along_x, along_y = polar().sandbox.half_width_m
+    axes.set(xlim=(-along_x, along_x), ylim=(-along_y, along_y))
     axes.set_aspect("equal")
     rocks = {str(rock): part for rock, part in table[table["rock"] != NO_ROCK].groupby("rock")}
     boxes = {rock: (p["x"].min(), p["y"].min(), p["x"].max(), p["y"].max()) for rock, p in rocks.items()}

@@ -23,7 +23,7 @@ from polarsim.report.figures.canvas import FIGURE_WIDTH, figure_title, note, pag
 from polarsim.run_files.lamps import read_suns
 from polarsim.run_files.pictures import picture_finder
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
-from polarsim.survey import SANDBOX_HALF_WIDTH
+from polarsim.site import polar
 from polarsim.tone import display_white_level, to_8bit
 
 NEAR_DEG = 10.0  # maximum phase angle at which the surge is visible (h_s of Sato et al. 2014: 4 degrees)
@@ -55,13 +55,16 @@ def extreme_spots(keys: list[PhotoKey], cameras: Path, half_px: int) -> tuple[Ph
     `cameras` is the folder of the terrain's poses and lamps, `half_px` the minimum distance of a spot from the border.
     """
     rigs = read_all_localised(cameras)
-    lamps = read_suns(cameras, rigs)
+    site, terrain = polar(), keys[0].terrain if keys else 0
+    lamps = read_suns(cameras, rigs, site, terrain)
     spots: dict[tuple[object, ...], tuple[PhasePixel, PhasePixel]] = {}
     for key in sorted(keys):
         if key.position not in rigs or not lit_by_single_lamp(key) or key.bracket in spots:
             continue
         rig = rigs[key.position]
-        lamp = lamps.get(key.azimuth) if key.light == "off" else rig.rover_light
+        lamp = lamps.get(key.azimuth)
+        if key.light == "on":
+            lamp = rig.rover_light(site.rig_lamp) if site.rig_lamp else None
         angles = None if lamp is None else _angles(rig, key, lamp, half_px)
         if angles is not None:
             spots[key.bracket] = angles
@@ -82,7 +85,7 @@ def phase_angles(sandbox_from_camera: Pose, directions: np.ndarray, lamp_sandbox
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.where(rays[..., 2] < 0, -eye[2] / rays[..., 2], np.nan)
     ground = eye + distance[..., None] * rays
-    inside = (np.abs(ground[..., :2]) <= SANDBOX_HALF_WIDTH - WALL_MARGIN).all(axis=-1)
+    inside = (np.abs(ground[..., :2]) <= np.array(polar().sandbox.half_width_m) - WALL_MARGIN).all(axis=-1)
     to_eye, to_lamp = eye - ground, lamp_sandbox - ground
     sine = np.linalg.norm(np.cross(to_eye, to_lamp), axis=-1)
     return np.where(inside, np.arctan2(sine, (to_eye * to_lamp).sum(axis=-1)), np.nan)

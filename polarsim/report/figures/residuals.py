@@ -21,6 +21,7 @@ from polarsim.run_files.pictures import cover_photo, pictures_at
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.run_files.scene import TerrainMesh, read_terrain
 from polarsim.scoring.surface import Surface
+from polarsim.site import polar
 from polarsim.tone import to_8bit
 
 ARROW_SCALE = 20  # magnification of the arrows
@@ -49,7 +50,7 @@ def draw_residuals(
     """
     localised, annotated = read_all_localised(cameras), read_rock_boxes(seeds, terrain)
     backgrounds = _backgrounds(seeds, annotated, photos, inventory, twins)
-    outlines = outlines_of(_above_ground(read_terrain(meshes, terrain)))
+    outlines = outlines_of(_above_ground(read_terrain(meshes, terrain, polar().sandbox_of(terrain))))
     columns = min(3, max(1, len(localised)))
     rows = -(-len(localised) // columns)
     height = round(width / columns * rows * HEIGHT / WIDTH) + rows * _TITLE_PX + _LEGEND_PX

@@ -30,7 +30,7 @@ from polarsim.report.figures.canvas import (
     show_image,
 )
 from polarsim.run_files.scene import FITTED, PHOTOS, PUBLISHED, SCANNED, TerrainMesh, mesh_origins, read_terrain
-from polarsim.survey import SANDBOX_HALF_WIDTH, lamp_position
+from polarsim.site import polar
 
 CUBOID_COLUMNS = ("rock", "x0", "y0", "z0", "x1", "y1", "z1", "size_m", "height_m")
 GROUND_COLOURS = "viridis"
@@ -64,7 +64,7 @@ def draw_terrain(
 ) -> None:
     """Write two figures: the meshes from above and in an oblique view, and the cuboids of the rocks."""
     table = read_parquet(rocks, CUBOID_COLUMNS)
-    scene = read_terrain(meshes, terrain)
+    scene = read_terrain(meshes, terrain, polar().sandbox_of(terrain))
     rays = make_caster(scene.vertices, scene.faces)
     top = top_view(scene, rays)
     heights = HEIGHTS.get(mesh_origins(meshes).get(obj.ground_name(terrain), ""), HEIGHTS[SCANNED])
@@ -122,8 +122,9 @@ def _draw_crops(sheet: Any, name: str, table: pd.DataFrame, top: TopView, height
 
 def top_view(scene: TerrainMesh, rays: Caster) -> TopView:
     """Cast vertical rays onto the terrain."""
-    low = np.maximum(scene.vertices[:, :2].min(axis=0), -SANDBOX_HALF_WIDTH - 0.3)
-    high = np.minimum(scene.vertices[:, :2].max(axis=0), SANDBOX_HALF_WIDTH + 0.3)
+    half = np.array(polar().sandbox.half_width_m)
+    low = np.maximum(scene.vertices[:, :2].min(axis=0), -half - 0.3)
+    high = np.minimum(scene.vertices[:, :2].max(axis=0), half + 0.3)
     x = np.arange(low[0] + STEP / 2, high[0], STEP)
     y = np.arange(low[1] + STEP / 2, high[1], STEP)[::-1]
     across, along = np.meshgrid(x, y)
@@ -145,7 +146,7 @@ def oblique_view(scene: TerrainMesh, rays: Caster, width: int) -> np.ndarray:
     distance, face = rays.nearest(origins, directions)
     hit = np.flatnonzero(face >= 0)
     points = origins[hit] + distance[hit, None] * directions[hit]
-    to_lamp = lamp_position("30", lift=scene.sand_level) - points
+    to_lamp = (np.array(polar().lamps["30"].point) + np.array([0.0, 0.0, scene.sand_level])) - points
     flat, smooth = _normals(scene, face[hit], points)
     lit = ~rays.occluded(points + 1e-3 * flat, to_lamp, 1.0)
     towards = to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True)

@@ -1,0 +1,27 @@
+"""Surveyed lamps, tripods and sandbox of NASA's POLAR as arrays and poses."""
+
+import numpy as np
+
+from polarsim.cameras.search_area import SearchArea
+from polarsim.geometry.poses import Pose
+from polarsim.run_files import survey
+from polarsim.run_files.walls import surely_wall
+from polarsim.site import polar
+
+SANDBOX = polar().sandbox
+HALF = np.array(SANDBOX.half_width_m)
+SURELY_WALL = surely_wall(SANDBOX)
+TRIPODS = polar().tripods
+STATIONS = survey.surveyed_poses(TRIPODS)
+AREA = SearchArea.of(SANDBOX, polar().max_survey_error_m)
+SUN_LAMPS = {name: np.array(lamp.point) for name, lamp in polar().lamps.items()}
+SURVEYED_LEFT = {name: np.array(tripod.camera_m) for name, tripod in polar().tripods.items()}
+RIG_LAMP = polar().rig_lamp
+
+
+def lamp_position(azimuth: str, lift: float = 0.0) -> np.ndarray:
+    return SUN_LAMPS[azimuth] + np.array([0.0, 0.0, lift])
+
+
+def surveyed_pose(position: str) -> Pose:
+    return STATIONS[position]
