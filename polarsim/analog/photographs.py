@@ -23,7 +23,6 @@ from polarsim.analog.sensor import (
     blur_and_vignette,
     expose_raw,
     fixed_pattern,
-    in_photo_format,
     lamp_glare,
 )
 from polarsim.analog.stations import ROVER, Stations
@@ -32,6 +31,7 @@ from polarsim.analog.truth import AlbedoMap
 from polarsim.analog.view import Textures, make_textures, render_gbuffer
 from polarsim.formats import tables, yolo
 from polarsim.photo import BLACK_LEVEL, ROCK, SHADOW, PhotoKey, Terrain, terrain_text
+from polarsim.photo_format import in_photo_format
 from polarsim.progress import track
 from polarsim.randomness import generator
 from polarsim.site import FAR_M, Lamp, Site

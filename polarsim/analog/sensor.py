@@ -93,15 +93,6 @@ def expose_raw(
     return np.clip(np.rint(values), 0, form.white_level).astype(np.uint16)
 
 
-def in_photo_format(values: np.ndarray, form: Images) -> np.ndarray:
-    """Return the values (h, w) of a photo in polarsim's photo format: 12 bits with the usual black and white level."""
-    if (form.black, form.white_level) == (BLACK_LEVEL, WHITE_LEVEL):
-        return values
-    steps = (WHITE_LEVEL - BLACK_LEVEL) / (form.white_level - form.black)
-    scaled = (values.astype(np.float32) - np.float32(form.black)) * np.float32(steps) + np.float32(BLACK_LEVEL)
-    return np.clip(np.rint(scaled), 0, WHITE_LEVEL).astype(np.uint16)
-
-
 def fixed_pattern(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
     """Return random pixel sensitivities (h, w) float32 with mean 1."""
     return 1 + np.float32(_PIXEL_GAIN) * rng.standard_normal(shape, dtype=np.float32)

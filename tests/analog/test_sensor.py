@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 
 from polarsim.analog.light import DiscLamp
-from polarsim.analog.sensor import blur_and_vignette, expose_raw, in_photo_format, lamp_glare
+from polarsim.analog.sensor import blur_and_vignette, expose_raw, lamp_glare
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import camera_pose
+from polarsim.photo_format import in_photo_format
 from polarsim.site import Images, polar
 from tests.support.polar_rig import default_rig
 
