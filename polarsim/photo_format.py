@@ -17,7 +17,7 @@ def in_photo_format(values: np.ndarray, form: Images) -> np.ndarray:
 
 
 def as_stored(photo: np.ndarray, form: Images) -> np.ndarray:
-    """Return a photo (h, w) with the steps that a file of a site would have, both in polarsim's photo format, uint16."""
+    """Return a photo (h, w) uint16 in polarsim's photo format with the steps that a file of a site would have."""
     if _is_photo_format(form):
         return photo
     signal = np.arange(WHITE_LEVEL + 1, dtype=np.float32) - np.float32(BLACK_LEVEL)
