@@ -34,11 +34,10 @@ class SourceOptions(BaseModel, extra="forbid", frozen=True):
     kind: str = Field(
         default="analog",
         json_schema_extra={"enum": list(SOURCES)},
-        description="Source of the raw data: 'analog' (generated), 'release' (published labels) or 'files' (photos "
-        "and scans with the file names of the site).",
+        description="Source of the raw data: 'analog' (generated), 'release' (published labels) or 'polar' (NASA).",
     )
     root: UserPath = Field(
-        default=Path("data/analog"), description="Folder of the raw data. Required for 'release' and 'files'."
+        default=Path("data/analog"), description="Folder of the raw data. Required for 'release' and 'polar'."
     )
     scans: bool = Field(
         default=True,
@@ -65,8 +64,6 @@ class SourceOptions(BaseModel, extra="forbid", frozen=True):
     @field_validator("kind")
     @classmethod
     def _known_kind(cls, kind: str) -> str:
-        if kind == "polar":
-            raise ValueError("'polar' is now called 'files': write kind: files")
         if kind not in SOURCES:
             raise ValueError(f"source {kind!r}, expected {', '.join(SOURCES)}")
         return kind

@@ -17,6 +17,7 @@ GROUND_OBJECT, HALL_OBJECT = -1, -2  # object numbers; rocks have positive numbe
 _WALL_ERROR = 0.01  # metres: the walls are higher than stated, as the real walls are
 _WALL_THICKNESS = 0.09  # metres
 _RAISED_RIM, _RAISED_THICKNESS = 0.05, 0.03  # metres: rim of a raised box
+_CARD_TOP = 0.30  # metres: minimum height of a wall with grey cards
 _OPEN_EDGE = -0.01  # metres: top of the board at a side without wall, just below the sand
 _SIDES: tuple[Side, ...] = ("-x", "+x", "-y", "+y")
 _CLEARANCE = 0.3  # metres around lamps and tripods without posts
@@ -226,7 +227,7 @@ def _walled_sand(sandbox: Sandbox, hall: Hall, rng: np.random.Generator) -> list
     scale_y = half_y / PRESET_HALF_WIDTH
     for y in (-1.62 * scale_y + rng.normal(0, 0.03), 1.62 * scale_y + rng.normal(0, 0.03)):
         z, x = 0.08 + rng.uniform(0, 0.03), -half_x + 0.012
-        if tops[0] is None:
+        if tops[0] is None or tops[0] < _CARD_TOP:
             continue
         for width, height, out, material, albedo in (
             (0.30, 0.22, 0.0, SurfaceMaterial.WHITE, 0.80), (0.26, 0.18, 0.004, SurfaceMaterial.GREY, 0.18),
@@ -234,7 +235,7 @@ def _walled_sand(sandbox: Sandbox, hall: Hall, rng: np.random.Generator) -> list
             sheet = _sheet([x + out, y - width / 2, z + 0.11 - height / 2], [0, width, 0], [0.01, 0, height], 0.1)
             parts.append(_Part(*sheet, material, albedo))
     if tops[0] is not None and tops[2] is not None:
-        low, high = [-half_x - 0.1, -half_y - 0.1, 0], [-half_x + 0.16, -half_y + 0.14, 0.33]
+        low, high = [-half_x - 0.1, -half_y - 0.1, 0], [-half_x + 0.16, -half_y + 0.14, tops[0] + 0.02]
         parts += _block(low, high, SurfaceMaterial.DARK, 0.02, 0.1)
     parts += _hall(hall)
     return parts if hall.is_open else parts + _furniture(hall, rng)

@@ -25,6 +25,7 @@ _LAMP_OFFSET_MM = (100, 200)  # distance of a lamp from the surveyed position, f
 _LAMP_DISTANCE = 4.0  # ... about this distance, metres; directional lamps have the same angular error
 # A rig without a stated position: distance from the side +x of the sand, y and height, metres.
 _UNSURVEYED, _UNSURVEYED_PITCH_DEG = (1.5, -0.15, 1.25), (29.0, 31.0)
+_FIELD_OF_VIEW_DEG = 50.0  # horizontal, of a rig without a stated field of view
 _STATED_WIDTH = 1936  # width of the photos for which errors are stated, px
 _DISTORTION = (-0.11, 0.17, 2e-4, -1e-3, 0.0)  # of a made rig: similar to NASA's lenses
 # Standard deviations of the calibration file.
@@ -75,13 +76,14 @@ def _error_scale(lamp: Lamp) -> float:
 
 
 def _stated_rig(site: Site) -> StereoRig:
-    """Return the rig of a site: parallel cameras with the stated field of view and baseline."""
-    if site.cameras.field_of_view_deg is None:
+    """Return the rig of a site; without calibration parallel cameras with the stated field of view and baseline."""
+    if site.cameras.calibration is not None:
         return stated_rig(site)
     width, height = site.images.size
-    focal = width / 2 / np.tan(np.radians(site.cameras.field_of_view_deg) / 2)
+    focal = width / 2 / np.tan(np.radians(site.cameras.field_of_view_deg or _FIELD_OF_VIEW_DEG) / 2)
     lens = Lens(focal, focal, width / 2, height / 2, _DISTORTION, width=width, height=height)
-    assert site.cameras.baseline_m is not None
+    if site.cameras.baseline_m is None or not site.cameras.stereo:
+        return StereoRig.single(lens)
     return StereoRig(lens, lens, Pose(np.eye(3), np.array([np.mean(site.cameras.baseline_m), 0.0, 0.0])))
 
 
@@ -97,6 +99,8 @@ def _true_rig(site: Site, rng: np.random.Generator) -> StereoRig:
         return replace(nominal, fx=focal, fy=focal * 0.998, cx=cx, cy=cy, distortion=terms)
 
     motion = Pose.from_rotvec(np.radians(rng.normal(0, 0.05, 3)), rng.normal(0, 0.0005, 3))
+    if not stated.is_stereo:
+        return StereoRig.single(lens(stated.left))
     return StereoRig(lens(stated.left), lens(stated.right), stated.left_from_right @ motion)
 
 
@@ -115,6 +119,8 @@ def _calibrated(rig: StereoRig, rng: np.random.Generator) -> StereoRig:
         matrix = replace(true, fx=true.fx + focal, fy=true.fy + focal, cx=true.cx + cx, cy=true.cy + cy).opencv_matrix()
         return Lens.from_opencv(_six_digits(matrix), _six_digits(np.array(terms)), (true.width, true.height))
 
+    if not rig.is_stereo:
+        return StereoRig.single(lens(rig.left))
     right_from_left = rig.left_from_right.inverse()
     moved = right_from_left.translation + rng.normal(0, _BASELINE_ERROR_MM / 1000, 3)
     rotation = Rotation.from_rotvec(np.radians(rng.normal(0, 0.005, 3))).as_matrix() @ right_from_left.rotation

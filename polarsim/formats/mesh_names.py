@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from polarsim.photo import Terrain, terrain_text
+from polarsim.photo import Terrain, parse_terrain, terrain_text
 
-_ROCK_NAME = re.compile(r"terrain(\d\d)_rock(\d+)(_decimate-005)?\.obj")
+_ROCK_NAME = re.compile(r"terrain(\d{2,}|[A-Za-z0-9-]*[A-Za-z][A-Za-z0-9-]*)_rock(\d+)(_decimate-005)?\.obj")
 
 
 def rock_name(terrain: Terrain, rock: int, *, decimated: bool = False) -> str:
@@ -15,17 +15,17 @@ def rock_name(terrain: Terrain, rock: int, *, decimated: bool = False) -> str:
     return f"terrain{terrain_text(terrain)}_rock{rock}{'_decimate-005' if decimated else ''}.obj"
 
 
-GROUND_PATTERN = "terrain[0-9][0-9]_ground.obj"
+GROUND_PATTERN = "terrain*_ground.obj"
 
 
 def ground_name(terrain: Terrain) -> str:
     return f"terrain{terrain_text(terrain)}_ground.obj"
 
 
-def parse_rock_name(name: str) -> tuple[int, int, bool] | None:
+def parse_rock_name(name: str) -> tuple[Terrain, int, bool] | None:
     """Return the terrain, the rock id and whether the mesh is decimated; None for names of other files."""
     match = _ROCK_NAME.fullmatch(name)
-    return (int(match[1]), int(match[2]), match[3] is not None) if match else None
+    return (parse_terrain(match[1]), int(match[2]), match[3] is not None) if match else None
 
 
 def rock_files(folder: str | Path) -> dict[int, Path]:

@@ -1,14 +1,14 @@
-"""The simulated sandbox, which the workflow generates in the layout of the site."""
+"""The simulated sandbox, which the workflow generates in NASA's layout."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from polarsim.photo import Terrain, terrain_text
-from polarsim.sources.files import FilesSource
+from polarsim.sources.nasa import NasaSource
 
 
-class AnalogSource(FilesSource):
+class AnalogSource(NasaSource):
     """Photos, scans and ground truth of the simulated sandbox."""
 
     kind = "analog"
