@@ -45,12 +45,12 @@ def render(out: Path, cells: int, options: RenderOptions) -> None:
     """Write all images of the view to an NPZ file."""
     rig = surveyed_rig()
     camera = Camera(rig.sandbox_from_left, rig.rig.left)
-    lamps = {name: lamp for name, lamp in lamps_of_rig(SUN_LAMPS, rig).items() if name in LAMPS}
+    lamps = {name: lamp for name, lamp in lamps_of_rig(SUN_LAMPS, rig, polar()).items() if name in LAMPS}
     view = render_view(build_surfaces(made_terrain(cells), options), camera, lamps, MODELS, LAMPS[:2], options)
     pictures = {f"ids {name}": ids for name, ids in view.ids.items()}
     for (model, name), image in view.olat_images.items():
         pictures[f"OLAT {model} {name}"] = image
-        pictures[f"photo {model} {name}"] = expose(image, EXPOSURE_MS * default_gain(model, options), options)
+        pictures[f"photo {model} {name}"] = expose(image, EXPOSURE_MS * default_gain(model, options, polar()), options)
     np.savez(out, **pictures)  # type: ignore[arg-type]
 
 

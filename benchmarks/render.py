@@ -75,6 +75,7 @@ def ours(mesh: TerrainMesh, keys: Sequence[PhotoKey], options: RenderOptions, th
         write_terrain(out / "meshes", mesh)
         wall, cpu = time.perf_counter(), time.process_time()
         render_twins(
+            site=polar(),
             terrain=TERRAIN,
             keys=keys,
             cameras=out / "cameras",
@@ -107,7 +108,7 @@ def mitsuba(mesh: TerrainMesh, options: RenderOptions, threads: int) -> dict[str
     dr.set_thread_count(threads)
     rig = surveyed_rig()
     lens = replace(rig.rig.left, fy=rig.rig.left.fx, distortion=(0.0,) * 5)
-    surfaces, lamps = build_surfaces(mesh, options), lamps_of_rig(SUN_LAMPS, rig)
+    surfaces, lamps = build_surfaces(mesh, options), lamps_of_rig(SUN_LAMPS, rig, polar())
     scenes = []
     for lit in sorted({lamps_on(key) for key in grid_keys()}):
         first, *others = (lamps[lamp] for lamp in lit)

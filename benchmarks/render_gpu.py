@@ -59,7 +59,9 @@ class Grid:
         """`threads` render, `cores` expose."""
         self.options, self.threads, self.cores, self.scale = options, threads, cores, scale
         self.rig = surveyed_rig()
-        self.lamps = lamps_of_rig({name: np.array(lamp.point) for name, lamp in polar().lamps.items()}, self.rig)
+        self.lamps = lamps_of_rig(
+            {name: np.array(lamp.point) for name, lamp in polar().lamps.items()}, self.rig, polar()
+        )
         self.surfaces: Surfaces = build_surfaces(mesh, options)
         start = time.perf_counter()
         self.surfaces.prepare(shadows=False)
@@ -78,7 +80,7 @@ class Grid:
             model, bracket = model_and_set
             own = [key for key in keys if key.bracket == bracket]
             radiance = np.sum([olat_images[model, name] for name in lamps_on(own[0])], axis=0)
-            gain = default_gain(model, self.options)
+            gain = default_gain(model, self.options, polar())
             return [expose(radiance, key.exposure_ms * gain, self.options) for key in own]
 
         with ThreadPoolExecutor(self.cores) as pool:

@@ -68,7 +68,7 @@ def ours(mesh: TerrainMesh, lens: Lens, clock: Clock, threads: int) -> None:
     rig = surveyed_rig()
     surfaces = clock("ready", lambda: build_surfaces(mesh, OPTIONS))
     clock("tree", lambda: surfaces.prepare(shadows=False))
-    lamps = {SUN: lamps_of_rig(SUN_LAMPS, rig)[SUN]}
+    lamps = {SUN: lamps_of_rig(SUN_LAMPS, rig, polar())[SUN]}
 
     def photo() -> np.ndarray:
         view = render_view(surfaces, Camera(rig.sandbox_from_left, lens), lamps, ["principled"], None, OPTIONS, threads)
@@ -90,7 +90,7 @@ def mitsuba(mesh: TerrainMesh, lens: Lens, clock: Clock, threads: int) -> None:
     mi.set_variant(name := variant())
     dr.set_thread_count(threads)
     rig = surveyed_rig()
-    surfaces, lamp = build_surfaces(mesh, OPTIONS), lamps_of_rig(SUN_LAMPS, rig)[SUN]
+    surfaces, lamp = build_surfaces(mesh, OPTIONS), lamps_of_rig(SUN_LAMPS, rig, polar())[SUN]
     plan = mitsuba_scene(surfaces, rig.sandbox_from_left, lens, lamp, OPTIONS.principled)
     scene = clock("mitsuba_ready", lambda: mi.load_dict(plan))
     clock.photos("mitsuba", lambda: np.array(mi.render(scene, spp=1)))

@@ -23,7 +23,7 @@ from polarsim.errors import ConfigError, with_path
 from polarsim.formats.yaml_files import describe_error, parse_yaml, read_yaml
 from polarsim.grid import GridOptions
 from polarsim.labels.options import LabelsOptions
-from polarsim.photo import PhotoKey, Terrain, terrain_text
+from polarsim.photo import NO_SUN, PhotoKey, Terrain, terrain_text
 from polarsim.publish.options import PublishOptions
 from polarsim.randomness import without_negative_zeros
 from polarsim.render.models import FITTED, Domain, model_of
@@ -115,6 +115,9 @@ class Config(BaseModel, extra="forbid", frozen=True):
         labels = content.get("labels", {})
         if isinstance(labels, dict) and isinstance(seeds := labels.get("seeds", {}), dict):
             whole["labels"] = {**labels, "seeds": _with_defaults(seeds, {"azimuths": site.suns})}
+        if isinstance(render := content.get("render", {}), dict):
+            held_out = site.suns[0] if len(site.suns) > 1 else NO_SUN
+            whole["render"] = {**render, "fitting": _with_defaults(render.get("fitting"), {"held_out": held_out})}
         return whole
 
     @field_validator("terrains")

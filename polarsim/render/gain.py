@@ -1,4 +1,4 @@
-"""Gain, DN per ms per unit radiance: calibrated on photos if available, else from NASA's recommended exposures.
+"""Gain, DN per ms per unit radiance: calibrated on photos if available, else from the usual exposure of the site.
 
 If materials were fitted to photos, the fit provides gains, lamp brightness and model parameters.
 """
@@ -14,16 +14,18 @@ import numpy as np
 
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import png
-from polarsim.photo import BLACK_LEVEL, CENTRE_DN_PER_MS, SUNS, PhotoKey
+from polarsim.photo import BLACK_LEVEL, PhotoKey
 from polarsim.render import brdf
-from polarsim.render.lamps import Lamp
+from polarsim.render.lamps import ROVER, Lamp
 from polarsim.render.options import MODELS, Model, RenderOptions
 from polarsim.run_files.materials import FittedMaterial, FittedMaterials
 from polarsim.run_files.pictures import pictures_at
-from polarsim.site import polar
+from polarsim.site import Site
 
 log = logging.getLogger("polarsim.render")
 
+_CENTRE_DN = 768.0  # DN above black of level sand at the centre, a fifth of white: makes the usual exposure optimal
+_UNSURVEYED_CAMERA = (3.5, 0.0, 1.5)  # metres; direction from which sand is seen at a site without surveyed positions
 _USABLE = (40, 3500)  # DN above black that are not biased by noise or clipping
 _LIT = 0.25  # share of the median radiance: darker pixels are in shadow or penumbra
 _FRAME = (0.1, 0.7, 0.1, 0.9)  # top, bottom, left, right: excludes the rim of the sandbox, as recommended by NASA
@@ -31,20 +33,39 @@ _MAX_PHOTOS = 6  # maximum photos of a calibration, more than the number of azim
 _STEP = 3  # every third row and column is sufficient for a median
 
 
-def default_gain(model: Model, options: RenderOptions) -> float:
-    """Return the gain at which level ground at the centre has `CENTRE_DN_PER_MS`: DN per ms per unit radiance."""
-    to_lamp, irradiance = Lamp(np.array(polar().lamps["30"].point)).light_at(np.zeros((1, 3)), falloff=options.falloff)
+def default_gain(model: Model, options: RenderOptions, site: Site) -> float:
+    """Return the gain, DN per ms per unit radiance, at which the usual exposure of a site is right.
+
+    Level ground at the centre then has `_CENTRE_DN` under the first lamp, seen from the first surveyed position.
+    """
+    to_lamp, irradiance = _first_lamp(site).light_at(np.zeros((1, 3)), falloff=options.falloff)
     to_lamp = to_lamp / np.linalg.norm(to_lamp)
-    camera = np.array(polar().tripods["A"].camera_m)
+    camera = _first_camera(site)
     to_viewer = camera[None] / np.linalg.norm(camera)
     value = brdf.reflectance(options.parameters(model), np.array([[0.0, 0.0, 1.0]]), to_lamp, to_viewer)
     radiance = float(value[0] * irradiance[0] * to_lamp[0, 2])
-    return CENTRE_DN_PER_MS / radiance if radiance > 0 else CENTRE_DN_PER_MS
+    per_ms = _CENTRE_DN / site.usual_exposure_ms
+    return per_ms / radiance if radiance > 0 else per_ms
 
 
-def gain_of(model: Model, options: RenderOptions) -> float:
+def _first_lamp(site: Site) -> Lamp:
+    """Return the first Sun lamp of a site; without one, the rig lamp at the first position."""
+    if site.lamps:
+        lamp = next(iter(site.lamps.values()))
+        return Lamp(np.array(lamp.point), distant=lamp.kind == "directional")
+    assert site.rig_lamp is not None
+    return Lamp(_first_camera(site), site.rig_lamp.share)
+
+
+def _first_camera(site: Site) -> np.ndarray:
+    """Return the centre (3,) of the left camera at the first surveyed position, sandbox frame, metres."""
+    surveyed = [site.tripods[position] for position in site.all_positions if position in site.tripods]
+    return np.array(surveyed[0].camera_m if surveyed else _UNSURVEYED_CAMERA)
+
+
+def gain_of(model: Model, options: RenderOptions, site: Site) -> float:
     """Return the gain of the options, else the default gain: DN per ms per unit radiance."""
-    return options.gain.get(model) or default_gain(model, options)
+    return options.gain.get(model) or default_gain(model, options, site)
 
 
 def lit_pixels(radiance: np.ndarray) -> np.ndarray:
@@ -67,26 +88,27 @@ def gain_ratios(photo: np.ndarray, radiance: np.ndarray, exposure_ms: float) -> 
     return grey[usable] / (exposure_ms * light[usable])
 
 
-def calibration_photos(index: Path | None, keys: Iterable[PhotoKey]) -> dict[PhotoKey, Path]:
+def calibration_photos(index: Path | None, keys: Iterable[PhotoKey], site: Site) -> dict[PhotoKey, Path]:
     """Select the photos for gain calibration: one view, Sun lamp only, one exposure per azimuth.
 
-    The view is the first one that has such photos; the exposure is the closest to the usual exposure. Without an index
-    the result is empty.
+    The view is the first one that has such photos; the exposure is the closest to the usual exposure of the site.
+    Without an index the result is empty.
     """
     if index is None:
         return {}
     paths = pictures_at(index)
     chosen: dict[PhotoKey, Path] = {}
-    for key in sorted(keys, key=lambda key: (key.view, SUNS.index(key.azimuth) if key.azimuth in SUNS else -1, key)):
+    usual = site.usual_exposure_ms
+    for key in sorted(keys, key=lambda key: (key.view, site.azimuths.index(key.azimuth), key)):
         path = paths.get(key)
-        if key.light == "on" or key.azimuth == "no" or path is None or not path.is_file():
+        if key.light == "on" or not key.has_sun or path is None or not path.is_file():
             continue
         if chosen and next(iter(chosen)).view != key.view:
             break
         rival = next((other for other in chosen if other.azimuth == key.azimuth), None)
         if rival is None and len(chosen) < _MAX_PHOTOS:
             chosen[key] = path
-        elif rival is not None and key.stops_off_usual < rival.stops_off_usual:
+        elif rival is not None and key.stops_off(usual) < rival.stops_off(usual):
             del chosen[rival]
             chosen[key] = path
     return chosen
@@ -128,7 +150,7 @@ def with_fit(options: RenderOptions, fitted: FittedMaterials) -> tuple[RenderOpt
 
 def main_gain(fit: FittedMaterial) -> float:
     """Return the median gain of the Sun lamps, or of all lamps if no Sun lamp was fitted."""
-    suns = [gain for name, gain in fit.lamps.items() if name in SUNS]
+    suns = [gain for name, gain in fit.lamps.items() if name != ROVER]
     return float(np.median(suns or list(fit.lamps.values())))
 
 

@@ -11,7 +11,7 @@ from polarsim.geometry.light_field import relative_irradiance
 from polarsim.geometry.vectors import dot, length
 from polarsim.photo import PhotoKey
 from polarsim.run_files.rigs import LocalisedRig
-from polarsim.site import polar
+from polarsim.site import Site
 
 ROVER = "rover"  # name of the rover light; Sun lamps are named by their azimuth
 REFERENCE_DISTANCE = 4.0  # metres: a lamp of intensity 1 at this distance has irradiance 1, with and without falloff
@@ -72,14 +72,28 @@ def beam_power(beam_deg: float) -> float:
     return float(np.log(0.5) / np.log(np.cos(np.radians(beam_deg / 2))))
 
 
-def lamps_of_rig(suns: Mapping[str, np.ndarray], rig: LocalisedRig, radius_m: float = 0.0) -> dict[str, Lamp]:
-    """Return the Sun lamps by azimuth (discs of the given radius) and the rover light of a rig (a point)."""
-    lamps = {azimuth: Lamp(position, radius_m=radius_m) for azimuth, position in suns.items()}
-    rig_lamp = polar().rig_lamp
-    return {**lamps, ROVER: Lamp(rig.rover_light(rig_lamp), rig_lamp.share)} if rig_lamp else lamps
+def lamp_names(site: Site) -> tuple[str, ...]:
+    """Return the names of the Sun lamps in the order of the site, then `ROVER`."""
+    return (*site.suns, ROVER)
+
+
+def lamps_of_rig(
+    suns: Mapping[str, np.ndarray], rig: LocalisedRig, site: Site, radius_m: float = 0.0
+) -> dict[str, Lamp]:
+    """Return the Sun lamps by azimuth and the rover light of a rig (a point), if the site has one.
+
+    Sun lamps are discs of the given radius; directional lamps are far away and their light does not fall off.
+    """
+    lamps = {
+        azimuth: Lamp(position, radius_m=radius_m, distant=site.lamps[azimuth].kind == "directional")
+        for azimuth, position in suns.items()
+    }
+    if site.rig_lamp is None:
+        return lamps
+    return {**lamps, ROVER: Lamp(rig.rover_light(site.rig_lamp), site.rig_lamp.share)}
 
 
 def lamps_on(key: PhotoKey) -> tuple[str, ...]:
     """Return the names of the lamps that are on in a photo; the first casts the labelled shadows."""
-    sun = () if key.azimuth == "no" else (key.azimuth,)
+    sun = (key.azimuth,) if key.has_sun else ()
     return (*sun, ROVER) if key.light == "on" else sun

@@ -8,7 +8,7 @@ from typing import Any, Literal, Self
 from pydantic import BaseModel, Field, PositiveFloat, field_validator, model_validator
 
 from polarsim.geometry.ray_engines import Device, RayEngine
-from polarsim.photo import ELECTRONS_PER_DN, READ_NOISE_ELECTRONS
+from polarsim.photo import ELECTRONS_PER_DN, READ_NOISE_ELECTRONS, Azimuth
 from polarsim.render.models import CHRONO as CHRONO
 from polarsim.render.models import FITTED, Domain, model_of
 from polarsim.render.models import MODELS as MODELS
@@ -190,8 +190,10 @@ class FittingOptions(BaseModel, extra="forbid", frozen=True):
         },
         description="Parameters to fit, by model. Other models are not fitted.",
     )
-    held_out: Literal["no", "30", "180", "270", "350"] = Field(
-        "30", description="Sun azimuth whose photos are not fitted but validate the fit; no: fit all photos."
+    held_out: Azimuth | None = Field(
+        None,
+        description="Sun azimuth whose photos are not fitted but validate the fit; 'no': fit all photos; null: the "
+        "first lamp of the site if it has several.",
     )
 
 

@@ -19,20 +19,21 @@ from polarsim.render.sidecar import Shot, Sidecar, digests_of
 from polarsim.render.surfaces import Surfaces, build_surfaces, check_position
 from polarsim.run_files.scene import cameras_of_run, mesh_files, read_terrain
 from polarsim.run_files.walls import walls_file
-from polarsim.site import polar
+from polarsim.site import Site, polar
 
 
 class Scene:
     """Meshes of a terrain and render options; the meshes are read once for all images."""
 
-    def __init__(self, meshes: Path, terrain: Terrain, options: RenderOptions) -> None:
+    def __init__(self, meshes: Path, terrain: Terrain, options: RenderOptions, site: Site | None = None) -> None:
         """`meshes`: folder with `terrainNN_ground.obj` and `terrainNN_rock<k>.obj`.
 
-        The walls are those of twins: fitted to photos, if the folder is part of a run that has fitted them.
+        The walls are those of twins: fitted to photos, if the folder is part of a run that has fitted them. `site`:
+        site of the terrain; None: NASA's POLAR.
         """
-        self.meshes, self.terrain, self.options = meshes, terrain, options
+        self.meshes, self.terrain, self.options, self.site = meshes, terrain, options, site or polar()
         self._cameras = cameras_of_run(meshes)
-        self._mesh = read_terrain(meshes, terrain, polar().sandbox_of(terrain), cameras=self._cameras)
+        self._mesh = read_terrain(meshes, terrain, self.site.sandbox_of(terrain), cameras=self._cameras)
 
     @cached_property
     def surfaces(self) -> Surfaces:
@@ -66,7 +67,7 @@ class Scene:
 
     def gain(self, model: Model) -> float:
         """Return the gain, DN per ms per unit radiance."""
-        return gain_of(model, self.options)
+        return gain_of(model, self.options, self.site)
 
     def sidecar(self, shot: Shot) -> dict[str, Any]:
         """Return the content of the JSON file of an image: see `render.sidecar`."""

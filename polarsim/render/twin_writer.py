@@ -12,7 +12,8 @@ import numpy as np
 
 from polarsim.formats import png
 from polarsim.geometry.camera import Camera
-from polarsim.photo import PhotoKey, Terrain, by_bracket
+from polarsim.photo import PhotoKey, Terrain, by_bracket, terrain_text
+from polarsim.photo_format import as_stored
 from polarsim.render.gain import calibrate, default_gain, with_fitted_intensities
 from polarsim.render.indirect import OlatImages
 from polarsim.render.lamps import Lamp, lamps_on
@@ -23,6 +24,7 @@ from polarsim.run_files import lamps as lamp_files
 from polarsim.run_files.materials import FittedMaterials
 from polarsim.run_files.scene import mesh_files
 from polarsim.run_files.walls import walls_file
+from polarsim.site import Site
 
 log = logging.getLogger("polarsim.render")
 
@@ -50,6 +52,7 @@ class TwinWriter:
     the gain of the model was calibrated, if any). The view of the photos `references` must be written first.
     """
 
+    site: Site
     terrain: Terrain
     twins: Mapping[Model, Path]
     cameras: Path
@@ -105,7 +108,7 @@ class TwinWriter:
         active_lamps = {name: lamps[name] for name in lamps_on(bracket[0])}
         for key in bracket:
             photo = expose(radiance, key.exposure_ms * gain, options, noise_generator(options, key))
-            png.write_png(folder / f"{key}.png", photo)
+            png.write_png(folder / f"{key}.png", as_stored(photo, self.site.images))
             shot = Shot(camera, active_lamps, float(key.exposure_ms), model)
             sidecar = Sidecar(shot, self.terrain, options, gain, sources, noise_seed(options, key))
             write_sidecar(folder / f"{key}.json", sidecar.content())
@@ -116,7 +119,8 @@ class TwinWriter:
             self._gains[model] = self.options.gain[model], {}
         if model not in self._gains:
             calibrated = calibrate(self.references, olat_images, model)
-            gain, origin = calibrated or default_gain(model, self.options), "from photos" if calibrated else "default"
-            log.info("terrain %02d, %s: gain %.6g (%s)", self.terrain, model, gain, origin)
+            gain = calibrated or default_gain(model, self.options, self.site)
+            origin = "from photos" if calibrated else "default"
+            log.info("terrain %s, %s: gain %.6g (%s)", terrain_text(self.terrain), model, gain, origin)
             self._gains[model] = gain, {"photos": digest_of(self.references.values())} if calibrated else {}
         return self._gains[model]

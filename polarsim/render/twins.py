@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats import coco, tables
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey, PositionCamera, Terrain, terrain_text
+from polarsim.photo import PhotoKey, PositionCamera, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.render.gain import calibration_photos, with_fit
 from polarsim.render.ground_truth import label_row, label_view
@@ -30,7 +30,7 @@ from polarsim.run_files.light_fields import read_light_fields, sun_coefficients
 from polarsim.run_files.materials import FittedMaterials, files_of, read_materials
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.run_files.scene import TerrainMesh, read_terrain
-from polarsim.site import polar
+from polarsim.site import Site
 
 log = logging.getLogger("polarsim.render")
 
@@ -56,14 +56,16 @@ class TwinGroup:
     fitted: FittedMaterials | None
     fields: Mapping[str, tuple[float, ...]]  # coefficients of light fields by azimuth
     sources: Mapping[str, str]  # digests of inputs, for sidecars
+    site: Site
 
     def lamps(self, suns: Mapping[str, np.ndarray], rig: LocalisedRig) -> dict[str, Lamp]:
         """Return the lamps by name, with the light fields of the group."""
-        lamps = lamps_of_rig(suns, rig, self.options.lamp_radius_m)
+        lamps = lamps_of_rig(suns, rig, self.site, self.options.lamp_radius_m)
         return {name: replace(lamp, light_field=self.fields.get(name, ())) for name, lamp in lamps.items()}
 
 
 def twin_groups(
+    site: Site,
     twins: Mapping[Domain, Path],
     mesh: TerrainMesh,
     options: RenderOptions,
@@ -95,8 +97,8 @@ def twin_groups(
         files = {"materials": files_of(materials)} if applied and materials else {}
         files |= {"light": [light]} if of_domain and light else {}
         digests = {name: digest_of(paths) for name, paths in files.items()}
-        coefficients = sun_coefficients(fields.get(of_domain, {})) if of_domain else {}
-        groups.append(TwinGroup(paths, used, surfaces, applied, coefficients, {**sources, **digests}))
+        coefficients = sun_coefficients(fields.get(of_domain, {}), site.suns) if of_domain else {}
+        groups.append(TwinGroup(paths, used, surfaces, applied, coefficients, {**sources, **digests}, site))
 
     if plain:
         add(plain)
@@ -125,6 +127,7 @@ def keys_by_view(
 
 def render_twins(
     *,
+    site: Site,
     terrain: Terrain,
     keys: Sequence[PhotoKey],
     cameras: Path,
@@ -149,8 +152,8 @@ def render_twins(
     cameras, meshes : Path
         Folders of the terrain. Positions without a proven pose are skipped with a warning.
     photos : Path or None
-        `photos.parquet`; the gain is calibrated on the photos. Without usable photos, the gain is derived from NASA's
-        recommended exposures. A gain in the options has priority over both.
+        `photos.parquet`; the gain is calibrated on the photos. Without usable photos, the gain is derived from the
+        usual exposure of the site. A gain in the options has priority over both.
     materials : Path or None
         Folder with the fitted materials and lamps of the terrain; they override the options. See `twin_groups`.
     light : Path or None
@@ -161,19 +164,19 @@ def render_twins(
         Keys to write; None: all. The gain is calibrated over all keys and does not depend on this selection.
     """
     rigs = read_all_localised(cameras)
-    suns = read_suns(lamps or cameras, rigs, polar(), terrain)
+    suns = read_suns(lamps or cameras, rigs, site, terrain)
     views = keys_by_view(keys, rigs, cameras)
     with ThreadPoolExecutor(max(1, threads)) as pool:
         sourced = pool.submit(input_digests, terrain, meshes, cameras, lamps or cameras)
-        mesh = read_terrain(meshes, terrain, polar().sandbox_of(terrain), pool, cameras)
+        mesh = read_terrain(meshes, terrain, site.sandbox_of(terrain), pool, cameras)
         sources = sourced.result()
-    groups = twin_groups(twins, mesh, options, materials, light, sources, threads)
+    groups = twin_groups(site, twins, mesh, options, materials, light, sources, threads)
     located = list(chain.from_iterable(views.values()))
     calibrated = any(not group.options.gain.get(model) for group in groups for model in group.twins)
-    references = calibration_photos(photos, located) if calibrated else {}
+    references = calibration_photos(photos, located, site) if calibrated else {}
     first = {(key.position, key.camera) for key in references}
     writers = [
-        TwinWriter(terrain, group.twins, cameras, group.sources, references, group.fitted, group.options)
+        TwinWriter(site, terrain, group.twins, cameras, group.sources, references, group.fitted, group.options)
         for group in groups
     ]
     for folder in (labels.boxes, labels.instances):  # the folders must exist even if no key is written
@@ -205,18 +208,18 @@ def render_twins(
             if labels.maps and not number:
                 write_view_maps(labels.maps, chosen, surfaces, camera, active_lamps, group.options, threads)
     images = next(iter(twins.values()))
-    _write_labels(labels, all_labels, rigs, {key: images / f"{key}.png" for key in all_labels})
+    sizes = {(rig.rig.left.width, rig.rig.left.height) for rig in rigs.values()} or {site.images.size}
+    _write_labels(labels, all_labels, max(sizes), {key: images / f"{key}.png" for key in all_labels})
 
 
 def _write_labels(
     labels: LabelPaths,
     all_labels: Mapping[PhotoKey, Sequence[coco.Annotation]],
-    rigs: Mapping[str, LocalisedRig],
+    size: tuple[int, int],
     images: Mapping[PhotoKey, Path],
 ) -> None:
     """Write the labels of all twins as a COCO file, with the image paths of one model, and as a table."""
-    sizes = {(rig.rig.left.width, rig.rig.left.height) for rig in rigs.values()} or {(WIDTH, HEIGHT)}
-    coco.write_coco(labels.annotations, all_labels, size=max(sizes), pictures=images)
+    coco.write_coco(labels.annotations, all_labels, size=size, pictures=images)
     in_order = sorted(all_labels, key=lambda key: (key.position, key.camera, key))
     rows = [label_row(key, label) for key in in_order for label in all_labels[key]]
     tables.write_parquet(labels.table, tables.label_table(rows))

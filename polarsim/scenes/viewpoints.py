@@ -94,8 +94,7 @@ def _any_camera(half: float, ranges: SceneRanges, of_rig: bool, random: np.rando
     focal = random.uniform(*(_RIG_FOCAL_PX if of_rig else ranges.focal_px))
     k1 = float(np.clip(_DISTORTION_SD * random.standard_normal(), -_MAX_DISTORTION, _MAX_DISTORTION))
     cx, cy = (np.array(PHOTO_SIZE) * (0.5 + _PRINCIPAL_SD * random.standard_normal(2))).tolist()
-    width, height = PHOTO_SIZE
-    lens = Lens(focal, focal, cx, cy, (k1, 0.0, 0.0, 0.0, 0.0), width=width, height=height)
+    lens = Lens(focal, focal, cx, cy, (k1, 0.0, 0.0, 0.0, 0.0), width=PHOTO_SIZE[0], height=PHOTO_SIZE[1])
     yaw = random.uniform(0, 2 * np.pi)
     height = random.uniform(*(_RIG_HEIGHT_M if of_rig else ranges.camera_height_m))
     distance = random.uniform(*(_RIG_DISTANCE_M if of_rig else ranges.camera_distance_m))

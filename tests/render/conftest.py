@@ -19,6 +19,7 @@ from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.run_files import rigs
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.run_files.walls import level_walls
+from polarsim.site import polar
 
 SIDE, HEIGHT = 0.4, 0.2  # metres, of the block
 SMALL = Lens(220.0, 220.0, 100.0, 70.0, (-0.1, 0.15, 0.0005, -0.001, 0.0), width=200, height=140)
@@ -106,6 +107,7 @@ def render_into(folders, twins, keys, options, labels="labels", **others):
     """Render the twins of the terrain in `folders` by model; write labels and maps to `folders / labels`."""
     files = ("boxes", "instances", "coco.json", "table.parquet", "maps")
     given = {
+        "site": polar(),
         "terrain": 1,
         "cameras": folders / "cameras",
         "meshes": folders / "meshes",

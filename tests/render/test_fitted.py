@@ -22,6 +22,7 @@ from polarsim.render.options import OF_FITTED, FittingOptions, LambertParameters
 from polarsim.run_files.light_fields import FittedField, read_light_fields, write_light_fields
 from polarsim.run_files.materials import FittedMaterial, FittedMaterials, read_materials, write_materials
 from polarsim.run_files.scene import read_terrain
+from polarsim.site import polar
 from tests.support.polar_survey import SANDBOX
 
 from .conftest import render_into
@@ -51,8 +52,8 @@ def index(folders, paths):
 
 def fitted(folders, photos, out="materials", threads=1, options=OPTIONS):
     fit_materials(
-        terrain=1, cameras=folders / "cameras", meshes=folders / "meshes", photos=photos, domains=["lambert"],
-        light=None, materials=folders / out, options=options, threads=threads,
+        site=polar(), terrain=1, cameras=folders / "cameras", meshes=folders / "meshes", photos=photos,
+        domains=["lambert"], light=None, materials=folders / out, options=options, threads=threads,
     )  # fmt: skip
     return folders / out
 
@@ -203,8 +204,8 @@ def test_options_of_a_run_take_precedence_over_those_of_fitted_twins():
 
 def light_of(folders, photos):
     fit_light(
-        cameras={1: folders / "cameras"}, meshes={1: folders / "meshes"}, photos=[photos], domains=["lambert"],
-        light={1: folders / "light.json"}, options=FITTED_OPTIONS, threads=1,
+        site=polar(), cameras={1: folders / "cameras"}, meshes={1: folders / "meshes"}, photos=[photos],
+        domains=["lambert"], light={1: folders / "light.json"}, options=FITTED_OPTIONS, threads=1,
     )  # fmt: skip
     return read_light_fields(folders / "light.json")
 

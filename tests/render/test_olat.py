@@ -15,6 +15,7 @@ from polarsim.render.olat import reflectance_engine, render_view
 from polarsim.render.options import CHRONO, HAPKE_SETS, LambertParameters, RenderOptions
 from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.rigs import LocalisedRig
+from polarsim.site import polar
 from tests.support.polar_rig import default_rig
 from tests.support.polar_survey import RIG_LAMP
 
@@ -161,7 +162,7 @@ def test_albedo_of_lambert_and_of_lunar_soil():
 
 
 def test_the_rover_light_is_between_the_cameras(camera):
-    lamp = lamps_of_rig({}, LocalisedRig(default_rig(), camera))["rover"]
+    lamp = lamps_of_rig({}, LocalisedRig(default_rig(), camera), polar())["rover"]
     np.testing.assert_allclose(camera.inverse().apply(lamp.position), [0.15, 0, 0], atol=1e-12)
     assert lamp.intensity == RIG_LAMP.share
 

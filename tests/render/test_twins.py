@@ -11,6 +11,7 @@ from polarsim.render.gain import default_gain, gain_ratios
 from polarsim.render.optics import spread, vignette
 from polarsim.render.options import MODELS, RenderOptions
 from polarsim.run_files.rigs import SURVEYED, UNCERTAIN_LABELS, read_localised, write_localised
+from polarsim.site import polar
 from tests.support.polar_survey import SURVEYED_LEFT, lamp_position
 
 from .conftest import render_into
@@ -92,7 +93,7 @@ def test_level_ground_at_the_centre_has_the_stated_brightness(lens):
 
         unit = [v[None] / np.linalg.norm(v) for v in (np.array([0, 0, 1.0]), to_lamp, to_viewer)]
         radiance = reflectance(options.parameters(model), *unit)[0] * unit[1][0, 2]
-        assert default_gain(model, options) * radiance == pytest.approx(3.0)  # DN per ms
+        assert default_gain(model, options, polar()) * radiance == pytest.approx(3.0)  # DN per ms
 
 
 def photo_table(folders, twins, factor):

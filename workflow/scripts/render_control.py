@@ -7,9 +7,11 @@ from polarsim.photo import parse_terrain
 from polarsim.render.options import RenderOptions
 from polarsim.render.twins import LabelPaths, render_twins
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     render_twins(
+        site=Site(**snakemake.params.site),
         terrain=parse_terrain(snakemake.wildcards.terrain),
         keys=photo_keys(Path(snakemake.input.photos), parse_terrain(snakemake.wildcards.terrain)),
         cameras=Path(snakemake.input.cameras),

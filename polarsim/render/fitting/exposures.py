@@ -12,7 +12,7 @@ import numpy as np
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import png
 from polarsim.geometry.lens import Lens
-from polarsim.photo import BLACK_LEVEL, ELECTRONS_PER_DN, SUNS, WHITE_LEVEL, PhotoKey
+from polarsim.photo import BLACK_LEVEL, ELECTRONS_PER_DN, WHITE_LEVEL, PhotoKey
 from polarsim.render.lamps import ROVER, lamps_on
 
 log = logging.getLogger("polarsim.render")
@@ -82,10 +82,13 @@ def read_published_photo(path: Path, size: tuple[int, int]) -> np.ndarray:
     return grey.astype(np.uint16) << 4
 
 
-def single_lamps(paths: Mapping[PhotoKey, Path], lens: Lens, read: Reader = png.read_photo) -> dict[str, Linear]:
+def single_lamps(
+    paths: Mapping[PhotoKey, Path], lens: Lens, suns: Sequence[str], read: Reader = png.read_photo
+) -> dict[str, Linear]:
     """Return linear images of single lamps, from the photos of a view; lamps without photos are omitted.
 
-    `read`: function that reads a photo of 12 bits, given path and size.
+    `suns`: names of the Sun lamps of the site, in the order of the result. `read`: function that reads a photo of 12
+    bits, given path and size.
 
     Images of Sun lamps are merged from photos without the rover light. The image of the rover light is merged from
     photos without a Sun lamp if available, else from differences of photos with and without the rover light.
@@ -94,14 +97,14 @@ def single_lamps(paths: Mapping[PhotoKey, Path], lens: Lens, read: Reader = png.
     for key in sorted(paths):
         sets.setdefault(lamps_on(key), []).append(key)
     images: dict[str, Linear] = {}
-    for name in (*SUNS, ROVER):
+    for name in (*suns, ROVER):
         image = merge_exposures(_photos(sets.get((name,), []), paths, lens, read))
         if image is not None:
             images[name] = image
     if ROVER in images:
         return images
     differences = []
-    for name in (name for name in SUNS if name in images):
+    for name in (name for name in suns if name in images):
         both = merge_exposures(_photos(sets.get((name, ROVER), []), paths, lens, read))
         if both is not None:
             differences.append(both.less(images[name]))

@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.photo import Terrain
+from polarsim.photo import NO_SUN, Terrain, terrain_text
 from polarsim.randomness import generator
 from polarsim.render.fitting.samples import FitSamples, Setting, with_light_fields
 from polarsim.render.fitting.search import cells_of, fitted_parameters
-from polarsim.render.fitting.terrain import LAMPS, lamps_in, samples_of_scene, samples_of_terrain
+from polarsim.render.fitting.terrain import lamps_in, samples_of_scene, samples_of_terrain
 from polarsim.render.fitting.texels import Solution, Texels, solve, texels_of
+from polarsim.render.lamps import lamp_names
 from polarsim.render.materials import Reflectance, between_corners
 from polarsim.render.models import Domain, model_of
 from polarsim.render.olat import reflectance_engine
@@ -24,7 +25,7 @@ from polarsim.run_files.light_fields import read_light_fields, sun_coefficients
 from polarsim.run_files.materials import FittedMaterial, FittedMaterials, rock_of_vertex, write_materials
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.scene import TerrainMesh, read_terrain
-from polarsim.site import polar
+from polarsim.site import Site
 
 log = logging.getLogger("polarsim.render")
 
@@ -33,6 +34,7 @@ Coefficients = Mapping[Domain, Mapping[str, Sequence[float]]]  # light fields by
 
 def fit_materials(
     *,
+    site: Site,
     terrain: Terrain,
     cameras: Path,
     meshes: Path,
@@ -47,17 +49,17 @@ def fit_materials(
 
     `cameras`, `meshes`: folders of the terrain. `photos`: `photos.parquet`, may be empty. `light`: light fields.
     """
-    mesh = read_terrain(meshes, terrain, polar().sandbox_of(terrain), cameras=cameras)
+    mesh, names = read_terrain(meshes, terrain, site.sandbox_of(terrain), cameras=cameras), lamp_names(site)
     paths = pictures_at(photos) if photos else {}
-    found = samples_of_terrain(terrain, cameras, mesh, paths, options, threads)
+    found = samples_of_terrain(site, terrain, cameras, mesh, paths, options, threads)
     engine = reflectance_engine(options, threads)
     light_fields = read_light_fields(light) if light else {}
-    fields = {domain: sun_coefficients(light_fields.get(domain, {})) for domain in domains}
-    samples = samples_of_scene(terrain, found[0]) if found else None
-    fitted = fit(samples, mesh, domains, engine, options.as_fitted(), fields, options) if samples else None
+    fields = {domain: sun_coefficients(light_fields.get(domain, {}), site.suns) for domain in domains}
+    samples = samples_of_scene(terrain, found[0], names) if found else None
+    fitted = fit(samples, names, mesh, domains, engine, options.as_fitted(), fields, options) if samples else None
     if fitted is None or found is None:
-        log.warning("terrain %02d: no fitted photo shows lit surfaces (azimuth %s is held out); twins have "
-                    "constant materials", terrain, options.fitting.held_out)  # fmt: skip
+        log.warning("terrain %s: no fitted photo shows lit surfaces (azimuth %s is held out); twins have "
+                    "constant materials", terrain_text(terrain), options.fitting.held_out or NO_SUN)  # fmt: skip
         fitted = FittedMaterials({}, np.zeros(len(mesh.vertices), np.int64))
     else:
         fitted = replace(fitted, positions=tuple(dict.fromkeys(position for position, _ in found[1])))
@@ -66,6 +68,7 @@ def fit_materials(
 
 def fit(
     samples: FitSamples,
+    names: Sequence[str],
     mesh: TerrainMesh,
     domains: Sequence[Domain],
     engine: Reflectance,
@@ -75,15 +78,16 @@ def fit(
 ) -> FittedMaterials | None:
     """Fit the materials of every domain of twins to the samples; None if there are too few samples.
 
-    The photos of the held-out azimuth affect only the brightness of its lamp. `fields`: light fields of the lamps.
+    The photos of the held-out azimuth affect only the brightness of its lamp. `names`: names of the lamps, indexed by
+    `FitSamples.lamp`. `fields`: light fields of the lamps.
     `plain`: options of twins without fit, for the comparison; None: `options`.
     """
-    held_out = LAMPS.index(options.fitting.held_out) if options.fitting.held_out != "no" else -1
+    held_out = names.index(options.fitting.held_out) if options.fitting.held_out in names else -1
     fitted: dict[str, FittedMaterial] = {}
     observations = np.zeros(len(mesh.vertices), np.int64)
     for domain in domains:
         model = model_of(domain)
-        lit = with_light_fields(samples, (fields or {}).get(domain, {}), LAMPS)
+        lit = with_light_fields(samples, (fields or {}).get(domain, {}), names)
         cells = cells_of(lit.part(lit.lamp != held_out), generator(options.seed, "materials"))
         if cells is None:
             return None
@@ -109,14 +113,14 @@ def fit(
             solution = replace(solution, lamps=dict(sorted({**solution.lamps, held_out: brightness}.items())))
         fitted[domain] = FittedMaterial(
             parameters.model_dump(mode="json"),
-            {LAMPS[number]: float(np.exp(gain)) for number, gain in solution.lamps.items()},
+            {names[number]: float(np.exp(gain)) for number, gain in solution.lamps.items()},
             {rock: float(np.exp(mean)) for rock, mean in solution.rocks.items()},
             np.exp(solution.albedo).astype(np.float32),
             check,
         )
         observations = np.bincount(training.vertex, minlength=len(mesh.vertices))
         log.info("%s: %s, lamps %s, %s", domain, parameters, fitted[domain].lamps, check)
-    return FittedMaterials(fitted, observations, lamps_in(samples.part(samples.lamp != held_out)))
+    return FittedMaterials(fitted, observations, lamps_in(samples.part(samples.lamp != held_out), names))
 
 
 def _check(

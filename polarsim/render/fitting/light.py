@@ -15,18 +15,18 @@ import numpy as np
 
 from polarsim.formats import png
 from polarsim.geometry.light_field import EVEN, POWERS, relative_irradiance, terms
-from polarsim.photo import NO_ROCK, SUNS
+from polarsim.photo import NO_ROCK, NO_SUN, Terrain
 from polarsim.render.fitting.exposures import read_published_photo
 from polarsim.render.fitting.samples import FitSamples, Setting
-from polarsim.render.fitting.terrain import LAMPS, median_stops, samples_of_scene, samples_of_terrain
-from polarsim.render.lamps import REFERENCE_DISTANCE
+from polarsim.render.fitting.terrain import median_stops, samples_of_scene, samples_of_terrain
+from polarsim.render.lamps import REFERENCE_DISTANCE, ROVER, lamp_names
 from polarsim.render.models import Domain, model_of
 from polarsim.render.olat import reflectance_engine
 from polarsim.render.options import RenderOptions
 from polarsim.run_files.light_fields import FittedField, write_light_fields
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.scene import TerrainMesh, read_terrain
-from polarsim.site import polar
+from polarsim.site import Site
 
 log = logging.getLogger("polarsim.render")
 
@@ -56,11 +56,12 @@ class PhotoOverTwin:
 
 def fit_light(
     *,
-    cameras: Mapping[int, Path],
-    meshes: Mapping[int, Path],
+    site: Site,
+    cameras: Mapping[Terrain, Path],
+    meshes: Mapping[Terrain, Path],
     photos: Sequence[Path],
     domains: Sequence[Domain],
-    light: Mapping[int, Path],
+    light: Mapping[Terrain, Path],
     options: RenderOptions,
     threads: int,
 ) -> None:
@@ -72,41 +73,49 @@ def fit_light(
     that all of them remain tests of its twins.
     """
     engine, options = reflectance_engine(options, threads), options.as_fitted()
-    found: dict[int, tuple[TerrainMesh, FitSamples]] = {}
+    found: dict[Terrain, tuple[TerrainMesh, FitSamples]] = {}
     paths = {key: path for source in photos for key, path in pictures_at(source).items()}
     published = not all(source.suffix == ".parquet" for source in photos)
     read, held_out = (
-        (read_published_photo, frozenset(SUNS))
+        (read_published_photo, frozenset(site.suns))
         if published
-        else (png.read_photo, frozenset({options.fitting.held_out}))
+        else (png.read_photo, frozenset({options.fitting.held_out or NO_SUN}))
     )
+    names = lamp_names(site)
     for terrain in sorted({key.terrain for key in paths} & set(light)):
-        sandbox = polar().sandbox_of(terrain)
+        sandbox = site.sandbox_of(terrain)
         mesh = read_terrain(meshes[terrain], terrain, sandbox, cameras=cameras[terrain])
-        samples = samples_of_terrain(terrain, cameras[terrain], mesh, paths, options, threads, _SCALE, read)
+        samples = samples_of_terrain(site, terrain, cameras[terrain], mesh, paths, options, threads, _SCALE, read)
         if samples is not None:
-            found[terrain] = mesh, samples[0] if published else samples_of_scene(terrain, samples[0])
+            found[terrain] = mesh, samples[0] if published else samples_of_scene(terrain, samples[0], names)
     found = {terrain: part for terrain, part in found.items() if len(part[1])}
-    fields: dict[int, dict[str, dict[str, FittedField]]] = {terrain: {} for terrain in light}
+    fields: dict[Terrain, dict[str, dict[str, FittedField]]] = {terrain: {} for terrain in light}
     for domain in domains:
         model = model_of(domain)
         setting = Setting(model, options.parameters(model), engine, options.model_copy(update={"falloff": False}))
-        seen = {terrain: photo_over_twin(samples, mesh, setting) for terrain, (mesh, samples) in found.items()}
-        for terrain, of_terrain in light_fields(seen, set(light), held_out).items():
+        seen = {terrain: photo_over_twin(samples, names, mesh, setting) for terrain, (mesh, samples) in found.items()}
+        for terrain, of_terrain in light_fields(seen, set(light), held_out, site.suns).items():
             fields[terrain][domain] = of_terrain
     if not any(fields[terrain].get(domain) for terrain in light for domain in domains):
         log.warning("no light field: no fitted photo shows lit sand (azimuth %s of a terrain is held out); lamps have "
-                    "even light", options.fitting.held_out)  # fmt: skip
+                    "even light", options.fitting.held_out or NO_SUN)  # fmt: skip
     for terrain, path in light.items():
         write_light_fields(path, fields[terrain])
 
 
-def photo_over_twin(samples: FitSamples, mesh: TerrainMesh, setting: Setting) -> dict[str, PhotoOverTwin]:
-    """Return photo over twin on the ground by Sun lamp; lamps with few samples are omitted."""
+def photo_over_twin(
+    samples: FitSamples, names: Sequence[str], mesh: TerrainMesh, setting: Setting
+) -> dict[str, PhotoOverTwin]:
+    """Return photo over twin on the ground by Sun lamp; lamps with few samples are omitted.
+
+    `names`: names of the lamps, indexed by `FitSamples.lamp`.
+    """
     ground = mesh.rock_of_face.take(samples.face) == NO_ROCK
     found: dict[str, PhotoOverTwin] = {}
-    for name in SUNS:
-        chosen = np.flatnonzero(ground & (samples.lamp == LAMPS.index(name)))
+    for number, name in enumerate(names):
+        if name == ROVER:
+            continue
+        chosen = np.flatnonzero(ground & (samples.lamp == number))
         part = samples.part(chosen[:: -(-len(chosen) // _MAX_SAMPLES) or 1])
         radiance = setting.radiance(part)
         part, radiance = part.part(radiance > 0), radiance[radiance > 0]
@@ -119,15 +128,18 @@ def photo_over_twin(samples: FitSamples, mesh: TerrainMesh, setting: Setting) ->
 
 
 def light_fields(
-    seen: Mapping[int, Mapping[str, PhotoOverTwin]], terrains: Set[int], held_out: Set[str]
-) -> dict[int, dict[str, FittedField]]:
+    seen: Mapping[Terrain, Mapping[str, PhotoOverTwin]],
+    terrains: Set[Terrain],
+    held_out: Set[str],
+    suns: Sequence[str],
+) -> dict[Terrain, dict[str, FittedField]]:
     """Return the fields of every terrain by azimuth, from photo over twin by terrain and azimuth.
 
     The field of an azimuth is even if, on left-out terrains, the median error of a fitted field is not lower. The
     photos of a terrain under the held-out azimuths do not affect its fields. Azimuths without photos are omitted.
     """
-    fields: dict[int, dict[str, FittedField]] = {terrain: {} for terrain in terrains}
-    for azimuth in SUNS:
+    fields: dict[Terrain, dict[str, FittedField]] = {terrain: {} for terrain in terrains}
+    for azimuth in suns:
         parts = {terrain: by_lamp[azimuth] for terrain, by_lamp in sorted(seen.items()) if azimuth in by_lamp}
         if not parts:
             continue

@@ -44,7 +44,7 @@ class FitSamples:
     to_lamp: np.ndarray  # (n, 3) unit
     to_viewer: np.ndarray  # (n, 3) unit
     intensity: np.ndarray  # (n,) surveyed intensity of the lamp
-    distance: np.ndarray  # (n,) metres to the lamp; `REFERENCE_DISTANCE` for a lamp with a light field
+    distance: np.ndarray  # (n,) metres to the lamp; `REFERENCE_DISTANCE` for lamps without falloff
     relative: np.ndarray  # (n,) irradiance of the light field of the lamp; 1 without field
     vignette: np.ndarray  # (n,) transmission of the lens if it vignettes
 
@@ -144,7 +144,7 @@ def samples_of_view(
                 to_lamp[kept].astype(np.float32),
                 part.to_viewer,
                 np.full(count, lamp.intensity, np.float32),
-                length(lamp.position.astype(np.float32) - part.point),
+                _distance(lamp, part.point),
                 np.ones(count, np.float32),
                 darkening.reshape(-1)[at],
             )
@@ -162,6 +162,13 @@ def samples_of_view(
             good = inside & sharp & (photo.rate > 0) & ndimage.minimum_filter(lit[name], window)
         parts.append(samples.part(good.reshape(-1)[at]))
     return parts
+
+
+def _distance(lamp: Lamp, points: np.ndarray) -> np.ndarray:
+    """Return `FitSamples.distance` (n,) of points (n, 3)."""
+    if lamp.distant:
+        return np.full(len(points), REFERENCE_DISTANCE, np.float32)
+    return length(lamp.position.astype(np.float32) - points)
 
 
 def clear_of_walls(points: np.ndarray, towards: np.ndarray, walls: Walls | None) -> np.ndarray:

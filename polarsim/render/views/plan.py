@@ -72,7 +72,7 @@ def lights_of(views: Views) -> list[NamedLight]:
 def rover_lamp(camera: NamedCamera) -> Lamp:
     """Return the rover light next to a camera; both cameras of a pair share the same light."""
     left_from_sandbox = camera.left_from_camera @ camera.world_from_camera.inverse()
-    rig_lamp = polar().rig_lamp
+    rig_lamp = polar().rig_lamp  # a view has the rover light of POLAR's rig
     assert rig_lamp is not None
     return Lamp(left_from_sandbox.inverse().apply(np.array(rig_lamp.from_camera_m)), rig_lamp.share)
 

@@ -33,6 +33,7 @@ from polarsim.rover.vehicle.table import WHEELS, LightPart, Vehicle
 from polarsim.rover.world.surface import World
 from polarsim.run_files.instances import BACKGROUND
 from polarsim.run_files.picture_sets import AUTO
+from polarsim.site import polar
 
 BRIGHT_STARS = 300.0  # flux of stars in the paper's videos relative to real stars
 GROUND_ALBEDO = 0.12  # of lunar soil; albedos of the body are relative to this value
@@ -147,7 +148,7 @@ class RoverCamera:
         return self.expose(radiance, light.model, exposure_ms, *name), float(exposure_ms)
 
     def _gain(self, model: Model) -> float:
-        return gain_of(model, self.render_options)
+        return gain_of(model, self.render_options, polar())
 
 
 def _resolved(render: RenderOptions, models: Sequence[Model], body: Bodywork) -> RenderOptions:

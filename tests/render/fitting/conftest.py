@@ -12,14 +12,15 @@ from polarsim.photo import BLACK_LEVEL, NO_ROCK, WHITE_LEVEL
 from polarsim.render import brdf_numba
 from polarsim.render.fitting import samples as sampling
 from polarsim.render.fitting.exposures import merge_exposures
-from polarsim.render.fitting.fit import LAMPS
 from polarsim.render.fitting.samples import FitSamples, samples_of_view
-from polarsim.render.lamps import ROVER, Lamp
+from polarsim.render.lamps import ROVER, Lamp, lamp_names
 from polarsim.render.olat import render_view
 from polarsim.render.options import FittingOptions, RenderOptions
 from polarsim.render.surfaces import box_mesh, build_surfaces
 from polarsim.run_files.scene import TerrainMesh
+from polarsim.site import polar
 
+LAMPS = lamp_names(polar())
 LENS = Lens(260.0, 260.0, 120.0, 80.0, (0.0, 0.0, 0.0, 0.0, 0.0), width=240, height=160)
 PLACES = (
     camera_pose(np.array([2.4, -0.3, 1.8]), np.pi, np.radians(37)),
@@ -105,7 +106,12 @@ def small_pictures():
 @pytest.fixture(scope="package")
 def studio(small_pictures) -> Studio:
     options = RenderOptions(
-        models=("lambert",), walls=False, bounce=0, falloff=True, skirt_m=0, fitting=FittingOptions(parameters={})
+        models=("lambert",),
+        walls=False,
+        bounce=0,
+        falloff=True,
+        skirt_m=0,
+        fitting=FittingOptions(parameters={}, held_out="30"),
     )
     mesh = sandbox()
     albedo = pattern(mesh)

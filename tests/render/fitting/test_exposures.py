@@ -7,6 +7,7 @@ from polarsim.formats import png
 from polarsim.geometry.lens import Lens
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
 from polarsim.render.fitting.exposures import Linear, mean_of, merge_exposures, single_lamps
+from polarsim.site import polar
 
 SMALL = Lens(10.0, 10.0, 4.0, 3.0, (0.0,) * 5, width=8, height=6)
 
@@ -53,13 +54,17 @@ def write(folder, rates):
 
 
 def test_the_rover_light_is_a_difference_without_photos_of_it_alone(tmp_path):
-    found = single_lamps(write(tmp_path, {"off_30": 2.0, "on_30": 5.0, "off_180": 1.0, "on_180": 4.0}), SMALL)
+    found = single_lamps(
+        write(tmp_path, {"off_30": 2.0, "on_30": 5.0, "off_180": 1.0, "on_180": 4.0}), SMALL, polar().suns
+    )
     assert list(found) == ["30", "180", "rover"]
     np.testing.assert_allclose(found["rover"].rate, 3.0, rtol=0.02)
 
 
 def test_photos_of_only_the_rover_light_have_priority(tmp_path):
-    found = single_lamps(write(tmp_path, {"off_30": 2.0, "on_30": 5.0, "on_no": 4.0, "off_no": 0.5}), SMALL)
+    found = single_lamps(
+        write(tmp_path, {"off_30": 2.0, "on_30": 5.0, "on_no": 4.0, "off_no": 0.5}), SMALL, polar().suns
+    )
     np.testing.assert_allclose(found["rover"].rate, 4.0, rtol=0.02)
 
 
@@ -75,5 +80,5 @@ def test_an_invalid_photo_is_skipped_with_a_warning(tmp_path, caplog):
     paths = write(tmp_path, {"off_30": 2.0})
     broken = next(iter(paths.values()))
     broken.write_bytes(b"no picture")
-    np.testing.assert_allclose(single_lamps(paths, SMALL)["30"].rate, 2.0, rtol=0.02)
+    np.testing.assert_allclose(single_lamps(paths, SMALL, polar().suns)["30"].rate, 2.0, rtol=0.02)
     assert broken.name in caplog.text

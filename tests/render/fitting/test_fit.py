@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 
 from polarsim.photo import NO_ROCK
-from polarsim.render.fitting.fit import LAMPS, fit
+from polarsim.render.fitting.fit import fit
 from polarsim.render.lamps import ROVER
 from polarsim.render.options import FittingOptions, RenderOptions
 from polarsim.run_files.materials import rock_of_vertex
+from tests.render.fitting.conftest import LAMPS
 
 from .conftest import GAINS, SEEN, UNSEEN, pattern, sandbox, shoot
 
 
 @pytest.fixture(scope="module")
 def found(studio, engine):
-    return fit(studio.samples, studio.mesh, ["lambert"], engine, studio.options)
+    return fit(studio.samples, LAMPS, studio.mesh, ["lambert"], engine, studio.options)
 
 
 def test_the_fit_recovers_albedo_from_noisy_photos(studio, found):
@@ -51,7 +52,7 @@ def test_fitted_albedo_reduces_the_error_on_the_held_out_azimuth(found):
 
 def test_photos_of_the_held_out_azimuth_affect_only_the_brightness_of_its_lamp(studio, engine, found):
     without = studio.samples.part(studio.samples.lamp != LAMPS.index("30"))
-    again = fit(without, studio.mesh, ["lambert"], engine, studio.options)
+    again = fit(without, LAMPS, studio.mesh, ["lambert"], engine, studio.options)
     assert again.models["lambert"].check == {}
     assert again.azimuths == found.azimuths == ("180", "270", ROVER)
     assert "30" not in again.models["lambert"].lamps
@@ -61,12 +62,12 @@ def test_photos_of_the_held_out_azimuth_affect_only_the_brightness_of_its_lamp(s
 
 def test_a_fit_without_samples_returns_none(studio, engine):
     nothing = studio.samples.part(np.zeros(len(studio.samples), bool))
-    assert fit(nothing, studio.mesh, ["lambert"], engine, studio.options) is None
+    assert fit(nothing, LAMPS, studio.mesh, ["lambert"], engine, studio.options) is None
 
 
 def test_invisible_vertices_get_the_mean_of_their_object(studio, engine):
     half = studio.samples.part(studio.samples.point[:, 0] > 0)
-    albedo = fit(half, studio.mesh, ["lambert"], engine, studio.options).models["lambert"].albedo
+    albedo = fit(half, LAMPS, studio.mesh, ["lambert"], engine, studio.options).models["lambert"].albedo
     far = studio.mesh.vertices[:, 0] < -0.6
     far &= rock_of_vertex(studio.mesh) == NO_ROCK
     np.testing.assert_allclose(albedo[far], np.median(albedo[far]), rtol=0.1)
@@ -78,7 +79,7 @@ def test_a_shadow_missing_in_the_meshes_has_little_effect(studio, engine, found)
     rate = np.where(shaded, studio.samples.rate / 20, studio.samples.rate)
     assert 0.02 < shaded.mean() < 0.2
     spoilt = replace(studio.samples, rate=rate)
-    dirty = fit(spoilt, studio.mesh, ["lambert"], engine, studio.options)
+    dirty = fit(spoilt, LAMPS, studio.mesh, ["lambert"], engine, studio.options)
     seen = (found.looks >= 4) & (studio.mesh.vertices[:, 0] > 0.45)
     error = dirty.models["lambert"].albedo[seen] / studio.albedo[seen] - 1
     assert np.median(np.abs(error)) < 0.03
@@ -94,6 +95,6 @@ def test_the_fit_recovers_parameters_independently_of_albedo(engine):
     samples = shoot(mesh, pattern(mesh), options)
     start = options.parameters("hapke")
     wrong = options.with_default(hapke=start.model_copy(update={"theta_bar_deg": 12.0}))
-    parameters = fit(samples, mesh, ["hapke"], engine, wrong).models["hapke"].parameters
+    parameters = fit(samples, LAMPS, mesh, ["hapke"], engine, wrong).models["hapke"].parameters
     assert parameters["theta_bar_deg"] == pytest.approx(23.4, abs=1.5)
     assert parameters["w"] == start.w

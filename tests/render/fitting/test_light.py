@@ -7,12 +7,13 @@ import pytest
 
 from polarsim.errors import FormatError
 from polarsim.geometry.light_field import EVEN, POWERS, relative_irradiance
-from polarsim.photo import SUNS
 from polarsim.render.fitting.light import PhotoOverTwin, fit_field, light_fields
 from polarsim.render.fitting.samples import Setting, with_light_fields
-from polarsim.render.fitting.terrain import LAMPS
+from polarsim.render.lamps import lamp_names
 from polarsim.run_files.light_fields import read_light_fields, sun_coefficients, write_light_fields
+from polarsim.site import polar
 
+SUNS, LAMPS = polar().suns, lamp_names(polar())
 TRUE = tuple(np.where(np.array([i + j for i, j in POWERS]) == 1, 0.6, -0.3).tolist())
 OTHER = tuple(-value for value in TRUE)
 
@@ -41,13 +42,13 @@ def test_a_field_is_recovered_in_spite_of_gains_noise_and_shadows():
 
 
 def test_fields_are_shared_and_only_that_of_the_held_out_azimuth_is_without_the_photos_of_the_terrain():
-    alike = light_fields(seen(t1=TRUE, t2=TRUE, t3=TRUE), {1, 2, 3}, set())
+    alike = light_fields(seen(t1=TRUE, t2=TRUE, t3=TRUE), {1, 2, 3}, set(), SUNS)
     assert alike[1]["30"].coefficients == alike[2]["30"].coefficients
     assert alike[1]["30"].terrains == (1, 2, 3)
     others = {f"t{terrain}": TRUE for terrain in (2, 3, 4, 5)}
-    held = light_fields(seen(t1=OTHER, **others), {1, 2, 3, 4, 5}, {"30"})
+    held = light_fields(seen(t1=OTHER, **others), {1, 2, 3, 4, 5}, {"30"}, SUNS)
     assert held[1]["30"].terrains == (2, 3, 4, 5)
-    same = light_fields(seen(t1=TRUE, **others), {1, 2, 3, 4, 5}, {"30"})
+    same = light_fields(seen(t1=TRUE, **others), {1, 2, 3, 4, 5}, {"30"}, SUNS)
     assert held[1]["30"].coefficients == same[1]["30"].coefficients
     assert held[2]["30"].coefficients != held[1]["30"].coefficients
     assert held[1]["30"].held_out_stops["field"] > 5 * held[2]["30"].held_out_stops["field"]
@@ -58,20 +59,20 @@ def test_light_is_even_if_a_field_explains_left_out_terrains_no_better():
     for terrain, slope in ((1, 0.3), (2, -0.3)):  # lamps with opposite aims
         plain = brightness(terrain, EVEN)
         parts[terrain] = {"30": replace(plain, ratio=plain.ratio + slope * plain.point[:, 0])}
-    found = light_fields(parts, {1, 2}, set())
+    found = light_fields(parts, {1, 2}, set(), SUNS)
     assert found[1]["30"].coefficients == found[2]["30"].coefficients == EVEN
     assert found[1]["30"].held_out_stops["field"] > found[1]["30"].held_out_stops["even"]
-    assert light_fields(seen(t1=TRUE, t2=TRUE), {1, 2}, set())[1]["30"].held_out_stops["field"] < 0.1
+    assert light_fields(seen(t1=TRUE, t2=TRUE), {1, 2}, set(), SUNS)[1]["30"].held_out_stops["field"] < 0.1
 
 
 def test_lamps_without_photos_have_even_light():
-    found = sun_coefficients(light_fields(seen(t1=TRUE, t2=TRUE), {1, 2}, set())[1])
+    found = sun_coefficients(light_fields(seen(t1=TRUE, t2=TRUE), {1, 2}, set(), SUNS)[1], SUNS)
     assert set(found) == set(SUNS)
     assert [azimuth for azimuth, field in found.items() if field != EVEN] == ["30"]
 
 
 def test_fields_of_a_terrain_read_back(tmp_path):
-    fields = {"principled": light_fields(seen(t1=TRUE, t2=TRUE), {1, 2}, set())[1]}
+    fields = {"principled": light_fields(seen(t1=TRUE, t2=TRUE), {1, 2}, set(), SUNS)[1]}
     write_light_fields(tmp_path / "light.json", fields)
     assert read_light_fields(tmp_path / "light.json") == fields
     (tmp_path / "light.json").write_text('{"principled": {"30": {"coefficients": ["a"], "terrains": []}}}')
@@ -80,14 +81,16 @@ def test_fields_of_a_terrain_read_back(tmp_path):
 
 
 def test_a_single_terrain_has_no_field_of_the_held_out_azimuth():
-    assert light_fields(seen(t1=TRUE), {1}, {"30"}) == {1: {}}
-    only = light_fields(seen(t1=TRUE), {1}, {"180"})[1]["30"]
+    assert light_fields(seen(t1=TRUE), {1}, {"30"}, SUNS) == {1: {}}
+    only = light_fields(seen(t1=TRUE), {1}, {"180"}, SUNS)[1]["30"]
     assert (only.terrains, only.held_out_stops) == ((1,), {})
 
 
 def test_the_order_of_terrains_has_no_effect():
     parts = seen(t1=TRUE, t2=OTHER, t3=TRUE)
-    assert light_fields(parts, {1, 2, 3}, {"30"}) == light_fields(dict(reversed(parts.items())), {3, 2, 1}, {"30"})
+    assert light_fields(parts, {1, 2, 3}, {"30"}, SUNS) == light_fields(
+        dict(reversed(parts.items())), {3, 2, 1}, {"30"}, SUNS
+    )
 
 
 @pytest.mark.parametrize("falloff", [False, True])

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from polarsim.photo import SUNS
 from polarsim.render.fitting.fit import fit
 from polarsim.render.fitting.samples import clear_of_walls
-from polarsim.render.fitting.terrain import LAMPS, lamps_in, samples_of_scene
+from polarsim.render.fitting.terrain import lamps_in, samples_of_scene
+from polarsim.render.lamps import ROVER
 from polarsim.render.options import FittingOptions
 from polarsim.run_files.walls import Walls, level_walls
+from tests.render.fitting.conftest import LAMPS
 
 
 @pytest.mark.parametrize(("nominal", "used"), [(False, [False, True, True]), (True, [False, False, True])])
@@ -30,13 +31,13 @@ def scattered(studio, lamps, rng):
 
 
 def test_photos_of_another_scene_are_not_fitted(studio, rng, caplog):
-    own = samples_of_scene(1, studio.samples)
+    own = samples_of_scene(1, studio.samples, LAMPS)
     assert (len(own), caplog.records) == (len(studio.samples), [])
-    suns = [name for name in lamps_in(studio.samples) if name in SUNS]
+    suns = [name for name in lamps_in(studio.samples, LAMPS) if name != ROVER]
     assert len(suns) > 2
-    one_foreign = samples_of_scene(1, scattered(studio, suns[:1], rng))
-    assert lamps_in(one_foreign) == tuple(name for name in lamps_in(studio.samples) if name != suns[0])
-    assert len(samples_of_scene(1, scattered(studio, suns, rng))) == 0
+    one_foreign = samples_of_scene(1, scattered(studio, suns[:1], rng), LAMPS)
+    assert lamps_in(one_foreign, LAMPS) == tuple(name for name in lamps_in(studio.samples, LAMPS) if name != suns[0])
+    assert len(samples_of_scene(1, scattered(studio, suns, rng), LAMPS)) == 0
     assert [record.levelname for record in caplog.records] == ["WARNING"] * 2
 
 
@@ -44,6 +45,6 @@ def test_photos_of_a_single_lamp_keep_the_parameters_of_the_options(studio, engi
     single = studio.samples.part(studio.samples.lamp == studio.samples.lamp[0])
     options = studio.options.model_copy(update={"fitting": FittingOptions(parameters={"lambert": ("albedo",)})})
     options = options.model_copy(update={"fitting": options.fitting.model_copy(update={"held_out": "no"})})
-    found = fit(single, studio.mesh, ["lambert"], engine, options)
+    found = fit(single, LAMPS, studio.mesh, ["lambert"], engine, options)
     assert found.models["lambert"].parameters == options.parameters("lambert").model_dump()
     assert sum("single lamp" in record.message for record in caplog.records) == 1
