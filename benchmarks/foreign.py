@@ -337,7 +337,7 @@ def make(
         maps[position] = str(folder / f"Pos{position}_org-XYZ.tif")
         nasa.write_range_map(maps[position], points)
         write_localised(folder / f"truth/cameras/Pos{position}.json", LocalisedRig(rig, sandbox_from_left, "truth"))
-    write_inventory(folder / "inventory.json", Inventory(TERRAIN, "polar", range_maps=maps))
+    write_inventory(folder / "inventory.json", Inventory(TERRAIN, "files", range_maps=maps))
     write_rig(folder / "calibration.json", rig, "stated")
     _write_truth(folder / "truth", ground, rocks, axis, height)
 

@@ -37,7 +37,7 @@ from polarsim.analog.generate import generate_terrain
 from polarsim.analog.options import AnalogOptions
 from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.options import LocalisationOptions
-from polarsim.formats import nasa_layout, obj
+from polarsim.formats import obj, site_files
 from polarsim.formats.calibrations import read_calibration
 from polarsim.geometry.poses import Pose
 from polarsim.rocks import splitting
@@ -78,11 +78,11 @@ def make(folder: Path, name: str) -> None:
         generate_terrain(
             site=polar(), root=folder, receipt=receipt, terrain=number, keys=[], options=options, threads=1
         )
-        files = {position: str(path) for position, path in nasa_layout.find_scans(folder, number)[0].items()}
-        write_inventory(folder / "inventory.json", Inventory(number, "polar", range_maps=files))
+        files = {position: str(path) for position, path in site_files.find_range_maps(polar(), folder, number).items()}
+        write_inventory(folder / "inventory.json", Inventory(number, "files", range_maps=files))
         write_rig(
             folder / "calibration.json",
-            read_calibration(nasa_layout.find_terrain_folder(folder, number) / nasa_layout.CALIBRATION_NAME, polar()),
+            read_calibration(site_files.find_calibration(polar(), folder, number), polar()),
             "file",
         )
     else:

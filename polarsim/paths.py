@@ -118,13 +118,14 @@ class RunPaths:
     def raw_data(self, wildcards: Wildcards) -> list[str]:
         """Return the receipt of a generated or fetched terrain, or the files of a local one."""
         config = self.config
-        return [str(path) for path in raw_inputs(parse_terrain(wildcards.terrain), config.source, config.labels.seeds)]
+        terrain = parse_terrain(wildcards.terrain)
+        return [str(path) for path in raw_inputs(config.site, terrain, config.source, config.labels.seeds)]
 
     def raw_data_of_run(self, wildcards: Wildcards) -> list[str]:  # noqa: ARG002
         """Return the raw data of all terrains."""
         config = self.config
-        seeds = config.labels.seeds
-        return [str(path) for terrain in config.terrains for path in raw_inputs(terrain, config.source, seeds)]
+        site, source, seeds = config.site, config.source, config.labels.seeds
+        return [str(path) for terrain in config.terrains for path in raw_inputs(site, terrain, source, seeds)]
 
     @property
     def photos_of_terrain(self) -> str | list[str]:

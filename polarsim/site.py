@@ -34,6 +34,9 @@ KEY_FIELDS = 6  # terrain, position, light, azimuth, camera, exposure
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]*")  # a name that is safe in photo keys and paths
 _NO_VALUE = ("na", "nan", "none", "null")  # names that readers of CSV files replace by missing values
+_NAMED = ("terrain", "terrain_name", "position", "light", "azimuth", "camera", "exposure_ms")  # fields of file names
+_SPELLED = ("terrain", "position", "light", "azimuth", "camera")
+FIELD = re.compile(r"{([^{}/]*)}")  # of a pattern of file names
 _QUERY = re.compile(r"\?(?!d=).*", re.DOTALL)  # of an address; Label Studio's files are `?d=FOLDER/FILE`
 _ENDING = re.compile(r"(?:_[A-Za-z]{3,4}\.rf\.\w+)?(?:\.[A-Za-z]\w{1,4})?\Z")  # of Roboflow's KEY_png.rf.HASH.jpg
 
@@ -233,7 +236,8 @@ class Files(_Part):
     """Names of the files below `source.root`, with fields in braces.
 
     Fields: {terrain} {terrain_name} {position} {light} {azimuth} {camera} {exposure_ms} {any}. `exposure_ms` matches an
-    integer, `any` matches any text without a slash; the other fields match names of the site or their `spelling`.
+    integer, `exposure_ms:4` one of at least four digits, `any` any text without a slash. Other fields match names
+    of the site, or their `spelling`. {png|tif} matches one of several texts. Suffixes match in upper and lower case.
     """
 
     photos: str = Field(description="Path of a photo: {terrain}/{position}/{azimuth}/{camera}_{exposure_ms}.png.")
@@ -248,6 +252,43 @@ class Files(_Part):
         description="Frame of the clouds: rectified left camera, left camera, a scanner's frame with z up, or sandbox.",
     )
     cloud_unit: Literal["mm", "m"] = Field("m", description="Unit of the clouds.")
+
+    @field_validator("photos", "clouds", "range_maps", "calibration")
+    @classmethod
+    def _known_fields(cls, pattern: str | None) -> str | None:
+        if pattern is None:
+            return None
+        for field in FIELD.findall(pattern):
+            if "|" not in field and field.partition(":")[0] not in (*_NAMED, "any"):
+                raise ValueError(
+                    f"{{{field}}} is no field, expected {', '.join(f'{{{name}}}' for name in _NAMED)}, {{any}}"
+                )
+            if ":" in field and not re.fullmatch(r"exposure_ms:\d", field):
+                raise ValueError(f"{{{field}}}: only exposure_ms may have a number of digits, {{exposure_ms:4}}")
+        if re.search("[{}]", FIELD.sub("", pattern)):
+            raise ValueError("a brace is not closed")
+        if pattern.startswith("/") or ".." in pattern.split("/") or "\\" in pattern:
+            raise ValueError("expected a path below source.root, with slashes between folders")
+        return pattern
+
+    @field_validator("spelling", mode="before")
+    @classmethod
+    def _texts_of_names(cls, value: object) -> object:
+        if not isinstance(value, Mapping):
+            return value
+        spelled = {}
+        for field, texts in value.items():
+            if field not in _SPELLED:
+                raise ValueError(f"{field!r}, expected {', '.join(_SPELLED)}")
+            if not isinstance(texts, Mapping):
+                raise ValueError(f"{field}: expected a text for each name")
+            of = {str(_text(name)): str(_text(text)) for name, text in texts.items()}
+            if field == "terrain":
+                of = {terrain_text(parse_terrain(name)): text for name, text in of.items()}
+            if len(set(of.values())) < len(of):
+                raise ValueError(f"{field}: two names have the same text")
+            spelled[field] = of
+        return spelled
 
 
 class AnalogSite(_Part):
@@ -317,7 +358,28 @@ class Site(_Part):
         ):
             if wrong := [value for value in values if value not in known]:
                 raise ValueError(f"analog.{name}: {wrong[0]!r}, expected {_one_of(known)}")
+        for name, pattern in (("photos", self.files.photos), ("clouds", self.files.clouds)):
+            if pattern and (missing := self._fields_without(pattern, only_scans=name != "photos")):
+                raise ValueError(f"files.{name}: the field {{{missing[0]}}} is missing, the site has several of them")
         return self
+
+    def _fields_without(self, pattern: str, *, only_scans: bool) -> list[str]:
+        """Return the fields of which the site has several values and which a pattern of files does not have."""
+        fields = {field.partition(":")[0] for field in FIELD.findall(pattern)}
+        several = {
+            "terrain": len(self.terrains) > 1 and "terrain_name" not in fields,
+            "position": len(self.all_positions) > 1,
+        }
+        if not only_scans:
+            several |= {
+                "light": self.rig_lamp is not None,
+                "azimuth": len(self.azimuths) > 1,
+                "camera": self.cameras.stereo,
+                "exposure_ms": any(
+                    len(self.exposures_of(each, name)) > 1 for each in self.terrains for name in self.azimuths
+                ),
+            }
+        return [name for name, needed in several.items() if needed and name not in fields]
 
     # Photos
 

@@ -90,7 +90,7 @@ def test_a_component_changes_only_the_named_options():
     assert found.ablation_detectors == ("analog", "hapke")
 
 
-POLAR, RELEASE = ({"source": {"kind": kind, "root": "data"}} for kind in ("polar", "release"))
+POLAR, RELEASE = ({"source": {"kind": kind, "root": "data"}} for kind in ("files", "release"))
 
 
 def component(**options):

@@ -46,7 +46,7 @@ def test_neither_names_nor_folders_nor_downloads_change_the_digest(name):
     ids=["corrections", "seeds", "annotated", "views", "weights"],
 )
 def test_where_further_data_are_stored_does_not_change_the_digest(section):
-    source = {"source": {"kind": "polar", "root": "data/polar"}}
+    source = {"source": {"kind": "files", "root": "data/polar"}}
     first, second = (parse_config(source | section(folder)).digest() for folder in ("/a b/é", "/other/../c"))
     assert first == second
 

@@ -15,6 +15,7 @@ from polarsim.errors import ConfigError, FetchError, FormatError
 from polarsim.formats.files import read_json, write_json
 from polarsim.formats.readers import reader
 from polarsim.photo import Terrain, terrain_text
+from polarsim.site import Site
 from polarsim.sources.registry import SOURCES
 
 PINS = "checksums.json"  # archive name -> SHA-256, written after the first download
@@ -45,7 +46,9 @@ def fetch_archive(*, name: str, url: str | None, root: Path, limits: FetchLimits
     return path
 
 
-def fetch_terrain(*, terrain: Terrain, source: SourceOptions, done: Path, limits: FetchLimits = _DEFAULT) -> None:
+def fetch_terrain(
+    *, site: Site, terrain: Terrain, source: SourceOptions, done: Path, limits: FetchLimits = _DEFAULT
+) -> None:
     """Download and extract the folders of a terrain, and write a receipt of the used archives and files.
 
     Archives are those of the configuration and those in the root. Existing folders are not changed.
@@ -53,27 +56,28 @@ def fetch_terrain(*, terrain: Terrain, source: SourceOptions, done: Path, limits
     data = SOURCES[source.kind]
     if data.is_generated:
         raise ConfigError(f"source.kind: {source.kind!r} is generated, not fetched")
-    for name in archives_of(terrain, source):
+    for name in archives_of(site, terrain, source):
         folder = source.root / Path(name).stem
-        named = _terrain_in(name) == terrain and data.unpacked(source.root, terrain)
+        named = terrain in _terrains_in(site, name) and data.unpacked(site, source.root, terrain)
         if not named and not folder.is_dir():
             path = fetch_archive(name=name, url=source.urls.get(name), root=source.root, limits=limits)
             with exclusive_lock(source.root):
                 if not folder.is_dir():  # the job of another terrain may have extracted the archive
-                    unpack(path, folder, data.layout)
+                    unpack(path, folder, data.layout(site))
         data.arrange(folder, source.root)
     pins = read_pins(source.root)
-    used = {name: pins[name] for name in archives_of(terrain, source) if name in pins}
-    folders = data.folders(source.root, terrain)
+    used = {name: pins[name] for name in archives_of(site, terrain, source) if name in pins}
+    folders = data.folders(site, source.root, terrain)
     if not folders:
         raise FetchError(
-            f"no data of terrain {terrain_text(terrain)} in {len(used)} archives: expected {data.expected(terrain)}",
+            f"no data of terrain {terrain_text(terrain)} in {len(used)} archives: expected "
+            f"{data.expected(site, terrain)}",
             path=source.root,
         )
     files = sorted(path for folder in folders for path in folder.rglob("*") if path.is_file())
     if not files:
         raise FetchError(f"no file of terrain {terrain_text(terrain)}", path=folders[0])
-    data.check_fetched(source.root, terrain, files)
+    data.check_fetched(site, source.root, terrain, files)
     write_json(
         done,
         {
@@ -86,17 +90,18 @@ def fetch_terrain(*, terrain: Terrain, source: SourceOptions, done: Path, limits
     )
 
 
-def archives_of(terrain: Terrain, source: SourceOptions) -> list[str]:
-    """Return the archives that may have data of a terrain: with the number of the terrain, or without a number."""
+def archives_of(site: Site, terrain: Terrain, source: SourceOptions) -> list[str]:
+    """Return the archives that may have data of a terrain: with its name, or without a terrain in the name."""
     local = set[str]()
     if source.root.is_dir():
         local = {path.name for path in source.root.iterdir() if path.suffix.lower() == ".zip" and path.is_file()}
-    return [name for name in sorted(local | set(source.urls)) if _terrain_in(name) in (None, terrain)]
+    return [name for name in sorted(local | set(source.urls)) if terrain in (_terrains_in(site, name) or (terrain,))]
 
 
-def _terrain_in(name: str) -> int | None:
-    match = re.match(r"Terrain(\d\d)(?!\d)", name)
-    return int(match[1]) if match else None
+def _terrains_in(site: Site, name: str) -> list[Terrain]:
+    """Return the terrains in the name of an archive: `Terrain01_LargeOnly.zip`, `yard-a.zip`."""
+    start = re.match(r"(?:Terrain)?([A-Za-z0-9-]+)", name)
+    return [] if start is None else [terrain for terrain in site.terrains if terrain_text(terrain) == start[1]]
 
 
 def _check_pin(content: Path, path: Path, root: Path) -> None:

@@ -34,10 +34,11 @@ class SourceOptions(BaseModel, extra="forbid", frozen=True):
     kind: str = Field(
         default="analog",
         json_schema_extra={"enum": list(SOURCES)},
-        description="Source of the raw data: 'analog' (generated), 'release' (published labels) or 'polar' (NASA).",
+        description="Source of the raw data: 'analog' (generated), 'release' (published labels) or 'files' (photos "
+        "and scans with the file names of the site).",
     )
     root: UserPath = Field(
-        default=Path("data/analog"), description="Folder of the raw data. Required for 'release' and 'polar'."
+        default=Path("data/analog"), description="Folder of the raw data. Required for 'release' and 'files'."
     )
     scans: bool = Field(
         default=True,
@@ -64,6 +65,8 @@ class SourceOptions(BaseModel, extra="forbid", frozen=True):
     @field_validator("kind")
     @classmethod
     def _known_kind(cls, kind: str) -> str:
+        if kind == "polar":
+            raise ValueError("'polar' is now called 'files': write kind: files")
         if kind not in SOURCES:
             raise ValueError(f"source {kind!r}, expected {', '.join(SOURCES)}")
         return kind

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 import numpy as np
 
 from polarsim.errors import ConfigError
 from polarsim.formats import png
 from polarsim.formats.files import writing, writing_folder
-from polarsim.photo import PhotoKey, Terrain, terrain_text
+from polarsim.formats.site_files import format_path, photo_fields
+from polarsim.photo import PhotoKey, Terrain
 from polarsim.site import Images, Site
 
-_FIELD = re.compile(r"{(\w+)}")
 _DISTANCE_STEP_MM = 500  # NASA's folders of positions contain the distance from the edge of the sand
 
 
@@ -31,8 +31,7 @@ class RawFiles:
 
     def photo(self, key: PhotoKey, token: str) -> Path:
         """Return the path of a photo; `token` fills `{any}` in its name."""
-        values = {"position": key.position, "light": key.light, "azimuth": key.azimuth, "camera": key.camera}
-        return self._path(self.site.files.photos, values | {"exposure_ms": f"{key.exposure_ms:04d}"}, token)
+        return self._path(self.site.files.photos, photo_fields(key), token)
 
     def cloud(self, position: str) -> Path | None:
         """Return the path of a scan of a position; None if the site has no scans."""
@@ -55,7 +54,7 @@ class RawFiles:
         """Folder of the photos, relative to the root."""
         return _folder(self.site, self.terrain, self.site.files.photos)
 
-    def _path(self, pattern: str, values: Mapping[str, str], token: str = "") -> Path:
+    def _path(self, pattern: str, values: Mapping[str, Any], token: str = "") -> Path:
         path = PurePosixPath(_filled(self.site, self.terrain, pattern, values, token))
         for folder, temporary in self.folders.items():
             if path.is_relative_to(folder):
@@ -100,25 +99,15 @@ def _folder(site: Site, terrain: Terrain, pattern: str) -> str:
     )
 
 
-def _filled(site: Site, terrain: Terrain, pattern: str, values: Mapping[str, str], token: str) -> str:
-    """Return a path: fields as spelled by the site; `{any}` is a name of the terrain, a distance or the token."""
-    options = site.options(terrain)
-    whole = {"terrain": terrain_text(terrain), "terrain_name": options.name or "Unnamed", **values}
-
-    def text_of(field: str, part: str, *, is_file: bool) -> str:
-        if field == "any":
-            if is_file:
-                return token
-            return _distance_mm(site, values["position"]) if "{position}" in part else options.name or "Unnamed"
-        if field not in whole:
-            raise ConfigError(f"site {site.name}, files: {pattern}: the field {{{field}}} has no value")
-        return site.files.spelling.get(field, {}).get(whole[field], whole[field])
-
-    def fill(part: str, *, is_file: bool) -> str:
-        return _FIELD.sub(lambda match: text_of(match[1], part, is_file=is_file), part)
-
+def _filled(site: Site, terrain: Terrain, pattern: str, values: Mapping[str, Any], token: str) -> str:
+    """Return a path as in `format_path`; `{any}` is a name of the terrain, a distance or the token."""
     *folders, file = pattern.split("/")
-    return "/".join([*(fill(part, is_file=False) for part in folders), fill(file, is_file=True)])
+    name = site.options(terrain).name or "Unnamed"
+    anys = []
+    for part in folders:
+        text = _distance_mm(site, str(values["position"])) if "{position}" in part else name
+        anys += [text] * part.count("{any}")
+    return format_path(site, pattern, terrain, values, [*anys, *[token] * file.count("{any}")])
 
 
 def _distance_mm(site: Site, position: str) -> str:

@@ -1,4 +1,4 @@
-"""NASA's files: stereo calibration, range maps and scan clouds. `nasa_layout` finds them below a root.
+"""NASA's files: stereo calibration, range maps and scan clouds. `site_files` finds them below a root.
 
 The files use millimetres and OpenCV's pixel coordinates. Readers return metres and polarsim's pixel coordinates.
 """
@@ -15,16 +15,15 @@ import numpy as np
 
 from polarsim.errors import FormatError
 from polarsim.formats.files import ENCODINGS, write_text, writing
-from polarsim.formats.nasa_layout import CLOUD_SUFFIXES
 from polarsim.formats.readers import reader
 from polarsim.formats.stated_calibration import StatedCalibration, StatedLens
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.stereo import StereoRig
-from polarsim.photo import PhotoKey
 
 log = logging.getLogger("polarsim")
 
 MM = 0.001  # metres
+CLOUD_SUFFIXES = (".xyz", ".txt", ".pts", ".ply")
 
 POSITION_DISTANCE_MM = {"A": 1500, "B": 4000, "C": 1500}  # from the edge of the box, in the names of NASA's folders
 _ENTRY = re.compile(r"([A-Z0-9_]+):(.*)")
@@ -300,14 +299,6 @@ def write_cloud(path: str | Path, points_m: np.ndarray, intensity: np.ndarray, u
     options = csv.WriteOptions(include_header=False, delimiter=" ", quoting_style="none")
     with writing(path) as temporary:
         csv.write_csv(table, str(temporary), options)
-
-
-def photo_path(terrain_folder: str | Path, key: PhotoKey, token: str) -> Path:
-    """Return NASA's path of a photo, `PosA_1500_Loff/Sun_30/CamL_<token>_0256.png`; a stereo pair shares the token."""
-    distance_mm = POSITION_DISTANCE_MM.get(key.position, POSITION_DISTANCE_MM["A"])
-    sun = "NoSun" if key.azimuth == "no" else f"Sun_{key.azimuth}"
-    position = f"Pos{key.position}_{distance_mm}_L{key.light}"
-    return Path(terrain_folder) / position / sun / f"Cam{key.camera}_{token}_{key.exposure_ms:04d}.png"
 
 
 def range_map_path(folder: str | Path, position: str) -> Path:

@@ -32,8 +32,8 @@ from polarsim.site import polar
 
 Origin = Literal["measured", "fitted", "synthetic"]
 # Origin of raw data by source: all data of the analog are synthetic.
-MEASURED: dict[str, Origin] = {"analog": "synthetic", "polar": "measured", "release": "measured"}
-PHOTO_DOMAINS = {"analog": "analog", "polar": "real", "release": "real"}  # by kind of source
+MEASURED: dict[str, Origin] = {"analog": "synthetic", "files": "measured", "release": "measured"}
+PHOTO_DOMAINS = {"analog": "analog", "files": "real", "release": "real"}  # by kind of source
 MAPS = {  # kinds of renders/maps: unit, step and meaning of the values; all are computed from fitted meshes and poses
     "depth": ("mm", 1.0, "Depth along the optical axis; 65535: nothing is seen."),
     "incidence": ("deg", 0.01, "Incidence of the lamp's light; 65535: nothing is seen."),
@@ -110,7 +110,7 @@ class Catalogue:
     """Data of a run that can be published."""
 
     run: Path
-    kind: str  # of the source: analog, polar or release
+    kind: str  # of the source: analog, files or release
     terrains: Mapping[int, CatalogueTerrain]
     pictures: tuple[CatalogueImage, ...]  # in the order of domains and keys
     drives: tuple[Path, ...] = ()  # folders

@@ -16,7 +16,7 @@ class Inventory:
     """Paths below the root of the source. Scans are in the rectified left frame of the position."""
 
     terrain: Terrain
-    kind: str  # "analog", "release" or "polar"
+    kind: str  # "analog", "release" or "files"
     calibration: str = ""  # source file of calibration.json; empty: the default rig
     range_maps: dict[str, str] = field(default_factory=dict)  # position -> PosX_org-XYZ.tif
     clouds: dict[str, str] = field(default_factory=dict)  # position -> PosX.xyz

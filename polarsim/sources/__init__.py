@@ -1,8 +1,8 @@
 """Data sources of raw data.
 
 - `source`: the protocol that each source implements
-- `nasa`: NASA's photos and scans (`source.kind: polar`)
-- `analog`: the simulated sandbox, in NASA's layout
+- `files`: photos and scans in the layout of a site (`source.kind: files`)
+- `analog`: the simulated sandbox, in the layout of its site
 - `release`: the published labels and meshes
 - `registry`: the sources by the value of `source.kind`
 

@@ -1,14 +1,14 @@
-"""The simulated sandbox, which the workflow generates in NASA's layout."""
+"""The simulated sandbox, which the workflow generates in the layout of the site."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from polarsim.photo import Terrain, terrain_text
-from polarsim.sources.nasa import NasaSource
+from polarsim.sources.files import FilesSource
 
 
-class AnalogSource(NasaSource):
+class AnalogSource(FilesSource):
     """Photos, scans and ground truth of the simulated sandbox."""
 
     kind = "analog"

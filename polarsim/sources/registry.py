@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from polarsim.sources.analog import AnalogSource
-from polarsim.sources.nasa import NasaSource
+from polarsim.sources.files import FilesSource
 from polarsim.sources.release import ReleaseSource
 from polarsim.sources.source import DataSource
 
-SOURCES: dict[str, DataSource] = {"analog": AnalogSource(), "release": ReleaseSource(), "polar": NasaSource()}
+SOURCES: dict[str, DataSource] = {"analog": AnalogSource(), "release": ReleaseSource(), "files": FilesSource()}

@@ -25,27 +25,30 @@ class ReleaseSource:
     has_photos = False
     has_scans = False
     is_generated = False
-    layout = re.compile("|".join(_FOLDERS))
 
-    def expected(self, terrain: Terrain) -> str:
+    def layout(self, site: Site) -> re.Pattern[str]:  # noqa: ARG002
+        """Return the names of the top folders of archives."""
+        return re.compile("|".join(_FOLDERS))
+
+    def expected(self, site: Site, terrain: Terrain) -> str:  # noqa: ARG002
         """Return the names of the folders of a terrain."""
         root = Path()
         folders = (release.label_folder(root, terrain), release.mesh_folder(root, terrain))
         return " and ".join(folder.as_posix() for folder in folders)
 
-    def folders(self, root: Path, terrain: Terrain) -> list[Path]:
+    def folders(self, site: Site, root: Path, terrain: Terrain) -> list[Path]:  # noqa: ARG002
         """Return the folders of boxes, polygons and meshes."""
         of = (release.label_folder, release.polygon_folder, release.mesh_folder)
         return [folder for find in of if (folder := find(root, terrain)).is_dir()]
 
-    def inputs(self, root: Path, terrain: Terrain) -> list[Path]:
+    def inputs(self, site: Site, root: Path, terrain: Terrain) -> list[Path]:  # noqa: ARG002
         """Return the meshes of rocks and ground."""
         ground = release.ground_file(root, terrain)
         return [*release.released_meshes(root, terrain).values(), *([ground] if ground else [])]
 
     def index(
         self,
-        site: Site,  # noqa: ARG002
+        site: Site,
         root: Path,
         terrain: Terrain,
         positions: Sequence[str],  # noqa: ARG002
@@ -55,7 +58,7 @@ class ReleaseSource:
         folders = (release.label_folder(root, terrain), release.mesh_folder(root, terrain))
         if not any(folder.is_dir() for folder in folders):
             raise FormatError(
-                f"no data of terrain {terrain_text(terrain)}, expected {self.expected(terrain)}", path=root
+                f"no data of terrain {terrain_text(terrain)}, expected {self.expected(site, terrain)}", path=root
             )
         stray = release.stray_files(root, terrain)
         release.log_strays(stray, f"{root}, terrain {terrain_text(terrain)}")
@@ -74,7 +77,7 @@ class ReleaseSource:
         """Return None: the real sandbox has no ground truth."""
         return None
 
-    def unpacked(self, root: Path, terrain: Terrain) -> Path | None:  # noqa: ARG002
+    def unpacked(self, site: Site, root: Path, terrain: Terrain) -> Path | None:  # noqa: ARG002
         """Return None: folders of a release are shared by all terrains."""
         return None
 
@@ -86,5 +89,5 @@ class ReleaseSource:
                     if not (root / name).exists():
                         folder.rename(root / name)
 
-    def check_fetched(self, root: Path, terrain: Terrain, files: Sequence[Path]) -> None:
+    def check_fetched(self, site: Site, root: Path, terrain: Terrain, files: Sequence[Path]) -> None:
         """Accept any files of the terrain."""

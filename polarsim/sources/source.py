@@ -25,24 +25,27 @@ class TerrainContent:
 class DataSource(Protocol):
     """Layout and properties of the raw data below `source.root`.
 
-    `root` is `source.root`, `terrain` the number of a terrain. Methods find files; the acquire stage reads the files.
+    `root` is `source.root`. Methods find files; the acquire stage reads the files.
     """
 
     domain: str  # of the photos, in tables: `real` or `analog`
     has_photos: bool
     has_scans: bool  # False: rock meshes are published
     is_generated: bool  # by the workflow, with ground truth; labels are simulated, not annotated
-    layout: re.Pattern[str]  # names of the top folders; other single top folders of an archive are removed
 
-    def expected(self, terrain: Terrain) -> str:
+    def layout(self, site: Site) -> re.Pattern[str]:
+        """Return the names of the top folders; other single top folders of an archive are removed."""
+        ...
+
+    def expected(self, site: Site, terrain: Terrain) -> str:
         """Return the names of the folders of a terrain, for messages."""
         ...
 
-    def folders(self, root: Path, terrain: Terrain) -> list[Path]:
+    def folders(self, site: Site, root: Path, terrain: Terrain) -> list[Path]:
         """Return the folders below the root with data of a terrain."""
         ...
 
-    def inputs(self, root: Path, terrain: Terrain) -> list[Path]:
+    def inputs(self, site: Site, root: Path, terrain: Terrain) -> list[Path]:
         """Return the input files for Snakemake, without label files and photos, which are too many."""
         ...
 
@@ -59,7 +62,7 @@ class DataSource(Protocol):
         """Return the folder of the ground truth; None without ground truth."""
         ...
 
-    def unpacked(self, root: Path, terrain: Terrain) -> Path | None:
+    def unpacked(self, site: Site, root: Path, terrain: Terrain) -> Path | None:
         """Return the folder to which an archive named for a terrain was unpacked; None if there is no such folder."""
         ...
 
@@ -67,7 +70,7 @@ class DataSource(Protocol):
         """Move the folders of an unpacked archive to the expected folders below the root."""
         ...
 
-    def check_fetched(self, root: Path, terrain: Terrain, files: Sequence[Path]) -> None:
+    def check_fetched(self, site: Site, root: Path, terrain: Terrain, files: Sequence[Path]) -> None:
         """Raise a `FetchError` if no file of a terrain is usable after a download."""
         ...
 

@@ -18,11 +18,16 @@ from polarsim import download
 from polarsim.acquire.fetch import PINS, archives_of, fetch_archive, fetch_terrain
 from polarsim.acquire.options import FetchLimits, SourceOptions
 from polarsim.errors import ConfigError, FetchError, FormatError
-from polarsim.formats import nasa_layout
+from polarsim.formats import site_files
+from polarsim.site import polar as polar_site
 
 NAME = "Terrain11_FreshCrater.zip"
 FAST = FetchLimits(tries=3, backoff_s=0, timeout_s=5)
 ONCE = FetchLimits(tries=1, backoff_s=0, timeout_s=5)
+
+
+def fetch_polar(**given):
+    fetch_terrain(site=polar_site(), **given)
 
 
 @dataclass
@@ -301,11 +306,11 @@ def polar(site, tmp_path):
     site.files[RANGES] = packed({"GroundTruth_RectifiedRangeMaps/Terrain11/PosA_org-XYZ.tif": "tif"})
     site.files["Terrain03_MeanDistr.zip"] = packed({"Terrain03_MeanDistr/stereo.calibration": "KEY: 1\n"})
     urls = {name: f"{site.url}/{name}" for name in site.files}
-    return SourceOptions(kind="polar", root=tmp_path / "polar", urls=urls)
+    return SourceOptions(kind="files", root=tmp_path / "polar", urls=urls)
 
 
 def test_archives_of_a_terrain_become_folders_and_a_receipt(site, tmp_path, polar):
-    fetch_terrain(terrain=11, source=polar, done=tmp_path / "receipt.json")
+    fetch_polar(terrain=11, source=polar, done=tmp_path / "receipt.json")
     receipt = json.loads((tmp_path / "receipt.json").read_text())
     assert receipt["files"] == [
         "GroundTruth_RectifiedRangeMaps/Terrain11/PosA_org-XYZ.tif",
@@ -319,7 +324,7 @@ def test_archives_of_a_terrain_become_folders_and_a_receipt(site, tmp_path, pola
 
 def test_terrains_share_an_archive_and_a_second_fetch_writes_the_same_receipt(site, tmp_path, polar):
     for terrain, receipt in ((3, "03"), (11, "first"), (11, "second")):
-        fetch_terrain(terrain=terrain, source=polar, done=tmp_path / receipt)
+        fetch_polar(terrain=terrain, source=polar, done=tmp_path / receipt)
     assert sorted(site.requests) == sorted(site.files)
     assert (tmp_path / "second").read_bytes() == (tmp_path / "first").read_bytes()
 
@@ -327,7 +332,9 @@ def test_terrains_share_an_archive_and_a_second_fetch_writes_the_same_receipt(si
 def test_jobs_at_the_same_time_fetch_a_shared_archive_once(site, tmp_path, polar):
     with ThreadPoolExecutor(2) as jobs:
         receipts = [
-            jobs.submit(fetch_terrain, terrain=terrain, source=polar, done=tmp_path / f"{terrain}.json")
+            jobs.submit(
+                fetch_terrain, site=polar_site(), terrain=terrain, source=polar, done=tmp_path / f"{terrain}.json"
+            )
             for terrain in (3, 11)
         ]
     assert [receipt.result() for receipt in receipts] == [None, None]
@@ -339,7 +346,9 @@ def test_local_folders_need_no_archive(tmp_path):
     calibration = tmp_path / "Terrain11_FreshCrater" / "stereo.calibration"
     calibration.parent.mkdir()
     calibration.write_text("KEY: 1\n")
-    fetch_terrain(terrain=11, source=SourceOptions(kind="polar", root=tmp_path), done=tmp_path / "receipt.json")
+    fetch_terrain(
+        site=polar_site(), terrain=11, source=SourceOptions(kind="files", root=tmp_path), done=tmp_path / "receipt.json"
+    )
     assert json.loads((tmp_path / "receipt.json").read_text())["folders"] == ["Terrain11_FreshCrater"]
 
 
@@ -358,10 +367,11 @@ def test_local_folders_need_no_archive(tmp_path):
 def test_zips_of_other_systems_and_with_other_top_folders_give_the_same_photos(tmp_path, name, form, separator):
     files = {form.format(path).replace(".png", ".PNG").replace("/", separator): text for path, text in NASA.items()}
     (tmp_path / name).write_bytes(packed(files))
-    fetch_terrain(terrain=11, source=SourceOptions(kind="polar", root=tmp_path), done=tmp_path / "receipt.json")
-    folder = nasa_layout.find_terrain_folder(tmp_path, 11)
-    assert [str(key) for key, _ in nasa_layout.find_photos(folder, 11)] == ["11_A_off_30_L_0256"]
-    assert nasa_layout.find_calibration(folder) is not None
+    fetch_terrain(
+        site=polar_site(), terrain=11, source=SourceOptions(kind="files", root=tmp_path), done=tmp_path / "receipt.json"
+    )
+    assert [str(key) for key, _ in site_files.find_photos(polar_site(), tmp_path, 11)[0]] == ["11_A_off_30_L_0256"]
+    assert site_files.find_calibration(polar_site(), tmp_path, 11) is not None
 
 
 @pytest.mark.parametrize(
@@ -375,23 +385,28 @@ def test_zips_of_other_systems_and_with_other_top_folders_give_the_same_photos(t
 def test_an_archive_without_content_of_the_layout_is_an_error(tmp_path, files):
     (tmp_path / NAME).write_bytes(packed({f"Terrain11_FreshCrater/{name}": text for name, text in files.items()}))
     with pytest.raises(FetchError, match=r"Terrain11_FreshCrater"):
-        fetch_terrain(terrain=11, source=SourceOptions(kind="polar", root=tmp_path), done=tmp_path / "receipt.json")
+        fetch_terrain(
+            site=polar_site(),
+            terrain=11,
+            source=SourceOptions(kind="files", root=tmp_path),
+            done=tmp_path / "receipt.json",
+        )
     assert not (tmp_path / "receipt.json").exists()
 
 
 def test_a_truncated_archive_is_a_one_line_error_and_can_be_replaced(tmp_path):
-    source = SourceOptions(kind="polar", root=tmp_path / "polar")
+    source = SourceOptions(kind="files", root=tmp_path / "polar")
     source.root.mkdir()
     (source.root / NAME).write_bytes(packed(NASA)[:-30])
     with pytest.raises(FormatError, match=NAME):
-        fetch_terrain(terrain=11, source=source, done=tmp_path / "receipt.json")
+        fetch_polar(terrain=11, source=source, done=tmp_path / "receipt.json")
     assert not (tmp_path / "receipt.json").exists()
     assert not (source.root / "Terrain11_FreshCrater").exists()
 
 
 def test_archives_without_the_terrain_are_an_error_with_the_expected_folders(tmp_path, polar):
     with pytest.raises(FetchError, match=r"Terrain05_\*"):
-        fetch_terrain(terrain=5, source=polar, done=tmp_path / "receipt.json")
+        fetch_polar(terrain=5, source=polar, done=tmp_path / "receipt.json")
     assert not (tmp_path / "receipt.json").exists()
 
 
@@ -405,31 +420,31 @@ def test_folders_of_a_release_are_moved_to_the_root(site, tmp_path):
     )
     urls = {"POLAR-Sim.zip": f"{site.url}/POLAR-Sim.zip"}
     source = SourceOptions(kind="release", root=tmp_path / "release", urls=urls)
-    fetch_terrain(terrain=1, source=source, done=tmp_path / "first.json")
+    fetch_polar(terrain=1, source=source, done=tmp_path / "first.json")
     assert json.loads((tmp_path / "first.json").read_text())["files"] == [
         "Labels/Terrain01/01_A_off_30_L_0256.txt",
         "TerrainMeshes/Terrain01/terrain01_rock1.obj",
     ]
-    fetch_terrain(terrain=1, source=source, done=tmp_path / "second.json")
+    fetch_polar(terrain=1, source=source, done=tmp_path / "second.json")
     assert len(site.requests) == 1
 
 
 def test_a_release_that_was_unpacked_in_part_is_completed(tmp_path):
     source = SourceOptions(kind="release", root=tmp_path)
     (tmp_path / "POLAR-Sim.zip").write_bytes(packed({"top/Labels/Terrain01/x.txt": "", "top/README.md": ""}))
-    fetch_terrain(terrain=1, source=source, done=tmp_path / "receipt.json")
+    fetch_polar(terrain=1, source=source, done=tmp_path / "receipt.json")
     (tmp_path / "Labels").rename(tmp_path / "POLAR-Sim" / "Labels")  # as after a stop between unpacking and moving
-    fetch_terrain(terrain=1, source=source, done=tmp_path / "receipt.json")
+    fetch_polar(terrain=1, source=source, done=tmp_path / "receipt.json")
     assert (tmp_path / "Labels" / "Terrain01" / "x.txt").exists()
 
 
 def test_the_analog_is_not_fetched(tmp_path):
     with pytest.raises(ConfigError, match=r"source\.kind"):
-        fetch_terrain(terrain=1, source=SourceOptions(root=tmp_path), done=tmp_path / "receipt.json")
+        fetch_polar(terrain=1, source=SourceOptions(root=tmp_path), done=tmp_path / "receipt.json")
 
 
 def test_archives_are_assigned_to_terrains_by_name(tmp_path):
     for name in ("Terrain01_LargeOnly.zip", "Terrain11_FreshCrater.zip", "dataset.zip", "Terrain011.zip"):
         (tmp_path / name).write_bytes(b"")
-    source = SourceOptions(kind="polar", root=tmp_path)
-    assert archives_of(1, source) == ["Terrain011.zip", "Terrain01_LargeOnly.zip", "dataset.zip"]
+    source = SourceOptions(kind="files", root=tmp_path)
+    assert archives_of(polar_site(), 1, source) == ["Terrain011.zip", "Terrain01_LargeOnly.zip", "dataset.zip"]

@@ -18,6 +18,7 @@ from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.rigs import read_rig
 from polarsim.site import polar as polar_site
+from tests.support.polar_files import photo_path
 from tests.support.polar_rig import default_rig
 
 BOX = "0 0.500000 0.500000 0.100000 0.100000\n"
@@ -78,12 +79,12 @@ def polar(tmp_path):
     points = np.full((4, 6, 3), 2.0)
     nasa.write_range_map(root / "GroundTruth_RectifiedRangeMaps/Terrain11/PosA_org-XYZ.tif", points)
     nasa.write_cloud(root / "Terrain11_FreshCrater/PosC.xyz", points[0], np.ones(6))
-    return SourceOptions(kind="polar", root=root)
+    return SourceOptions(kind="files", root=root)
 
 
 def add_photo(photo, source, name):
     key = PhotoKey.parse(name)
-    path = nasa.photo_path(source.root / "Terrain11_FreshCrater", key, "259659217")
+    path = source.root / photo_path(key, "259659217")
     path.parent.mkdir(parents=True, exist_ok=True)
     shutil.copy(photo, path)
     return path
@@ -194,8 +195,8 @@ def test_only_possible_seeds_are_inputs(polar):
     seed, other = (polar.root / f"Labels/Terrain11/11_A_off_30_{camera}_0256.txt" for camera in "LR")
     for path in (seed, other):
         write(path, BOX)
-    without = set(raw_inputs(11, polar, "none"))
-    assert set(raw_inputs(11, polar, SeedOptions())) - without == {seed}
+    without = set(raw_inputs(polar_site(), 11, polar, "none"))
+    assert set(raw_inputs(polar_site(), 11, polar, SeedOptions())) - without == {seed}
     assert len(without) == 3  # calibration and two scans
 
 

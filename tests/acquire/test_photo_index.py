@@ -9,7 +9,7 @@ from polarsim.formats import png
 from polarsim.formats.tables import PHOTO_COLUMNS
 from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.site import polar
-from polarsim.sources.nasa import log_gaps
+from polarsim.sources.files import log_gaps
 
 KEY = PhotoKey.parse("01_A_off_180_L_0256")
 
@@ -63,5 +63,5 @@ GRID = [key for key in polar().photos_of(1) if key.position == "A"]
     ],
 )
 def test_gaps_are_photos_of_the_grid_and_photos_without_second_camera(tmp_path, caplog, lost, messages):
-    log_gaps([key for key in GRID if key not in lost], GRID, tmp_path)
+    log_gaps([key for key in GRID if key not in lost], GRID, tmp_path, stereo=True)
     assert [record.getMessage().partition(" photos found, ")[2] for record in caplog.records] == messages

@@ -10,12 +10,13 @@ from polarsim.acquire.options import SeedOptions, SourceOptions, describe_seeds,
     ("content", "key"),
     [
         ({"kind": "release"}, ()),
-        ({"kind": "polar"}, ()),
+        ({"kind": "files"}, ()),
         ({"kind": "moon"}, ("kind",)),
-        ({"kind": "polar", "root": "x", "url": {}}, ("url",)),
-        ({"kind": "polar", "root": "x", "urls": {"../a.zip": "http://x/a.zip"}}, ("urls",)),
-        ({"kind": "polar", "root": "x", "urls": {"a.tar": "http://x/a.tar"}}, ("urls",)),
-        ({"kind": "polar", "root": "x", "urls": {"a.zip": "file:///etc/passwd"}}, ("urls",)),
+        ({"kind": "polar", "root": "x"}, ("kind",)),
+        ({"kind": "files", "root": "x", "url": {}}, ("url",)),
+        ({"kind": "files", "root": "x", "urls": {"../a.zip": "http://x/a.zip"}}, ("urls",)),
+        ({"kind": "files", "root": "x", "urls": {"a.tar": "http://x/a.tar"}}, ("urls",)),
+        ({"kind": "files", "root": "x", "urls": {"a.zip": "file:///etc/passwd"}}, ("urls",)),
     ],
 )
 def test_an_invalid_source_is_an_error(content, key):

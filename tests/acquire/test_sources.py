@@ -22,31 +22,33 @@ class SandboxSource:
     has_photos = False
     has_scans = True
     is_generated = False
-    layout = re.compile("scans")
 
-    def expected(self, terrain):
+    def layout(self, site):
+        return re.compile("scans")
+
+    def expected(self, site, terrain):
         return f"scans/{terrain}"
 
-    def folders(self, root, terrain):
-        return [root / self.expected(terrain)]
+    def folders(self, site, root, terrain):
+        return [root / self.expected(site, terrain)]
 
-    def inputs(self, root, terrain):
-        return sorted(self.folders(root, terrain)[0].glob("*.xyz"))
+    def inputs(self, site, root, terrain):
+        return sorted(self.folders(site, root, terrain)[0].glob("*.xyz"))
 
     def index(self, site, root, terrain, positions, grid):
-        clouds = {path.stem: path for path in self.inputs(root, terrain) if path.stem in positions}
+        clouds = {path.stem: path for path in self.inputs(site, root, terrain) if path.stem in positions}
         return TerrainContent(Inventory(terrain, "sandbox", clouds=path_texts(clouds)), [])
 
     def truth(self, root, terrain):
         return None
 
-    def unpacked(self, root, terrain):
+    def unpacked(self, site, root, terrain):
         return None
 
     def arrange(self, unpacked, root):
         pass
 
-    def check_fetched(self, root, terrain, files):
+    def check_fetched(self, site, root, terrain, files):
         pass
 
 
@@ -65,7 +67,7 @@ def test_a_registered_source_is_indexed_and_has_inputs(sandbox, tmp_path):
     index_terrain(site=polar(), terrain=5, positions=["A"], source=sandbox, seed_options="none", **out)
     assert read_inventory(out["inventory"]).clouds == {"A": (tmp_path / "scans/5/A.xyz").as_posix()}
     assert len(read_parquet(out["photos"], ["key"])) == 0
-    assert raw_inputs(5, sandbox, "none") == [tmp_path / f"scans/5/{position}.xyz" for position in "AB"]
+    assert raw_inputs(polar(), 5, sandbox, "none") == [tmp_path / f"scans/5/{position}.xyz" for position in "AB"]
 
 
 def test_a_configuration_has_the_properties_of_the_source(sandbox):
@@ -76,6 +78,6 @@ def test_a_configuration_has_the_properties_of_the_source(sandbox):
 @pytest.mark.parametrize("kind", SOURCES)
 def test_every_source_implements_the_protocol(kind, tmp_path):
     source: DataSource = SOURCES[kind]
-    assert source.folders(tmp_path, 4) == source.inputs(tmp_path, 4) == []
+    assert source.folders(polar(), tmp_path, 4) == source.inputs(polar(), tmp_path, 4) == []
     assert (source.truth(tmp_path, 4) is not None) == source.is_generated
-    assert source.layout.fullmatch(source.expected(4).split("/")[0].split(" ")[0].replace("*", "A"))
+    assert source.layout(polar()).fullmatch(source.expected(polar(), 4).split("/")[0].split(" ")[0].replace("*", "A"))

@@ -7,7 +7,7 @@ import pytest
 from polarsim.analog.generate import generate_terrain
 from polarsim.analog.options import AnalogOptions
 from polarsim.errors import ConfigError
-from polarsim.formats import nasa, nasa_layout, obj, png, tables, yolo
+from polarsim.formats import nasa, obj, png, site_files, tables, yolo
 from polarsim.formats.calibrations import read_calibration
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.stereo import rectified_left
@@ -31,6 +31,10 @@ def files_of(root):
     return {str(path.relative_to(root)): path.read_bytes() for path in sorted(root.rglob("*")) if path.is_file()}
 
 
+def find_scans(made):
+    return site_files.find_range_maps(polar(), made, TERRAIN), site_files.find_clouds(polar(), made, TERRAIN)
+
+
 @pytest.fixture(scope="module")
 def made(tmp_path_factory, coarse):
     root = tmp_path_factory.mktemp("analog")
@@ -39,7 +43,7 @@ def made(tmp_path_factory, coarse):
 
 
 def test_photos_are_written_for_the_given_keys_only(made):
-    photos = nasa_layout.find_photos(nasa_layout.find_terrain_folder(made, TERRAIN), TERRAIN)
+    photos = site_files.find_photos(polar(), made, TERRAIN)[0]
     assert [key for key, _ in photos] == sorted(KEYS)
     for _, path in photos:
         pixels = png.read_photo(path, (1936, 1216))
@@ -52,11 +56,11 @@ def test_photos_are_written_for_the_given_keys_only(made):
 
 
 def test_the_terrain_has_the_layout_of_nasas_files(made):
-    folder = nasa_layout.find_terrain_folder(made, TERRAIN)
+    folder = site_files.find_terrain_folder(polar(), made, polar().files.photos, TERRAIN)
     assert folder.name == "Terrain11_FreshCrater"
-    calibration = read_calibration(folder / nasa_layout.CALIBRATION_NAME, polar())
+    calibration = read_calibration(folder / "stereo.calibration", polar())
     assert abs(calibration.left.fx - 2068) < 25
-    maps, clouds = nasa_layout.find_scans(made, TERRAIN)
+    maps, clouds = find_scans(made)
     assert sorted(maps) == ["A", "B", "C"]
     assert sorted(clouds) == ["A", "C"]
 
@@ -65,11 +69,9 @@ def test_the_terrain_has_the_layout_of_nasas_files(made):
 def test_range_maps_agree_with_the_true_ground_and_cameras(made, position):
     truth = made / "truth" / "Terrain11"
     localised = read_localised(truth / "cameras" / f"Pos{position}.json")
-    calibration = read_calibration(
-        nasa_layout.find_terrain_folder(made, TERRAIN) / nasa_layout.CALIBRATION_NAME, polar()
-    )
+    calibration = read_calibration(site_files.find_calibration(polar(), made, TERRAIN), polar())
     grid = rectified_left(calibration)
-    maps, _ = nasa_layout.find_scans(made, TERRAIN)
+    maps, _ = find_scans(made)
     points = nasa.read_range_map(maps[position], (1936, 1216))[::8, ::8].reshape(-1, 3)
     points = points[np.isfinite(points).all(axis=1)].astype(float)
     sandbox = (localised.sandbox_from_left @ grid.left_from_rectified).apply(points)
@@ -85,11 +87,9 @@ def test_range_maps_agree_with_the_true_ground_and_cameras(made, position):
 
 
 def test_cloud_and_range_map_of_a_position_share_a_frame(made):
-    maps, clouds = nasa_layout.find_scans(made, TERRAIN)
+    maps, clouds = find_scans(made)
     cloud = nasa.read_cloud(clouds["A"])
-    grid = rectified_left(
-        read_calibration(nasa_layout.find_terrain_folder(made, TERRAIN) / nasa_layout.CALIBRATION_NAME, polar())
-    ).lens
+    grid = rectified_left(read_calibration(site_files.find_calibration(polar(), made, TERRAIN), polar())).lens
     pixels = np.floor(grid.project(cloud))
     inside = (pixels >= 0).all(axis=1) & (pixels < [1936, 1216]).all(axis=1)
     column, row = pixels[inside].astype(int).T

@@ -47,7 +47,7 @@ def scanned(tmp_path_factory, range_maps):
     for position, points in range_maps.items():
         paths[position] = str(folder / f"Pos{position}_org-XYZ.tif")
         nasa.write_range_map(paths[position], points)
-    return Inventory(terrain=3, kind="polar", range_maps=paths)
+    return Inventory(terrain=3, kind="files", range_maps=paths)
 
 
 @pytest.fixture
@@ -95,14 +95,14 @@ def test_a_scan_of_a_wall_leaves_its_position_to_the_survey(tmp_path, scanned, s
     nasa.write_range_map(tmp_path / "flat.tif", flat)
     maps = {**scanned.range_maps, "C": str(tmp_path / "flat.tif")}
     with caplog.at_level(logging.WARNING):
-        localised = locate(tmp_path, Inventory(terrain=3, kind="polar", range_maps=maps), sandbox.rig, "AC")
+        localised = locate(tmp_path, Inventory(terrain=3, kind="files", range_maps=maps), sandbox.rig, "AC")
     assert {position: one.method for position, one in localised.items()} == {"A": "scans", "C": "survey"}
     assert "the scan of position C" in caplog.text
     assert "position C has" in caplog.text
 
 
 def test_a_single_scan_is_registered(tmp_path, scanned, sandbox, true_poses):
-    alone = Inventory(terrain=3, kind="polar", range_maps={"A": scanned.range_maps["A"]})
+    alone = Inventory(terrain=3, kind="files", range_maps={"A": scanned.range_maps["A"]})
     localised = locate(tmp_path, alone, sandbox.rig, "A")["A"]
     assert localised.method == "scans"
     assert np.linalg.norm(localised.sandbox_from_left.translation - true_poses["A"].translation) < 0.03

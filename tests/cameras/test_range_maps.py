@@ -127,7 +127,7 @@ def test_a_terrain_without_stereo_photos_is_an_error_with_the_table(tmp_path):
     table = tmp_path / "photos.parquet"
     tables.write_parquet(table, photo_table([]))
     write_rig(tmp_path / "calibration.json", TRUE, "stated")
-    write_inventory(tmp_path / "inventory.json", Inventory(3, "polar"))
+    write_inventory(tmp_path / "inventory.json", Inventory(3, "files"))
     with pytest.raises(ReconstructionError) as caught:
         measure_ranges(
             site=polar(),

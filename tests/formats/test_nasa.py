@@ -1,5 +1,3 @@
-import logging
-
 import numpy as np
 import pytest
 import tifffile
@@ -7,12 +5,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.errors import FormatError
-from polarsim.formats import nasa, nasa_layout
+from polarsim.formats import nasa
 from polarsim.formats.calibrations import read_calibration
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig, rectified_left
-from polarsim.photo import PhotoKey
 from polarsim.site import polar
 
 TERRAIN_11 = """\
@@ -102,7 +99,7 @@ def test_a_calibration_reads_back(tmp_path_factory, focal, centre, terms, rotvec
         Lens(focal + 1, focal, *centre, width=1936, height=1216),
         Pose.from_rotvec(np.array(rotvec), np.array([0.3, 0.01, 0.0])),
     )
-    path = tmp_path_factory.mktemp("calibration") / nasa_layout.CALIBRATION_NAME
+    path = tmp_path_factory.mktemp("calibration") / "stereo.calibration"
     nasa.write_calibration(path, rig)
     again = read(path)
     points = np.array([[0.4, 0.2, 1.0], [-0.4, -0.3, 1.0]])
@@ -221,14 +218,6 @@ def test_a_ptx_file_is_an_error(tmp_path, name):
         nasa.read_cloud(tmp_path / name)
 
 
-def test_clouds_of_other_formats_are_skipped_with_a_warning(tmp_path, caplog):
-    (tmp_path / "Terrain01_A").mkdir()
-    for name in ("PosA.ptx", "PosC.xyz"):
-        (tmp_path / "Terrain01_A" / name).write_text("1 2 3\n")
-    assert list(nasa_layout.find_scans(tmp_path, 1)[1]) == ["C"]
-    assert [line for line in caplog.messages if "PosA.ptx" in line]
-
-
 def range_map(path, marks, kind="float32", tag=None, factor=1.0):
     """A wall at 3 m, 16 x 12 pixels, millimetres, with a no-data value in the first 20 pixels."""
     import tifffile
@@ -289,81 +278,3 @@ def test_a_file_that_is_no_cloud_is_an_error(tmp_path, name, text):
     (tmp_path / name).write_text(text)
     with pytest.raises(FormatError):
         nasa.read_cloud(tmp_path / name)
-
-
-def touch(path):
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.touch()
-
-
-def test_the_middle_token_of_photo_names_is_ignored(tmp_path):
-    key = PhotoKey(11, "A", "off", "30", "L", 256)
-    dark = PhotoKey(11, "A", "on", "no", "R", 8192)
-    touch(tmp_path / "PosA_1500_Loff/Sun_30/CamL_259659217_0256.png")
-    touch(tmp_path / "Terrain11_FreshCrater/PosA_1500_Lon/NoSun/CamR_a_b-c_8192.png")  # with a subfolder
-    found = nasa_layout.find_photos(tmp_path, 11)
-    assert [k for k, _ in found] == [key, dark]
-    assert found[0][1].name == "CamL_259659217_0256.png"
-
-
-@pytest.mark.parametrize(
-    "name",
-    ["PosA_1500_Loff/Sun_30/CamL_1_0256 copy.png", "PosA_1500_Loff/Sun_45/CamL_1_0256.png", "CamL_1_0256.png",
-     "PosA_1500_Loff/Sun_30/CamL_1_0300.png", "PosH_1500_Loff/Sun_30/CamL_1_0256.png",
-     "PosA_1500_Loff/Sun_30/CamL_0256.png", "a/b/PosA_1500_Loff/Sun_30/CamL_1_0256.png"],
-)  # fmt: skip
-def test_other_images_are_skipped_with_a_warning(tmp_path, caplog, name):
-    touch(tmp_path / name)
-    with caplog.at_level(logging.WARNING, logger="polarsim"):
-        assert nasa_layout.find_photos(tmp_path, 11) == []
-    assert [path.name for path in nasa_layout.find_strays(tmp_path, 11)] == [name.split("/")[-1]]
-    assert name.split("/")[-1] in caplog.text
-
-
-def test_two_files_of_a_photo_are_an_error(tmp_path):
-    touch(tmp_path / "PosA_1500_Loff/Sun_30/CamL_1_0256.png")
-    touch(tmp_path / "PosA_1500_Loff/Sun_30/CamL_2_0256.png")
-    with pytest.raises(FormatError, match="11_A_off_30_L_0256"):
-        nasa_layout.find_photos(tmp_path, 11)
-
-
-keys = st.builds(
-    PhotoKey, st.just(3), st.sampled_from("ABC"), st.sampled_from(["on", "off"]),
-    st.sampled_from(["no", "30", "180", "270", "350"]), st.sampled_from("LR"), st.sampled_from([16, 256, 8192]),
-)  # fmt: skip
-
-
-@settings(max_examples=20)
-@given(wanted=st.sets(keys, min_size=1, max_size=12))
-def test_photos_are_found_at_their_written_paths(tmp_path_factory, wanted):
-    folder = tmp_path_factory.mktemp("terrain")
-    for key in wanted:
-        touch(nasa.photo_path(folder, key, "123"))
-    assert nasa_layout.find_photos(folder, 3) == [(key, nasa.photo_path(folder, key, "123")) for key in sorted(wanted)]
-
-
-def test_folders_of_terrains_are_found_in_the_root_or_a_subfolder(tmp_path):
-    (tmp_path / "download/Terrain03_MeanDistr").mkdir(parents=True)
-    (tmp_path / "Terrain11_FreshCrater").mkdir()
-    (tmp_path / "GroundTruth_RectifiedRangeMaps/Terrain06").mkdir(parents=True)  # no name: not the folder of a terrain
-    assert nasa_layout.find_terrain_folder(tmp_path, 11) == tmp_path / "Terrain11_FreshCrater"
-    assert nasa_layout.find_terrain_folder(tmp_path, 3) == tmp_path / "download/Terrain03_MeanDistr"
-    assert nasa_layout.find_terrain_folder(tmp_path, 6) is None
-
-
-def test_two_folders_of_a_terrain_are_an_error(tmp_path):
-    (tmp_path / "Terrain11_FreshCrater").mkdir()
-    (tmp_path / "Terrain11_Other").mkdir()
-    with pytest.raises(FormatError):
-        nasa_layout.find_terrain_folder(tmp_path, 11)
-
-
-def test_scans_are_found_by_position(tmp_path):
-    touch(tmp_path / "GroundTruth_RectifiedRangeMaps/Terrain11/PosB_org-XYZ.tif")
-    touch(tmp_path / "GroundTruth_RectifiedRangeMaps/Terrain12/PosA_org-XYZ.tif")
-    touch(tmp_path / "Terrain11_FreshCrater/PosA.xyz")
-    touch(tmp_path / "Terrain11_FreshCrater/PosC.ply")
-    touch(tmp_path / "Terrain11_FreshCrater/PosC.notes")
-    maps, clouds = nasa_layout.find_scans(tmp_path, 11)
-    assert {position: path.name for position, path in maps.items()} == {"B": "PosB_org-XYZ.tif"}
-    assert {position: path.name for position, path in clouds.items()} == {"A": "PosA.xyz", "C": "PosC.ply"}

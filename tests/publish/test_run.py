@@ -213,7 +213,7 @@ def test_a_limit_smaller_than_a_scene_is_an_error(catalogue):
 
 
 def test_nasas_photos_are_published_on_request_only(tmp_path):
-    run = make_run(tmp_path, "polar")
+    run = make_run(tmp_path, "files")
     without = publish_forms(run, tmp_path / "without", ["coco"])["coco"]
     assert without.domains == ("hapke",)
     assert "CC0 1.0" in (tmp_path / "without/coco/README.md").read_text()
@@ -238,7 +238,7 @@ def test_a_run_of_the_release_has_twins_and_no_photos(tmp_path):
 
 
 def test_what_was_measured_on_a_real_sandbox_was_made_up_on_an_analog(tmp_path):
-    real, analog = (read_catalogue(make_run(tmp_path / kind, kind)) for kind in ("polar", "analog"))
+    real, analog = (read_catalogue(make_run(tmp_path / kind, kind)) for kind in ("files", "analog"))
     assert (real.terrains[1].sun_origin("30"), analog.terrains[1].sun_origin("30")) == ("measured", "synthetic")
     assert (real.terrains[1].sun_origin("180"), analog.terrains[1].sun_origin("180")) == ("fitted", "fitted")
     photos = [next(one for one in catalogue.pictures if catalogue.is_photo(one)) for catalogue in (real, analog)]

@@ -129,7 +129,7 @@ def test_ipd_pairs_are_sorted_in_the_order_of_the_paper_for_each_split():
     given = ipd()
     swapped = given.rename(columns={"first": "second", "second": "first"})
     pd.testing.assert_frame_equal(tidy_ipd(given, "analog"), tidy_ipd(swapped[given.columns], "analog"))
-    shown = format_ipd(tidy_ipd(ipd(("real", "hapke", "principled")), "polar"))
+    shown = format_ipd(tidy_ipd(ipd(("real", "hapke", "principled")), "files"))
     assert list(shown.columns[2:5]) == ["Principled - Hapke", "Real - Hapke", "Real - Principled"]
     assert shown.loc[0, "Real - Principled"] == "0.1000 [0.050, 0.150] / 0.2000 [0.120, 0.280]"
     assert shown.loc[2, "paper, Real - Hapke"] == "0.4638"
@@ -158,7 +158,7 @@ def test_intervals_are_in_a_separate_block(tmp_path, tabulated):
 def test_several_seeds_are_shown_by_mean_and_deviation_with_the_number_of_seeds(tmp_path, tabulated):
     single = detection(("real", "hapke", "principled"), ("rock",)).assign(map50=0.5, map50_95=0.4, iou_mean=0.3)
     table = pd.concat([single.assign(seed=seed, map50=0.5 + 0.1 * seed) for seed in (0, 1, 2)])
-    text = tabulated(tabulate_detection, with_intervals(table), ORIGIN | {"source": "polar"})
+    text = tabulated(tabulate_detection, with_intervals(table), ORIGIN | {"source": "files"})
     assert text.count("0.600 ± 0.100 / 0.400 ± 0.000 / 0.300 ± 0.000") == 9
     assert "n = 3 trainings" in text
     assert "0.987 / 0.805 / 0.849" in text  # the paper has a single training

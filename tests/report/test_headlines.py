@@ -24,7 +24,7 @@ def headlines_of(tmp_path):
         paths = {name: tmp_path / f"{name}.csv" for name in tables}
         for name, table in tables.items():
             write_csv(paths[name], table)
-        return headlines(paths, "real", "polar")
+        return headlines(paths, "real", "files")
 
     return make
 

@@ -120,7 +120,7 @@ def test_missing_parts_have_no_heading(tmp_path, run):
 
 
 def test_images_are_counted_by_split_and_domain(run):
-    assert picture_counts(run["datasets"], "polar").to_numpy().tolist() == [["photo", "Real", 7, 1, 3]]
+    assert picture_counts(run["datasets"], "files").to_numpy().tolist() == [["photo", "Real", 7, 1, 3]]
 
 
 def test_a_missing_data_set_is_named_and_no_page_is_written(tmp_path, run):

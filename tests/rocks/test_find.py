@@ -45,7 +45,7 @@ def write_scene(folder, scene, tripods, reduction=0.5):
         clouds[position] = str(folder / f"Pos{position}.xyz")
         nasa.write_cloud(clouds[position], points, np.zeros(len(points)))
     (folder / "seeds").mkdir()
-    write_inventory(folder / "inventory.json", Inventory(1, "polar", clouds=clouds))
+    write_inventory(folder / "inventory.json", Inventory(1, "files", clouds=clouds))
 
 
 def hilly_below(x0, y0):
@@ -170,7 +170,7 @@ def test_ranges_of_photos_give_no_walls_and_only_rocks_with_seed_boxes(worked, t
 def test_a_terrain_without_scans_is_level_ground_without_rocks(tmp_path, caplog):
     (tmp_path / "seeds").mkdir()
     (tmp_path / "cameras").mkdir()
-    write_inventory(tmp_path / "inventory.json", Inventory(1, "polar"))
+    write_inventory(tmp_path / "inventory.json", Inventory(1, "files"))
     run(tmp_path)
     assert "terrain 01 has no scan" in caplog.text
     assert len(pd.read_parquet(tmp_path / "rocks.parquet")) == 0

@@ -117,14 +117,14 @@ def test_the_home_folder_is_expanded_in_every_path(data, monkeypatch):
 @pytest.mark.parametrize("path", ["", "  ", "~nobody-of-this-name/x"])
 def test_an_empty_path_and_an_unknown_home_are_errors(path):
     with pytest.raises(ConfigError) as caught:
-        parse_config({"source": {"kind": "polar", "root": path}})
+        parse_config({"source": {"kind": "files", "root": path}})
     assert "source.root" in caught.value.reason or "root" in caught.value.reason
 
 
 def test_data_that_are_still_to_be_made_or_fetched_may_be_missing(tmp_path):
     for source in (
         {"kind": "analog"},
-        {"kind": "polar", "urls": {"Terrain03_MeanDistr.zip": "https://example.org/a.zip"}},
+        {"kind": "files", "urls": {"Terrain03_MeanDistr.zip": "https://example.org/a.zip"}},
     ):
         check_paths(parse_config({"terrains": [3], "source": {**source, "root": str(tmp_path / "later")}}))
 

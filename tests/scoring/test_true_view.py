@@ -31,10 +31,10 @@ def test_a_point_without_a_return_is_invisible(tmp_path):
     points = 3.0 * lens.pixel_directions()
     points[:, : int(lens.cx) + 20] = np.nan  # the left half of the image has no returns
     nasa.write_range_map(tmp_path / "map.tif", points)
-    assert seen(Inventory(1, "polar", range_maps={"A": str(tmp_path / "map.tif")}))[0] == [False, True, False]
+    assert seen(Inventory(1, "files", range_maps={"A": str(tmp_path / "map.tif")}))[0] == [False, True, False]
 
 
 def test_a_point_behind_a_closer_return_is_invisible(tmp_path):
     lens = rectified_left(default_rig()).lens
     nasa.write_range_map(tmp_path / "map.tif", 2.9 * lens.pixel_directions())
-    assert seen(Inventory(1, "polar", range_maps={"A": str(tmp_path / "map.tif")}))[0] == [False, False, False]
+    assert seen(Inventory(1, "files", range_maps={"A": str(tmp_path / "map.tif")}))[0] == [False, False, False]

@@ -68,7 +68,7 @@ ONE_SEED = RELEASE | {
 POLAR = {
     "run": "polar",
     "terrains": [1],
-    "source": {"kind": "polar", "root": "polar", "urls": {"Terrain01.zip": "https://example.org/Terrain01.zip"}},
+    "source": {"kind": "files", "root": "polar", "urls": {"Terrain01.zip": "https://example.org/Terrain01.zip"}},
     "labels": {"seeds": {"root": "release"}},
 }
 PLANS = (

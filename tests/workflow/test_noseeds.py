@@ -39,7 +39,7 @@ def test_annotated_files_are_no_input_of_a_run_without_seeds(checkout, snakemake
     for path in (annotated, *scans):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text("0 0.5 0.5 0.1 0.1\n")
-    content = {"run": "own", "terrains": [1], "positions": ["A", "C"], "source": {"kind": "polar", "root": str(root)}}
+    content = {"run": "own", "terrains": [1], "positions": ["A", "C"], "source": {"kind": "files", "root": str(root)}}
     (checkout / "config/own.yaml").write_text(yaml.safe_dump(content))
     files = ("--configfile", "config/own.yaml", "config/overlays/noseeds.yaml")
     done = snakemake(checkout, "labels", "tables", "--dry-run", *files)

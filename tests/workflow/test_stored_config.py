@@ -161,7 +161,7 @@ def test_a_stored_configuration_reads_back_the_same(tmp_path, monkeypatch, name)
 
 
 def test_any_text_reads_back_from_the_stored_configuration(tmp_path):
-    config = Config.model_validate({"run": "any", "source": {"kind": "polar", "root": "/ aé ü#:'\"\\~- "}})
+    config = Config.model_validate({"run": "any", "source": {"kind": "files", "root": "/ aé ü#:'\"\\~- "}})
     store_config(config, tmp_path)
     written = (tmp_path / STORED).stat().st_mtime_ns
     store_config(config, tmp_path)
