@@ -115,6 +115,10 @@ class PhotoKey:
         """Absolute difference to an exposure time, ms, in stops (factors of two)."""
         return abs(log2(self.exposure_ms / exposure_ms))
 
+    def stops_from(self, exposure_ms: int) -> float:
+        """Absolute difference to an exposure, in stops (factors of two)."""
+        return abs(log2(self.exposure_ms / exposure_ms))
+
     @property
     def stops_off_usual(self) -> float:
         """Absolute difference to the usual exposure, in stops (factors of two)."""

@@ -21,7 +21,18 @@ from pydantic import BaseModel, BeforeValidator, Field, PositiveFloat, PositiveI
 from polarsim.errors import ConfigError, LabelError
 from polarsim.formats.files import packaged
 from polarsim.formats.yaml_files import read_model
-from polarsim.photo import LIGHTS, NO_SUN, CameraSide, Light, PhotoKey, Terrain, parse_terrain, terrain_text
+from polarsim.photo import (
+    BLACK_LEVEL,
+    LIGHTS,
+    NO_SUN,
+    WHITE_LEVEL,
+    CameraSide,
+    Light,
+    PhotoKey,
+    Terrain,
+    parse_terrain,
+    terrain_text,
+)
 
 Point = tuple[float, float, float]  # x, y, z
 Side = Literal["-x", "+x", "-y", "+y"]  # of the sandbox
@@ -134,6 +145,9 @@ class Images(_Part):
     bits: int = Field(12, ge=8, le=16, description="Bits of a value. Files with more bits hold them in the low bits.")
     black: int = Field(16, ge=0, description="Value of an unlit pixel.")
     white: PositiveInt | None = Field(None, description="Value of a saturated pixel; null: the largest value.")
+    curve: Literal["linear", "srgb"] = Field(
+        "linear", description="'linear': values are proportional to light. 'srgb': values of JPEG files of cameras."
+    )
 
     @property
     def size(self) -> tuple[int, int]:
@@ -402,6 +416,15 @@ class Site(_Part):
     def usual_exposure_ms(self) -> int:
         """Usual exposure with a lamp."""
         return self.reference_exposure_ms or sorted(self.exposures_ms)[len(self.exposures_ms) // 2]
+
+    @property
+    def converts_photos(self) -> bool:
+        """Whether photos are converted to polarsim's photo format; photos that have it are used in place."""
+        usual = Images(
+            width=self.images.width, height=self.images.height, bits=12, black=BLACK_LEVEL, white=WHITE_LEVEL
+        )
+        same = (self.images.model_copy(update={"white": self.images.white_level})) == usual
+        return not (same and self.files.photos.lower().endswith(".png"))
 
     def options(self, terrain: Terrain) -> TerrainOptions:
         """Return the options of a terrain; KeyError for an unknown terrain."""

@@ -11,6 +11,7 @@ from typing import Any
 
 import pandas as pd
 
+from polarsim.acquire.converted import photos_of_run
 from polarsim.acquire.options import NO_SEEDS, SeedChoice, SeedOptions, SourceOptions
 from polarsim.acquire.seeds import choose_seed_files, copy_seeds, find_labels, no_seed_error
 from polarsim.acquire.stereo_check import check_calibration
@@ -20,7 +21,7 @@ from polarsim.formats.calibrations import read_calibration, stated_rig
 from polarsim.formats.readers import reader
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, read_parquet, typed, write_parquet
 from polarsim.grid import GridOptions
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey, Terrain, terrain_text
+from polarsim.photo import PhotoKey, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.rigs import write_rig
@@ -35,12 +36,15 @@ STATED = "stated"  # source of the default calibration
 
 
 @reader("photo")
-def describe_photo(path: Path) -> dict[str, object]:
-    """Return width and height in pixels, bits, SHA-256 and path of a raw photo."""
+def describe_photo(path: Path, size: tuple[int, int]) -> dict[str, object]:
+    """Return width and height in pixels, bits, SHA-256 and path of a photo in polarsim's photo format.
+
+    `size`: expected width and height, px.
+    """
     content = path.read_bytes()
     header = png.parse_header(content)
-    if (header.width, header.height) != (WIDTH, HEIGHT):
-        raise FormatError(f"{header.width} x {header.height} pixels, expected {WIDTH} x {HEIGHT}")
+    if (header.width, header.height) != size:
+        raise FormatError(f"{header.width} x {header.height} pixels, expected {size[0]} x {size[1]}")
     if header.bits != PHOTO_BITS or header.channels != 1:
         raise FormatError(f"{header.channels} channels of {header.bits} bits, expected 1 of {PHOTO_BITS}")
     return {
@@ -52,9 +56,10 @@ def describe_photo(path: Path) -> dict[str, object]:
     }
 
 
-def index_photos(files: Sequence[tuple[PhotoKey, Path]]) -> pd.DataFrame:
+def index_photos(files: Sequence[tuple[PhotoKey, Path]], size: tuple[int, int]) -> pd.DataFrame:
     """Return a table with a row per photo; see `describe_photo` for errors."""
-    return photo_table([{**key_columns(key), **describe_photo(path)} for key, path in track(files, "reading photos")])
+    rows = [{**key_columns(key), **describe_photo(path, size)} for key, path in track(files, "reading photos")]
+    return photo_table(rows)
 
 
 def photo_table(rows: Sequence[Mapping[Any, Any]] | pd.DataFrame) -> pd.DataFrame:
@@ -74,28 +79,35 @@ def index_terrain(
     calibration: Path,
     inventory: Path,
     seeds: Path,
+    converted: str | Path | None = None,
     grid: GridOptions | None = None,
 ) -> None:
     """Write `photos.parquet`, `calibration.json`, `inventory.json` and the folder of seeds of a terrain.
 
     All photos of the positions are indexed. `grid` is the part of the photo grid whose missing photos are reported.
+    `converted` is the folder of the photos in polarsim's photo format, for sites with `Site.converts_photos`.
     """
     if not source.root.is_dir():
         raise FormatError(f"no such folder, expected the root of the source {source.kind!r}", path=source.root)
     data = SOURCES[source.kind]
     content = data.index(site, source.root, terrain, positions, grid or GridOptions())
-    raw, table = content.inventory, index_photos(content.photos)
+    raw = content.inventory
     if not source.scans:
         raw = replace(raw, range_maps={}, clouds={})
     if isinstance(seed_options, SeedOptions):
         root = seed_options.root or source.root
-        chosen = _seeds(terrain, positions, raw, root, seed_options, log_strays=data.has_photos)
+        chosen = _seeds(site, terrain, positions, raw, root, seed_options, log_strays=data.has_photos)
     else:
         _check_scanned(terrain, positions, raw, source.root)
         chosen = []
     rig = read_calibration(raw.calibration, site) if raw.calibration else stated_rig(site)
-    recorded = {PhotoKey.parse(key): Path(path) for key, path in zip(table["key"], table["path"], strict=True)}
-    check_calibration(recorded, rig, Path(raw.calibration) if raw.calibration else None)
+    stated = Path(raw.calibration) if raw.calibration else None
+    with photos_of_run(content.photos, site, converted) as recorded:
+        table = index_photos(list(recorded.items()), site.images.size)
+        if rig.is_stereo:
+            check_calibration(recorded, rig, stated, site.usual_exposure_ms)
+    if converted is not None:
+        table["path"] = [(Path(converted) / Path(path).name).as_posix() for path in table["path"]]
     write_parquet(photos, table)  # all errors of the source were raised above, before the first output
     write_rig(calibration, rig, Path(raw.calibration).name if raw.calibration else STATED)
     write_inventory(inventory, raw)
@@ -117,13 +129,20 @@ def _check_scanned(terrain: Terrain, positions: Sequence[str], raw: Inventory, r
 
 
 def _seeds(
-    terrain: Terrain, positions: Sequence[str], raw: Inventory, root: Path, options: SeedOptions, *, log_strays: bool
+    site: Site,
+    terrain: Terrain,
+    positions: Sequence[str],
+    raw: Inventory,
+    root: Path,
+    options: SeedOptions,
+    *,
+    log_strays: bool,
 ) -> list[tuple[PhotoKey, Path]]:
     files, folder = find_labels(root, terrain)
     if log_strays:  # the inventory of a release lists strays
         stray = release.key_files(folder).stray
         release.log_strays((path for path in stray if folder != root or path.suffix.lower() == ".txt"), str(folder))
-    chosen = choose_seed_files(files, positions, options)
+    chosen = choose_seed_files(files, positions, options, site.usual_exposure_ms)
     if not chosen:
         raise no_seed_error(terrain, options, files, folder)
     unknown = set(positions) - {key.position for key, _ in chosen} - set(raw.scanned)

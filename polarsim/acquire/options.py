@@ -102,7 +102,7 @@ class SeedOptions(BaseModel, extra="forbid", frozen=True):
     )
     exposure: Literal["best"] | PositiveInt = Field(
         default="best",
-        description="Exposure of the seeds, ms, or 'best': maximum number of boxes, then nearest to 256 ms.",
+        description="Exposure of the seeds, ms, or 'best': most boxes, then nearest to the usual exposure.",
     )
 
     def allow(self, key: PhotoKey) -> bool:

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 log = logging.getLogger("polarsim")
 
 
-def best_exposure(boxes: Mapping[PhotoKey, int]) -> PhotoKey:
-    """Return the photo of an exposure bracket with most boxes; ties: exposure nearest to 256 ms, then the longer."""
+def best_exposure(boxes: Mapping[PhotoKey, int], usual_exposure_ms: int) -> PhotoKey:
+    """Return the photo of an exposure bracket with most boxes; ties: nearest to the usual exposure, then the longer."""
 
     def rank(key: PhotoKey) -> tuple[int, float, int]:
-        return boxes[key], -key.stops_off_usual, key.exposure_ms
+        return boxes[key], -key.stops_from(usual_exposure_ms), key.exposure_ms
 
     return max(boxes, key=rank)
 
@@ -70,7 +70,7 @@ def no_seed_error(terrain: Terrain, options: SeedOptions, files: Mapping[PhotoKe
 
 
 def choose_seed_files(
-    files: Mapping[PhotoKey, Path], positions: Sequence[str], options: SeedOptions
+    files: Mapping[PhotoKey, Path], positions: Sequence[str], options: SeedOptions, usual_exposure_ms: int
 ) -> list[tuple[PhotoKey, Path]]:
     """Return at most a single file per exposure bracket, sorted by photo key."""
     from polarsim.formats import yolo  # imports NumPy
@@ -82,7 +82,10 @@ def choose_seed_files(
     ]
     names = cache(_stated_names)
     chosen = [
-        best_exposure({key: len(yolo.read_boxes_or_polygons(files[key], names(files[key].parent))[0]) for key in keys})
+        best_exposure(
+            {key: len(yolo.read_boxes_or_polygons(files[key], names(files[key].parent))[0]) for key in keys},
+            usual_exposure_ms,
+        )
         for keys in by_bracket(possible).values()
     ]
     return [(key, files[key]) for key in sorted(chosen)]

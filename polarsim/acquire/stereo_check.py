@@ -12,7 +12,7 @@ from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import png
 from polarsim.geometry.features import Features, match_features, sift_features
 from polarsim.geometry.stereo import StereoRig, epipolar_distances, triangulated_depth
-from polarsim.photo import SUNS, PhotoKey
+from polarsim.photo import PhotoKey
 from polarsim.tone import to_8bit
 
 _SCALE = 0.5  # scale of the photos for feature detection
@@ -27,13 +27,17 @@ _MIN_IN_FRONT = 0.5  # minimum share of matches in front of the cameras
 log = logging.getLogger("polarsim")
 
 
-def check_calibration(photos: Mapping[PhotoKey, Path], rig: StereoRig, calibration: Path | None) -> None:
+def check_calibration(
+    photos: Mapping[PhotoKey, Path], rig: StereoRig, calibration: Path | None, usual_exposure_ms: int
+) -> None:
     """Compare a calibration with a stereo pair of each position.
 
     Parameters
     ----------
     calibration : Path or None
-        The file of the calibration; None: the stated calibration of terrain 11.
+        The file of the calibration; None: the stated calibration of the site.
+    usual_exposure_ms
+        The exposure that is preferred.
 
     Raises
     ------
@@ -41,7 +45,7 @@ def check_calibration(photos: Mapping[PhotoKey, Path], rig: StereoRig, calibrati
         Left and right photos of a position are exchanged, or matched features are too far from the epipolar lines. The
         latter is only a warning for the stated calibration, which was not measured for these photos.
     """
-    for left, right in _pairs(photos):
+    for left, right in _pairs(photos, usual_exposure_ms):
         a, b = _matched_pixels(photos[left], photos[right])
         if len(a) < _MIN_MATCHES:
             log.info("%s: too few features in both photos to check the stereo calibration", left)
@@ -57,7 +61,7 @@ def check_calibration(photos: Mapping[PhotoKey, Path], rig: StereoRig, calibrati
             reason = f"calibration contradicts the photos: {off}"
             if calibration:
                 raise FormatError(reason, path=calibration)
-            log.warning("no stereo.calibration, and the stated %s", reason)
+            log.warning("no calibration of the terrain, and that of the site: %s", reason)
 
 
 def _matched_pixels(left: Path, right: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -78,14 +82,14 @@ def _matched_pixels(left: Path, right: Path) -> tuple[np.ndarray, np.ndarray]:
     return a[chosen], b[chosen]
 
 
-def _pairs(photos: Mapping[PhotoKey, Path]) -> list[tuple[PhotoKey, PhotoKey]]:
-    """Return the best exposed stereo pair of each position: lit by a Sun lamp, exposure nearest to 256 ms."""
+def _pairs(photos: Mapping[PhotoKey, Path], usual_exposure_ms: int) -> list[tuple[PhotoKey, PhotoKey]]:
+    """Return the best exposed stereo pair of each position: lit by a Sun lamp, exposure nearest to the usual one."""
     best: dict[str, PhotoKey] = {}
     for key in sorted(photos):
-        if key.camera == "L" and key.azimuth in SUNS and key.other_camera in photos:
+        if key.camera == "L" and key.has_sun and key.other_camera in photos:
             former = best.get(key.position)
-            rank = key.stops_off_usual, key.light == "on"
-            if former is None or rank < (former.stops_off_usual, former.light == "on"):
+            rank = key.stops_from(usual_exposure_ms), key.light == "on"
+            if former is None or rank < (former.stops_from(usual_exposure_ms), former.light == "on"):
                 best[key.position] = key
     return [(key, key.other_camera) for key in best.values()]
 

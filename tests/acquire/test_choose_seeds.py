@@ -32,14 +32,14 @@ def write(folder, name, boxes):
 )
 def test_the_best_exposure_has_most_boxes_then_is_nearest_256_ms_then_longer(boxes, best):
     keys = {KEY.with_exposure(exposure): count for exposure, count in boxes.items()}
-    assert best_exposure(keys).exposure_ms == best
+    assert best_exposure(keys, 256).exposure_ms == best
 
 
 @given(st.permutations([32, 64, 128, 256, 512]), st.lists(st.integers(0, 3), min_size=5, max_size=5))
 def test_the_best_exposure_does_not_depend_on_the_order_of_files(order, counts):
     boxes = {KEY.with_exposure(exposure): counts[exposure.bit_length() - 6] for exposure in order}
-    best = best_exposure(boxes)
-    assert best_exposure(dict(sorted(boxes.items()))) == best
+    best = best_exposure(boxes, 256)
+    assert best_exposure(dict(sorted(boxes.items())), 256) == best
     assert boxes[best] == max(boxes.values())
 
 
@@ -53,14 +53,14 @@ def test_a_single_seed_per_bracket_is_chosen_by_camera_light_and_azimuth(tmp_pat
         "03_C_off_30_L_0256",
     ]
     files = dict([*(write(tmp_path, name, 3) for name in names), *(write(tmp_path, name, 3) for name in others)])
-    chosen = choose_seed_files(files, ["A", "B"], SeedOptions())
+    chosen = choose_seed_files(files, ["A", "B"], SeedOptions(), 256)
     assert [str(key) for key, _ in chosen] == sorted(names)
 
 
 def test_a_given_exposure_is_chosen_if_available(tmp_path):
     names = ["03_A_off_30_L_0064", "03_A_off_30_L_0256", "03_B_off_30_L_0256"]
     files = dict(write(tmp_path, name, 3) for name in names)
-    assert [str(key) for key, _ in choose_seed_files(files, "ABC", SeedOptions(exposure=64))] == names[:1]
+    assert [str(key) for key, _ in choose_seed_files(files, "ABC", SeedOptions(exposure=64), 256)] == names[:1]
 
 
 def test_seeds_are_written_with_six_decimals_and_replace_earlier_files(tmp_path):
@@ -91,7 +91,7 @@ def test_seeds_may_be_polygons_without_boxes(tmp_path):
     folder = polygon_folder(tmp_path, 3)
     yolo.write_polygons(folder / f"{KEY}.txt", [(1, ground), (2, rock), (3, shadow)])
     files, _ = find_labels(tmp_path, 3)
-    copy_seeds(choose_seed_files(files, ["A"], SeedOptions()), tmp_path / "seeds")
+    copy_seeds(choose_seed_files(files, ["A"], SeedOptions(), 256), tmp_path / "seeds")
     classes, boxes = yolo.read_boxes(tmp_path / "seeds" / f"{KEY}.txt")
     assert classes.tolist() == [0, 1]
     np.testing.assert_allclose(boxes, [[100, 190, 160, 250], [150, 230, 1936, 260]], atol=0.01)
@@ -139,6 +139,6 @@ def test_class_numbers_of_seeds_are_defined_by_a_class_list(tmp_path, lines, fil
     (tmp_path / f"mine/{KEY}.txt").write_text(lines)
     (tmp_path / "mine" / file).write_text(content)
     files, _ = find_labels(tmp_path / "mine", 3)
-    copy_seeds(choose_seed_files(files, ["A"], SeedOptions()), tmp_path / "seeds")
+    copy_seeds(choose_seed_files(files, ["A"], SeedOptions(), 256), tmp_path / "seeds")
     classes, _ = yolo.read_boxes(tmp_path / f"seeds/{KEY}.txt")
     assert classes.tolist() == [0]  # a rock

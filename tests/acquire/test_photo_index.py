@@ -22,7 +22,7 @@ def photo(tmp_path_factory):
 
 
 def test_a_photo_is_described_by_its_size_bits_and_checksum(photo):
-    assert describe_photo(photo) == {
+    assert describe_photo(photo, (WIDTH, HEIGHT)) == {
         "width": 1936, "height": 1216, "bits": 16, "path": photo.as_posix(),
         "sha256": hashlib.sha256(photo.read_bytes()).hexdigest(),
     }  # fmt: skip
@@ -34,12 +34,12 @@ def test_a_photo_is_described_by_its_size_bits_and_checksum(photo):
 def test_a_photo_of_another_size_or_depth_is_an_error(tmp_path, shape, kind):
     png.write_png(tmp_path / "a.png", np.zeros(shape, kind))
     with pytest.raises(FormatError, match=r"a\.png"):
-        describe_photo(tmp_path / "a.png")
+        describe_photo(tmp_path / "a.png", (WIDTH, HEIGHT))
 
 
 def test_the_index_has_a_row_per_photo_sorted_by_key(photo):
     other = PhotoKey.parse("01_A_off_180_R_0256")
-    table = index_photos([(other, photo), (KEY, photo)])
+    table = index_photos([(other, photo), (KEY, photo)], (WIDTH, HEIGHT))
     assert tuple(table.columns) == PHOTO_COLUMNS
     assert table["key"].tolist() == [str(KEY), str(other)]
     assert table.loc[0, ["terrain", "position", "light", "azimuth", "camera", "exposure_ms"]].tolist() == [
@@ -48,7 +48,7 @@ def test_the_index_has_a_row_per_photo_sorted_by_key(photo):
 
 
 def test_an_index_without_photos_has_the_same_types(photo):
-    assert photo_table([]).dtypes.equals(index_photos([(KEY, photo)]).dtypes)
+    assert photo_table([]).dtypes.equals(index_photos([(KEY, photo)], (WIDTH, HEIGHT)).dtypes)
 
 
 GRID = [key for key in polar().photos_of(1) if key.position == "A"]

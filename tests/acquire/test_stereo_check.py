@@ -54,7 +54,7 @@ def photos(tmp_path_factory):
 
 
 def test_the_calibration_of_the_photos_passes(photos, tmp_path):
-    check_calibration(photos, RIG, tmp_path / "stereo.calibration")
+    check_calibration(photos, RIG, tmp_path / "stereo.calibration", 256)
 
 
 @pytest.mark.parametrize(
@@ -69,25 +69,25 @@ def test_the_calibration_of_the_photos_passes(photos, tmp_path):
 )
 def test_a_wrong_calibration_is_an_error_with_the_file(photos, tmp_path, rig):
     with pytest.raises(FormatError) as caught:
-        check_calibration(photos, rig, tmp_path / "stereo.calibration")
+        check_calibration(photos, rig, tmp_path / "stereo.calibration", 256)
     assert caught.value.path == tmp_path / "stereo.calibration"
 
 
 def test_exchanged_photos_are_an_error(photos, tmp_path):
     exchanged = {LEFT: photos[LEFT.other_camera], LEFT.other_camera: photos[LEFT]}
     with pytest.raises(FormatError):
-        check_calibration(exchanged, RIG, tmp_path / "stereo.calibration")
+        check_calibration(exchanged, RIG, tmp_path / "stereo.calibration", 256)
     with pytest.raises(FormatError):
-        check_calibration(exchanged, RIG, None)
+        check_calibration(exchanged, RIG, None, 256)
 
 
 def test_the_stated_calibration_causes_a_warning_instead_of_an_error(photos, caplog):
     with caplog.at_level(logging.WARNING):
-        check_calibration(photos, replace(RIG, left=RIG.right, right=RIG.left), None)
+        check_calibration(photos, replace(RIG, left=RIG.right, right=RIG.left), None, 256)
     assert len(caplog.records) == 1
 
 
 def test_photos_without_features_or_without_a_pair_are_not_checked(photos, tmp_path):
-    check_calibration({LEFT: photos[LEFT]}, EXCHANGED, tmp_path)
+    check_calibration({LEFT: photos[LEFT]}, EXCHANGED, tmp_path, 256)
     png.write_png(tmp_path / "black.png", np.full((HEIGHT, WIDTH), 16, np.uint16))
-    check_calibration(dict.fromkeys((LEFT, LEFT.other_camera), tmp_path / "black.png"), EXCHANGED, tmp_path)
+    check_calibration(dict.fromkeys((LEFT, LEFT.other_camera), tmp_path / "black.png"), EXCHANGED, tmp_path, 256)

@@ -20,5 +20,6 @@ with reporting(log=snakemake.log[0]):
         calibration=Path(snakemake.output.calibration),
         inventory=Path(snakemake.output.inventory),
         seeds=Path(snakemake.output.seeds),
+        converted=snakemake.output.get("converted"),
         grid=GridOptions(**snakemake.params.grid),
     )
