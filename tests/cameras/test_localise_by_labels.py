@@ -128,4 +128,4 @@ def test_a_position_without_evidence_gets_the_tilt_of_its_neighbour_or_the_usual
         np.testing.assert_allclose(pose.translation, offset_surveyed_pose("B", localised, TRIPODS).translation)
         np.testing.assert_allclose(np.degrees(yaw_pitch_roll(pose)), [180, pitch, 0], atol=1e-9)
         assert found_sd == sd
-    assert expected_survey_pose("G", {"A": steep}) is None
+    assert expected_survey_pose("G", {"A": steep}, TRIPODS) is None
