@@ -374,7 +374,7 @@ def annotate(folder: Path, seed: int) -> None:
             inside = ((pixels > 0) & (pixels < [lens.width, lens.height])).all(axis=1)
             seen = pixels[inside & _in_sight(scene, placed.sandbox_from_left.translation, rock.vertices)]
             if len(seen):
-                box = clip(box_around_points(seen)[None] + rng.normal(0, ANNOTATION_SD_PX, 4))[0]
+                box = clip(box_around_points(seen)[None] + rng.normal(0, ANNOTATION_SD_PX, 4), 1936, 1216)[0]
                 if np.sqrt(area(box)) >= SMALLEST_PX:
                     boxes.append(np.round(box))
         key = PhotoKey(TERRAIN, position, "off", "30", "L", 256)

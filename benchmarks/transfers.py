@@ -296,7 +296,7 @@ def best_boxes(known: TerrainRocks, key: PhotoKey, annotated: np.ndarray, option
     boxes, others = np.array(means).reshape(-1, 4), np.array(counts, float)[:, None]
     rows, columns = match_by_iou(iou(annotated, boxes), MIN_ANNOTATION_IOU)
     boxes[columns] = annotated[rows] + np.sqrt(others / (others + 1))[columns] * (boxes[columns] - annotated[rows])
-    return Drawing(clip(boxes), tracks, np.isin(np.arange(len(boxes)), columns))
+    return Drawing(clip(boxes, 1936, 1216), tracks, np.isin(np.arange(len(boxes)), columns))
 
 
 def score_ceilings(run: Run, truth: Truth, options: LabelsOptions, scores: Scores) -> None:

@@ -122,7 +122,7 @@ def _write_cvat(folder: Path, labels: pd.DataFrame, keys: Sequence[PhotoKey]) ->
 
 
 def _boxed(row: dict[Hashable, Any]) -> coco.Annotation:
-    box = clip(np.array([row[edge] for edge in ("x0", "y0", "x1", "y1")], float))
+    box = clip(np.array([row[edge] for edge in ("x0", "y0", "x1", "y1")], float), WIDTH, HEIGHT)
     return coco.Annotation(row["kind"], int(row["rock"]), box, None, row["source"], round(float(row["confidence"]), 4))
 
 
@@ -168,7 +168,7 @@ def label_studio_tasks(labels: pd.DataFrame, keys: Sequence[PhotoKey], pictures:
 
 
 def _task(key: PhotoKey, rows: pd.DataFrame, picture: str) -> dict[str, Any]:
-    boxes = clip(rows[["x0", "y0", "x1", "y1"]].to_numpy(float)) / [WIDTH, HEIGHT, WIDTH, HEIGHT] * 100
+    boxes = clip(rows[["x0", "y0", "x1", "y1"]].to_numpy(float), WIDTH, HEIGHT) / [WIDTH, HEIGHT, WIDTH, HEIGHT] * 100
     result = [
         _rectangle(f"{key}_{number}", row, box)
         for number, (row, box) in enumerate(zip(rows.to_dict("records"), boxes, strict=True), 1)

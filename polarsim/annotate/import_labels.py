@@ -34,7 +34,7 @@ from polarsim.formats import class_lists, coco, yolo
 from polarsim.formats.files import check_new_folder, writing_folder
 from polarsim.formats.readers import reader, reading
 from polarsim.geometry.boxes import clip
-from polarsim.photo import BOX_CLASSES, PhotoKey
+from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey
 
 AUTO = "auto"
 STRAY = "text file without a photo key"
@@ -157,7 +157,7 @@ def _classified(picture: ExportedImage, names: Mapping[str, str], done: Imported
             )
         with with_part(f"{shape.where}: the {kind} {shape.box.round(2).tolist()}"):
             _check(shape.box)
-        cut = clip(shape.box)
+        cut = clip(shape.box, WIDTH, HEIGHT)
         done.cut += bool(np.abs(cut - shape.box).max() > _MAX_CUT_PX)
         done.read[shape.form] += 1
         boxes.append((BOX_CLASSES.index(kind), cut))
@@ -166,7 +166,7 @@ def _classified(picture: ExportedImage, names: Mapping[str, str], done: Imported
 
 def _check(box: np.ndarray) -> None:
     """Raise an error for an implausible box (4,), px."""
-    cut = clip(box)
+    cut = clip(box, WIDTH, HEIGHT)
     if not np.isfinite(box).all() or (cut[2:] - cut[:2] < _MIN_SIDE_PX).any():
         raise FormatError("no area inside the photo")
     if box.max() <= 1:

@@ -15,7 +15,7 @@ from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.formats.yolo import read_polygons
 from polarsim.geometry.polygons import paint
-from polarsim.photo import BOX_CLASSES, GREY_VALUES, PhotoKey, terrain_text
+from polarsim.photo import BOX_CLASSES, GREY_VALUES, HEIGHT, WIDTH, PhotoKey, terrain_text
 from polarsim.run_files.instances import read_kind_masks
 from polarsim.run_files.run import PHOTO, Run
 from polarsim.tone import to_8bit
@@ -64,7 +64,7 @@ def _masks_of(run: Run, domain: str, key: PhotoKey) -> dict[str, np.ndarray]:
     """Return the masks (h, w) bool of rocks and shadows by kind."""
     if domain != PHOTO:
         return read_kind_masks(run.instances(key))
-    grey = paint(read_polygons(run.polygons(key)))
+    grey = paint(read_polygons(run.polygons(key)), (HEIGHT, WIDTH))
     return {kind: grey == GREY_VALUES[kind] for kind in BOX_CLASSES}
 
 

@@ -16,11 +16,13 @@ from polarsim.cameras.shading import MeshSurface, ViewHits, cast_view
 from polarsim.geometry.patches import MatchedWindows, MatchingOptions, match_windows
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PositionCamera
 from polarsim.run_files.best_photos import ViewPhotos
+from polarsim.run_files.lamps import is_directional
 from polarsim.run_files.rigs import LocalisedRig
 
 _DIFFERENCE_STEP = 0.04  # metres: step of numeric derivatives, about a pixel of a coarse view
 _WEIGHTS = 20  # number of steps of a robust fit
 _SURVEY_SD = 0.15  # metres: prior of a lamp's position about its survey
+_USUAL_DISTANCE = 4.0  # metres: at this distance of a lamp, step and prior define the angles for directional lamps
 _MIN_WINDOWS = 30
 _MIN_SHARE = 0.1  # minimum share of a window in shadow, and in light
 
@@ -62,23 +64,47 @@ def refine_lamp(
     """
     axes = across(surveyed)
     moved = axes @ (start - surveyed)
-    parts = [_responses(surveyed + moved @ axes, axes, view, window) for view in views]
+    scale = error_scale(surveyed)
+    parts = [_responses(surveyed + moved @ axes, axes, view, window, scale) for view in views]
     off = np.concatenate([np.zeros((0, 2)), *(part[0] for part in parts)])
     slopes = np.concatenate([np.zeros((0, 2, 2)), *(part[1] for part in parts)])
     if len(off) < _MIN_WINDOWS:
         return None
-    moved = _fit_offset(moved, off, slopes, independent * len(views))
+    moved = _fit_offset(moved, off, slopes, independent * len(views), scale)
     return np.asarray(surveyed + moved @ axes)
 
 
+def offset_text(first: np.ndarray, second: np.ndarray) -> str:
+    """Return the distance of two positions of a lamp, or the angle of two directions."""
+    if is_directional(first):
+        cosine = first @ second / (np.linalg.norm(first) * np.linalg.norm(second))
+        return f"{np.degrees(np.arccos(min(float(cosine), 1.0))):.2f} degrees"
+    return f"{1000 * np.linalg.norm(first - second):.0f} mm"
+
+
+def error_scale(position: np.ndarray) -> float:
+    """Return the factor of errors of a lamp's position, metres: 1 for a lamp near the sandbox.
+
+    A directional lamp has the angular errors of a lamp at the usual distance.
+    """
+    return float(np.linalg.norm(position)) / _USUAL_DISTANCE if is_directional(position) else 1.0
+
+
 def across(position: np.ndarray) -> np.ndarray:
-    """Return (2, 3) unit vectors perpendicular to the line from a lamp to the sandbox's centre: level, and upright."""
+    """Return (2, 3) unit vectors across the line from a lamp to the sandbox's centre: level, and upright.
+
+    For a directional lamp, the second vector is perpendicular to the line.
+    """
     side = np.array([position[1], -position[0], 0.0])
-    return np.stack([side / np.linalg.norm(side), [0.0, 0.0, 1.0]])
+    if not side.any():  # the lamp is above the centre
+        return np.eye(3)[:2]
+    side /= np.linalg.norm(side)
+    up = np.cross(side, position / np.linalg.norm(position)) if is_directional(position) else np.array([0.0, 0.0, 1.0])
+    return np.stack([side, up])
 
 
 def _responses(
-    lamp: np.ndarray, axes: np.ndarray, view: LampView, window: MatchingOptions
+    lamp: np.ndarray, axes: np.ndarray, view: LampView, window: MatchingOptions, scale: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return whitened offsets of windows in the photo, (n, 2), and their derivatives by the lamp, (n, 2, 2) a metre."""
     shaded = view.hits.shade(lamp)
@@ -86,7 +112,7 @@ def _responses(
     in_photo = match_windows(shaded, view.photo, usable, window)
     nudged = [
         _moves(match_windows(shaded, _as_photo(view.hits.shade(lamp + nudge)), usable, window))
-        for nudge in _DIFFERENCE_STEP * axes
+        for nudge in scale * _DIFFERENCE_STEP * axes
     ]
     pixels = [tuple(pixel) for pixel in in_photo.pixel.tolist()]
     rows = [row for row, at in enumerate(pixels) if all(at in moves for moves in nudged)]
@@ -94,7 +120,7 @@ def _responses(
     whitening = in_photo.whitening[rows]
     return (
         whiten((in_photo.seen - in_photo.pixel)[rows], whitening),
-        whitening @ np.moveaxis(np.array(slopes).reshape(2, -1, 2), 0, -1) / _DIFFERENCE_STEP,
+        whitening @ np.moveaxis(np.array(slopes).reshape(2, -1, 2), 0, -1) / (scale * _DIFFERENCE_STEP),
     )
 
 
@@ -118,10 +144,10 @@ def _moves(windows: MatchedWindows) -> dict[tuple[float, ...], np.ndarray]:
     }
 
 
-def _fit_offset(moved: np.ndarray, off: np.ndarray, slopes: np.ndarray, independent: int) -> np.ndarray:
+def _fit_offset(moved: np.ndarray, off: np.ndarray, slopes: np.ndarray, independent: int, scale: float) -> np.ndarray:
     """Return the offset (2,) of a lamp from its survey across the line, m, by a fit with Cauchy weights."""
     step = np.zeros(2)
-    prior = np.eye(2) / _SURVEY_SD**2
+    prior = np.eye(2) / (scale * _SURVEY_SD) ** 2
     for _ in range(_WEIGHTS):
         weights = outlier_weights(off - slopes @ step, independent)
         normal = np.einsum("nki,n,nkj->ij", slopes, weights, slopes) + prior

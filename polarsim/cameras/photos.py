@@ -19,7 +19,7 @@ import numpy as np
 
 from polarsim.cameras.adjust import Adjustment, MatchedPoints, Priors, adjust, offsets_px
 from polarsim.cameras.features import localise_by_features
-from polarsim.cameras.lamps import LampView, lamp_views, refine_lamp
+from polarsim.cameras.lamps import LampView, lamp_views, offset_text, refine_lamp
 from polarsim.cameras.options import RefinementOptions
 from polarsim.cameras.rounding import rounded, rounded_metrics, rounded_rig
 from polarsim.cameras.shading import MeshSurface, cast_view, surface_of
@@ -164,8 +164,7 @@ def _refine(
         current = {position: replace(one, rig=rig) for position, one in located.items()} | adjusted.localised
         suns = _refine_suns(name, lamp_views(surface, adjusted.localised, photos, scale), surveyed, suns)
     for azimuth, lamp in suns.items():
-        off_mm = 1000 * np.linalg.norm(lamp - surveyed[azimuth])
-        log.info("%s: lamp %s is %.0f mm from its surveyed position", name, azimuth, off_mm)
+        log.info("%s: lamp %s is %s from its survey", name, azimuth, offset_text(lamp, surveyed[azimuth]))
     return {
         position: _describe(position, located[position], adjusted, matches)
         if position in reliable

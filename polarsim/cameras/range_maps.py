@@ -82,8 +82,8 @@ def measure_ranges(
     features = {position: _matched_features(pictures, position, rig) for position in pairs}
     for position in [position for position, pixels in features.items() if not len(pixels.left)]:
         log.warning(
-            "terrain %02d, position %s: left and right photos share too few features, no range map: check that they "
-            "show the same scene", terrain, position,
+            "terrain %s, position %s: left and right photos share too few features, no range map: check that they "
+            "show the same scene", terrain_text(terrain), position,
         )  # fmt: skip
         del features[position], pairs[position]
     by_features, _ = correct_calibration(rig, list(features.values()), {}, {})
@@ -117,7 +117,9 @@ def _read_pairs(terrain: Terrain, pictures: BestPhotos, rig: StereoRig) -> dict[
         left, right = (pictures.get((position, camera), {}) for camera in "LR")
         azimuths = sorted(set(left) & set(right))
         if not azimuths:
-            log.warning("terrain %02d, position %s: no left and right photo of a Sun lamp", terrain, position)
+            log.warning(
+                "terrain %s, position %s: no left and right photo of a Sun lamp", terrain_text(terrain), position
+            )
             continue
         pairs[position] = StereoPhotos(
             [_light(left[azimuth], rig.left) for azimuth in azimuths],
@@ -171,8 +173,8 @@ def _measure(terrain: Terrain, pairs: Mapping[str, StereoPhotos], rig: StereoRig
         share = float(np.isfinite(measured.points_left[..., 2]).mean())
         if share < MIN_MATCHED:
             log.warning(
-                "terrain %02d, position %s: left and right photos match at %.0f%% of the pixels, %.0f%% needed: "
-                "no range map", terrain, position, 100 * share, 100 * MIN_MATCHED,
+                "terrain %s, position %s: left and right photos match at %.0f%% of the pixels, %.0f%% needed: "
+                "no range map", terrain_text(terrain), position, 100 * share, 100 * MIN_MATCHED,
             )  # fmt: skip
             continue
         seen[position] = measured
@@ -203,13 +205,18 @@ def _calibrated_by_ground(
                 crossings[pair] = crossing
         if not crossings:
             log.warning(
-                "terrain %02d: no two positions show the same ground; only epipolar lines correct the calibration, and "
-                "distances may be off by 1%%", terrain,
+                "terrain %s: no two positions show the same ground; only epipolar lines correct the calibration, and "
+                "distances may be off by 1%%", terrain_text(terrain),
             )  # fmt: skip
             return rig, {}
         rig, poses = correct_calibration(stated, list(features.values()), crossings, poses)
         for pair, crossing in crossings.items():
-            log.info("terrain %02d: %d windows of positions %s and %s match", terrain, len(crossing.fixed.left), *pair)
+            log.info(
+                "terrain %s: %d windows of positions %s and %s match",
+                terrain_text(terrain),
+                len(crossing.fixed.left),
+                *pair,
+            )
     return rig, poses
 
 
@@ -220,8 +227,8 @@ def _registered(site: Site, terrain: Terrain, seen: Mapping[str, RangePoints]) -
     try:
         network = register_scans(scans, surveyed_poses(site.tripods_of(terrain)), area)
     except RegistrationError as error:
-        log.warning("terrain %02d: %s", terrain, error.reason)
+        log.warning("terrain %s: %s", terrain_text(terrain), error.reason)
         return {}
     for refusal in network.refused:
-        log.warning("terrain %02d: %s", terrain, refusal.reason)
+        log.warning("terrain %s: %s", terrain_text(terrain), refusal.reason)
     return network.level_from_left

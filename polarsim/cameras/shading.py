@@ -13,6 +13,7 @@ import numpy as np
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.casters import make_caster
 from polarsim.geometry.rays import Caster
+from polarsim.run_files.lamps import is_directional
 from polarsim.run_files.scene import TerrainMesh
 
 
@@ -39,10 +40,14 @@ class ViewHits:
         return np.isfinite(self.points[..., 0])
 
     def shade(self, lamp: np.ndarray) -> np.ndarray:
-        """Return the brightness (h, w) float32 under a point light at (3,), sandbox frame, metres; zero in shadow."""
+        """Return the brightness (h, w) float32 under a lamp at (3,), sandbox frame, metres; zero in shadow.
+
+        The brightness is the cosine of incidence, divided by the square of the distance unless the lamp is directional.
+        """
         to_lamp = lamp.astype(np.float32) - self.point
         square = np.einsum("nk,nk->n", to_lamp, to_lamp)
-        light = np.einsum("nk,nk->n", self.normal, to_lamp) / square**1.5  # cosine over distance squared
+        power = 0.5 if is_directional(lamp) else 1.5
+        light = np.einsum("nk,nk->n", self.normal, to_lamp) / square**power
         lit = np.flatnonzero(light > 0)
         lit = lit[~self.surface.rays.occluded(self.point[lit], to_lamp[lit], 1.0)]
         image = np.zeros(self.points.shape[:2], np.float32)

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares
 
-from polarsim.cameras.lamps import across
+from polarsim.cameras.lamps import across, error_scale, offset_text
 from polarsim.photo import Terrain
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
@@ -52,7 +52,7 @@ def fit_lamps(
                          name, len(points), azimuth, MIN_SAMPLES)  # fmt: skip
             continue
         start = suns[azimuth]
-        sd = np.array([DISTANCE_SD, LEVEL_SD, HEIGHT_SD[azimuth in located]])
+        sd = error_scale(start) * np.array([DISTANCE_SD, LEVEL_SD, HEIGHT_SD[azimuth in located]])
         axes = np.concatenate([[start / np.linalg.norm(start)], across(start)])
 
         def residuals(move: np.ndarray, start=start, axes=axes, sd=sd, points=points) -> np.ndarray:
@@ -63,7 +63,7 @@ def fit_lamps(
             log.warning("%s: the shadows of walls under lamp %s contradict the survey; lamp not moved", name, azimuth)
             continue
         lamps[azimuth] = start + (move * sd) @ axes
-        log.info("%s: wall shadows move lamp %s by %.0f mm", name, azimuth, 1000 * np.linalg.norm(move * sd))
+        log.info("%s: wall shadows move lamp %s by %s", name, azimuth, offset_text(start, lamps[azimuth]))
     return lamps
 
 

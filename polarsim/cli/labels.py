@@ -211,12 +211,13 @@ def masks(
     from polarsim.formats import png, release, yolo
     from polarsim.formats.mask_sheet import MAX_TILES, tile_of_mask, write_mask_sheet
     from polarsim.geometry.polygons import paint
+    from polarsim.photo import HEIGHT, WIDTH
     from polarsim.progress import track
 
     files = release.polygon_sources(polygons)
     tiles: dict[str, Any] = {}
     for path in track(files, "class masks"):
-        grey = paint(yolo.read_polygons(path))
+        grey = paint(yolo.read_polygons(path), (HEIGHT, WIDTH))
         png.write_png(out / f"{path.stem}.png", grey)
         if len(tiles) < MAX_TILES:
             tiles[path.stem] = tile_of_mask(grey)

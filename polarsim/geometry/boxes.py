@@ -6,8 +6,6 @@ from typing import Literal
 
 import numpy as np
 
-from polarsim.photo import HEIGHT, WIDTH
-
 MATCH_GATE_PX = 40.0  # maximum distance of a pair, centre to centre; errors of poses cause less
 MAX_LOG_SIZE = 1.6  # maximum |log width ratio| + |log height ratio| of a pair
 
@@ -122,7 +120,7 @@ def match_by_distance(
     return match_pairs(overlap - distance / gate_px, (distance <= gate_px) | (overlap >= smallest_iou))
 
 
-def clip(boxes: np.ndarray, width: int = WIDTH, height: int = HEIGHT) -> np.ndarray:
+def clip(boxes: np.ndarray, width: int, height: int) -> np.ndarray:
     """Clip boxes at the image border; boxes outside become empty."""
     return np.clip(boxes, 0, [width, height, width, height])
 

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from polarsim.geometry.lens import HALF_PIXEL
-from polarsim.photo import GREY_VALUES, HEIGHT, POLYGON_CLASSES, WIDTH
+from polarsim.photo import GREY_VALUES, POLYGON_CLASSES
 
 MAX_CHANGED = 0.01  # maximum share of a region's pixels that a simpler outline may change
 NUDGE_PX = np.array([2e-3, -1e-3])  # offset of pixel centres on a line, which the rounding of files would decide
@@ -54,7 +54,7 @@ def outlines(mask: np.ndarray, simplify_px: float = 0.0) -> list[np.ndarray]:
     return sorted(rings, key=lambda ring: (-signed_area(ring), ring[0, 0], ring[0, 1]))
 
 
-def rasterised(ring: np.ndarray, shape: tuple[int, int] = (HEIGHT, WIDTH)) -> np.ndarray:
+def rasterised(ring: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     """Return a mask (h, w) of the pixels with centres inside a ring (n, 2), by the even-odd rule."""
     mask = np.zeros(shape, bool)
     rows, columns, inside = _fill(np.asarray(ring, float), shape)
@@ -62,15 +62,17 @@ def rasterised(ring: np.ndarray, shape: tuple[int, int] = (HEIGHT, WIDTH)) -> np
     return mask
 
 
-def paint(
-    polygons: Sequence[tuple[int, np.ndarray]], shape: tuple[int, int] = (HEIGHT, WIDTH), on: np.ndarray | None = None
-) -> np.ndarray:
+def paint(polygons: Sequence[tuple[int, np.ndarray]], shape: tuple[int, int]) -> np.ndarray:
     """Return a grey map (h, w) uint8 of polygons (class, ring), painted as background, ground, shadow, rock.
 
-    The release's script paints in file order, so that a ground polygon covers earlier rocks. `on` is an
-    existing grey map; the function paints a copy of it.
+    The release's script paints in file order, so that a ground polygon covers earlier rocks.
     """
-    grey = np.full(shape, GREY_VALUES["background"], np.uint8) if on is None else on.copy()
+    return paint_on(np.full(shape, GREY_VALUES["background"], np.uint8), polygons)
+
+
+def paint_on(below: np.ndarray, polygons: Sequence[tuple[int, np.ndarray]]) -> np.ndarray:
+    """Return a copy of a grey map (h, w) with polygons (class, ring), painted in the order of `paint`."""
+    grey = below.copy()
     for number in PAINT_ORDER:
         for kind, ring in polygons:
             if kind == number:

@@ -89,7 +89,7 @@ class PositionRocks:
         rock, suns = int(self.ids[row]), self.azimuths & set(SUNS)
         share = len(self.tracks[row].azimuths & suns) / max(len(suns), 1)
         share_elsewhere = self._share_elsewhere(rock)
-        size = float(np.sqrt(area(clip(self.fused(camera)[row]))))
+        size = float(np.sqrt(area(clip(self.fused(camera)[row], *self.view(camera).size))))
         distance = self.view(camera).lens.fx / self.px_per_m(camera, rock)
         return rover_light_terms(share, share if share_elsewhere is None else share_elsewhere, size, distance)
 

@@ -23,7 +23,7 @@ from polarsim.formats.files import writing_folder
 from polarsim.formats.mask_sheet import tile_of_mask, write_mask_sheet
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL
-from polarsim.geometry.polygons import paint
+from polarsim.geometry.polygons import paint, paint_on
 from polarsim.labels.association import fit_dome
 from polarsim.labels.bodies import Dome, TerrainCasters, build_worlds, with_domes
 from polarsim.labels.casting import VisibleIds, active_lamp
@@ -56,7 +56,7 @@ class Backdrop:
     @cached_property
     def grey(self) -> np.ndarray:
         """Grey map (h, w) uint8."""
-        return paint(self.polygons)
+        return paint(self.polygons, (HEIGHT, WIDTH))
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class BracketOutlines:
     @cached_property
     def grey(self) -> np.ndarray:
         """Grey map (h, w) uint8."""
-        return paint(self.things, on=self.backdrop.grey)
+        return paint_on(self.backdrop.grey, self.things)
 
 
 class ViewOutlines:

@@ -10,7 +10,7 @@ import numpy as np
 
 from polarsim.errors import PolarsimError
 from polarsim.formats import png
-from polarsim.photo import SUNS, Bracket, PhotoKey, Terrain
+from polarsim.photo import Bracket, PhotoKey, Terrain, terrain_text
 from polarsim.relief.heights import PhotoView
 from polarsim.render.fitting.exposures import merge_exposures
 from polarsim.run_files.lamps import read_suns
@@ -40,12 +40,12 @@ def read_ground_photos(site: Site, terrain: Terrain, photos: Path, cameras: Path
     rigs = read_all_localised(cameras)
     proven = {position: rig for position, rig in rigs.items() if not rig.unproven}
     if not site.options(terrain).surveyed:
-        log.warning("terrain %02d: the lamps of this sandbox are unknown, no photo is used for the ground", terrain)
+        log.warning("terrain %s: its lamps were not surveyed, no photo is used for the ground", terrain_text(terrain))
         return []
     lamps = read_suns(cameras, rigs, site, terrain)
     brackets: dict[Bracket, list[tuple[PhotoKey, Path]]] = {}
     for key, path in sorted(pictures_at(photos).items()):
-        if key.terrain == terrain and key.light == "off" and key.azimuth in SUNS and key.position in proven:
+        if key.terrain == terrain and key.light == "off" and key.azimuth in lamps and key.position in proven:
             brackets.setdefault(key.bracket, []).append((key, path))
     views = []
     for bracket in brackets.values():

@@ -16,7 +16,7 @@ from polarsim.formats.files import write_json, writing_folder
 from polarsim.geometry.casters import make_caster
 from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.geometry.outlines import rim
-from polarsim.photo import NO_ROCK, Terrain
+from polarsim.photo import NO_ROCK, Terrain, terrain_text
 from polarsim.relief.feet import continued_down
 from polarsim.relief.heights import INFERRED, INVENTED, MEASURED, HeightMap, PhotoView
 from polarsim.relief.pairs import comparable_groups
@@ -73,13 +73,13 @@ def refine_ground(
     found, reasons = start, []
     if scanned:
         reasons.append("scans are more accurate than photos")
-        log.warning("terrain %02d: the ground is not measured in photos: %s", terrain, reasons[0])
+        log.warning("terrain %s: the ground is not measured in photos: %s", terrain_text(terrain), reasons[0])
     for step in _steps(scanned, views):
         try:
             found = step(found, around, options)
         except ReconstructionError as error:
             reasons.append(error.reason)
-            log.warning("terrain %02d: %s: %s", terrain, FAILURES[step], error.reason)
+            log.warning("terrain %s: %s: %s", terrain_text(terrain), FAILURES[step], error.reason)
     with writing_folder(refined) as folder:
         shutil.copytree(meshes, folder, dirs_exist_ok=True, ignore=shutil.ignore_patterns(".*"))
         if found is not start:

@@ -15,7 +15,7 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import rim
 from polarsim.geometry.topology import largest_island
 from polarsim.geometry.vectors import cross
-from polarsim.photo import NO_ROCK, Terrain
+from polarsim.photo import NO_ROCK, Terrain, terrain_text
 from polarsim.rocks import table
 from polarsim.rocks.fitted_ground import FITTED_GROUND_CELL, fit_ground
 from polarsim.rocks.folder import height_mesh, write_meshes
@@ -111,7 +111,7 @@ def adopt_rocks(
         ground, made_from = height_mesh(grid, heights), scene.FITTED
         log.warning("%s: no %s, a smooth ground is fitted under the rocks", inventory, obj.ground_name(terrain))
     if not adopted:
-        log.warning("%s: terrain %02d has no rock meshes", inventory, terrain)
+        log.warning("%s: terrain %s has no rock meshes", inventory, terrain_text(terrain))
     around = {rock: cuboid_of(mesh) for rock, mesh in adopted.items()}
     rows = [_row(rock, mesh, around[rock], grid, heights) for rock, mesh in adopted.items()]
     sources = {NO_ROCK: made_from, **dict.fromkeys(adopted, scene.PUBLISHED)}

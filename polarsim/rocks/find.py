@@ -16,7 +16,7 @@ from polarsim.formats.files import writing_folder
 from polarsim.formats.ply import Cloud
 from polarsim.formats.yolo import read_rock_boxes
 from polarsim.geometry.poses import Pose
-from polarsim.photo import Terrain
+from polarsim.photo import Terrain, terrain_text
 from polarsim.rocks import table
 from polarsim.rocks.annotated import add_annotated_rocks, add_carved_rocks
 from polarsim.rocks.bumps import Bumps, add_bumps
@@ -75,7 +75,9 @@ def find_rocks(
     evidence = Evidence(localised, read_rock_boxes(seeds, terrain), CONFIRMING_IOU)
     scans = read_scans(read_inventory(inventory), localised)
     if not len(scans):
-        log.warning("%s: terrain %02d has no scan, so that it gets no rocks and no ground", inventory, terrain)
+        log.warning(
+            "%s: terrain %s has no scan, so that it gets no rocks and no ground", inventory, terrain_text(terrain)
+        )
         _write(rocks, cuboids, ids, clouds, [], {}, {}, Cloud(np.zeros((0, 3)), np.zeros((0, 3))), None, {})
         return
     sandbox = site.sandbox_of(terrain)
@@ -101,7 +103,7 @@ def find_rocks(
     points = {rock: _by_scan(scans.select(rock_of_point == rock), localised) for rock in cropped}
     translations = {rock: alignment_translations(list(parts.values())) for rock, parts in points.items()}
     unlabelled = [rock for rock, crop in cropped.items() if not crop.region.confirmed]
-    log.info("terrain %02d: %d rocks, without a seed box: %s", terrain, len(cropped), unlabelled or "none")
+    log.info("terrain %s: %d rocks, without a seed box: %s", terrain_text(terrain), len(cropped), unlabelled or "none")
     made_from = PHOTOS if from_photos else SCANNED
     rows = [_row(rock, crop, points[rock], translations[rock], made_from) for rock, crop in cropped.items()]
     rock_clouds = {
@@ -134,10 +136,14 @@ def read_scans(inventory: Inventory, localised: Mapping[str, LocalisedRig]) -> S
     scans = []
     for position in inventory.scanned:
         if position not in localised:
-            log.warning("terrain %02d: the scan at %s has no pose and is excluded", inventory.terrain, position)
+            log.warning(
+                "terrain %s: the scan at %s has no pose and is excluded", terrain_text(inventory.terrain), position
+            )
             continue
         if localised[position].unproven:
-            log.warning("terrain %02d: the scan at %s has no confirmed pose, excluded", inventory.terrain, position)
+            log.warning(
+                "terrain %s: the scan at %s has no confirmed pose, excluded", terrain_text(inventory.terrain), position
+            )
             continue
         points_left = read_scan(inventory, position, localised[position].rig)
         scan = scan_in_sandbox(points_left, localised[position].sandbox_from_left)

@@ -11,7 +11,7 @@ from polarsim.errors import ReconstructionError
 from polarsim.formats import ply, tables
 from polarsim.formats.ply import Cloud
 from polarsim.geometry.meshes import Mesh
-from polarsim.photo import NO_ROCK, Terrain
+from polarsim.photo import NO_ROCK, Terrain, terrain_text
 from polarsim.rocks.folder import Scanned, write_meshes
 from polarsim.rocks.ground import GROUND_CELL
 from polarsim.rocks.heights import FloorGrid, filled, mean_heights
@@ -56,7 +56,7 @@ def mesh_rocks(
         try:
             solids[rock] = closed_rock(cloud, grid, ground, bare, scanners, options.rock_cell_mm / 1000)
         except ReconstructionError as error:
-            log.warning("terrain %02d, rock %d has no mesh: %s", terrain, rock, error)
+            log.warning("terrain %s, rock %d has no mesh: %s", terrain_text(terrain), rock, error)
     cell = options.ground_mesh_cell_mm / 1000
     surface = ground_surface(grid, ground, cell)
     sources = dict.fromkeys((NO_ROCK, *solids), PHOTOS if from_photos else SCANNED)

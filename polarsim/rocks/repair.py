@@ -123,7 +123,7 @@ def repair_rocks(
         try:
             copy = repaired(obj.read_obj(path), grid, heights, scanners, options.rock_cell_mm / 1000)
         except ReconstructionError as error:
-            log.warning("terrain %02d, rock %d cannot be closed: %s", terrain, rock, error)
+            log.warning("terrain %s, rock %d cannot be closed: %s", terrain_text(terrain), rock, error)
             continue
         closed[obj.rock_name(terrain, rock)] = copy
     with writing_folder(copies) as folder:

@@ -11,7 +11,7 @@ import numpy as np
 from polarsim.errors import PolarsimError
 from polarsim.formats import png
 from polarsim.geometry.lens import Lens
-from polarsim.photo import SUNS, WHITE_LEVEL, PositionCamera, Terrain, terrain_text
+from polarsim.photo import WHITE_LEVEL, PositionCamera, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.rigs import LocalisedRig
@@ -35,7 +35,7 @@ def best_pictures(terrain: Terrain, photos: Path) -> BestPhotos:
     """
     best: dict[tuple[PositionCamera, str], tuple[float, Path]] = {}
     for key, path in track(sorted(pictures_at(photos).items()), f"photos of terrain {terrain_text(terrain)}"):
-        if key.terrain != terrain or key.light == "on" or key.azimuth not in SUNS:
+        if key.terrain != terrain or key.light == "on" or not key.has_sun:
             continue
         try:
             sparse = png.read_photo(path, None)[::_SPARSE, ::_SPARSE]

@@ -13,9 +13,14 @@ from polarsim.formats.readers import reader
 from polarsim.photo import Terrain
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.survey import survey_lift
-from polarsim.site import Site
+from polarsim.site import FAR_M, Site
 
 FILE = "lamps.json"
+
+
+def is_directional(lamp: np.ndarray) -> bool:
+    """Return whether a position (3,) in the sandbox frame, metres, stands for a direction, see `site.FAR_M`."""
+    return float(np.linalg.norm(lamp)) > FAR_M / 2
 
 
 def write_suns(folder: str | Path, suns: Mapping[str, np.ndarray]) -> None:

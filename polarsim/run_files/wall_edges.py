@@ -22,8 +22,9 @@ from polarsim.geometry.casters import make_caster
 from polarsim.geometry.patches import NEARER, between_pixels
 from polarsim.geometry.rays import Caster
 from polarsim.geometry.shadow_edges import shadow_edge_offsets
-from polarsim.photo import NO_ROCK, SUNS, Terrain, by_bracket
+from polarsim.photo import NO_ROCK, Terrain, by_bracket
 from polarsim.run_files.brackets import read_rate
+from polarsim.run_files.lamps import is_directional
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
@@ -34,7 +35,8 @@ AVERAGED = 20  # number of neighbouring profiles in a group, against the grain o
 STEP = 0.0025  # distance between the points of a profile, metres
 REACH = 0.30  # maximum distance between predicted and measured edge, metres
 PROFILE = 0.65  # half length of profiles, metres: reach, half width of the widest penumbra, and ground beyond it
-LAMP_RADIUS = 0.045  # radius of the discs of NASA's lamps, metres; determines the width of the penumbra
+LAMP_RADIUS = 0.045  # radius of the discs of lamps (NASA's), metres; determines the width of the penumbra
+SUN_RADIUS = 0.0047  # the same of a directional lamp such as the Sun, radians
 LIFT = 0.004  # metres: start of shadow rays above the mesh, which noise would otherwise shade in grazing light
 WALL_MARGIN = 0.04  # metres: folds of the cloth nearer to a wall, and height above the top of a near wall
 BRIGHTEST_GREY = 250  # grey values of published photos above it may be clipped
@@ -157,7 +159,8 @@ def _profiles_of_side(ground: OpenGround, walls: Walls, side: Side, lamp: np.nda
     at = edges[:, None, :2] + steps[:, None] * (rays[:, :2] / level[:, None])[:, None]
     points = _on_open_sand(ground, walls, lamp, at.reshape(-1, 2)).reshape(groups, AVERAGED, 2 * half + 1, 3)
     # The disc faces the sand: its image on the ground is stretched by the inverse sine of the elevation.
-    penumbra = LAMP_RADIUS * distance * np.linalg.norm(rays, axis=1) / -rays[:, 2]
+    radius = SUN_RADIUS * float(np.linalg.norm(lamp)) if is_directional(lamp) else LAMP_RADIUS
+    penumbra = radius * distance * np.linalg.norm(rays, axis=1) / -rays[:, 2]
     penumbra = penumbra.reshape(groups, AVERAGED).mean(axis=1)
     usable = np.isfinite(points[:, :, half, 2]).any(axis=1) & np.isfinite(penumbra)
     return points[usable], penumbra[usable]
@@ -201,10 +204,10 @@ def measure_edges(
     masks = {} if drawn is None else pictures_at(drawn)
     pictures = {key: path for key, path in pictures_at(photos).items() if key.terrain == terrain}
     proven = {position for position, rig in localised.items() if not rig.unproven}
-    profiles = {azimuth: edge_profiles(ground, walls, suns[azimuth]) for azimuth in SUNS}
-    parts: dict[str, list[EdgeSamples]] = {azimuth: [] for azimuth in SUNS}
+    profiles = {azimuth: edge_profiles(ground, walls, suns[azimuth]) for azimuth in suns}
+    parts: dict[str, list[EdgeSamples]] = {azimuth: [] for azimuth in suns}
     for (_, position, light, azimuth, camera), keys in by_bracket(pictures).items():
-        if position not in proven or light == "on" or azimuth not in SUNS or not len(profiles[azimuth].side):
+        if position not in proven or light == "on" or azimuth not in suns or not len(profiles[azimuth].side):
             continue
         if photos.is_dir():
             rate = _published(pictures[keys[0]], masks.get(keys[0]), localised[position].camera(camera))

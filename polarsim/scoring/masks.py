@@ -14,7 +14,7 @@ from polarsim.formats import tables
 from polarsim.geometry.masks import class_iou, confusion_matrix
 from polarsim.geometry.polygons import paint
 from polarsim.intervals import bootstrap_draws, percentile_interval
-from polarsim.photo import PhotoKey
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.run_files import class_masks
 from polarsim.schemas.covers import MASK_SCORES
 from polarsim.scoring.outlines import Polygons, read_polygon_files
@@ -35,7 +35,7 @@ def score_masks(*, masks: Sequence[Path], root: Path, scores: Path, resamples: i
     path_of = {PhotoKey.parse(path.stem): path for folder in masks for path in sorted(folder.glob("*.png"))}
     counts: dict[str, dict[str, np.ndarray]] = {region: {} for region in REGIONS}
     for key, polygons in _annotated(root, list(path_of)):
-        truth, mask = paint(polygons), class_masks.read_class_mask(path_of[key])
+        truth, mask = paint(polygons, (HEIGHT, WIDTH)), class_masks.read_class_mask(path_of[key])
         if truth.shape != mask.shape:
             reason = f"{mask.shape[1]} x {mask.shape[0]} pixels, expected {truth.shape[1]} x {truth.shape[0]}"
             raise LabelError(reason, path=path_of[key])

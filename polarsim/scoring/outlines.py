@@ -94,7 +94,7 @@ def _of_brackets(
 
 def _rasterised(polygons: Polygons, kind: str) -> list[Mask]:
     """Return the masks of the polygons of a class that cover at least a pixel."""
-    masks = [rasterised(ring) for number, ring in polygons if number == POLYGON_CLASSES.index(kind)]
+    masks = [rasterised(ring, (HEIGHT, WIDTH)) for number, ring in polygons if number == POLYGON_CLASSES.index(kind)]
     return [np.flatnonzero(mask) for mask in masks if mask.any()]
 
 

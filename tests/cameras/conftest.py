@@ -53,9 +53,10 @@ def annotated_boxes(
     made = []
     for mesh in meshes.values():
         box = boxes.box_around_points(rig.left.project(pose.inverse().apply(mesh.vertices)))
-        cut = boxes.clip(box)
+        cut = boxes.clip(box, rig.left.width, rig.left.height)
         seen = boxes.area(cut) > 0.5 * boxes.area(box)
-        made.append(np.round(boxes.clip(cut + sd * rng.standard_normal(4))) if seen else np.full(4, np.nan))
+        off = boxes.clip(cut + sd * rng.standard_normal(4), rig.left.width, rig.left.height)
+        made.append(np.round(off) if seen else np.full(4, np.nan))
     return np.array(made)
 
 

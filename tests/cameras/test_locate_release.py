@@ -51,7 +51,7 @@ def test_real_seeds_localise_the_rig(release_root, terrain, position, stood, lea
     assert localisation.fit.iou.mean() >= least_left
     # The boxes of the right camera are not used by the fit.
     rig = LocalisedRig(default_rig(), pose)
-    right = clip(outlines.project(rig.camera("R")))
+    right = clip(outlines.project(rig.camera("R")), 1936, 1216)
     annotated = consensus_boxes(best_boxes(release_root, terrain, position, "R"))
     rows, columns = match_by_position_and_size(right, annotated)
     assert len(rows) >= len(localisation.fit.iou) - 1

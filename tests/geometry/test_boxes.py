@@ -112,7 +112,7 @@ def test_no_other_pairing_is_better(name, seed):
 
 
 def test_boxes_are_cut_at_the_border_of_the_photo():
-    cut = clip(np.array([[-5.0, -5, 10, 10], [1930, 1200, 1950, 1230], [2000, 0, 2010, 5]]))
+    cut = clip(np.array([[-5.0, -5, 10, 10], [1930, 1200, 1950, 1230], [2000, 0, 2010, 5]]), 1936, 1216)
     np.testing.assert_array_equal(cut, [[0, 0, 10, 10], [1930, 1200, 1936, 1216], [1936, 0, 1936, 5]])
     np.testing.assert_array_equal(area(cut), [100, 96, 0])
 

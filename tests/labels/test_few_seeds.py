@@ -82,7 +82,7 @@ def copied(seed, key):
     if key.camera == "L":
         return seed
     dx = PLANE[key.position] - 0.18 * ((seed[:, 1] + seed[:, 3]) / 2 - 608)
-    return clip(seed + np.stack([dx, np.full_like(dx, 15.5)] * 2, axis=1))
+    return clip(seed + np.stack([dx, np.full_like(dx, 15.5)] * 2, axis=1), 1936, 1216)
 
 
 def f1(truth, found):

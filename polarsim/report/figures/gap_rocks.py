@@ -130,7 +130,7 @@ def _rock_shown(results: DetectorResults, domain: str, key: str, rock: int) -> R
     """Return the pair of label and prediction of a rock with the largest IoU."""
     labels, predictions = results.labels[domain], results.predictions[domain]
     of_rock = labels[(labels["key"] == key) & (labels["kind"] == ROCK) & (labels["rock"] == rock)]
-    label = boxes.clip(of_rock[list(BOX.each)].to_numpy(float))
+    label = boxes.clip(of_rock[list(BOX.each)].to_numpy(float), WIDTH, HEIGHT)
     predicted = predictions.loc[predictions["key"] == key, list(BOX.each)].to_numpy(float)
     if not len(predicted):
         return RockShown(key, rock, domain, label[0], None, 0.0)
