@@ -138,7 +138,7 @@ def _predict(root: Path, dataset: Path, options: PredictionOptions, threads: int
         weights=root / "detector.pt",
         dataset=dataset,
         predictions=root / "predictions.parquet",
-        size=polar().images.size,
+        site=polar(),
         options=options,
         threads=threads,
     )

@@ -432,7 +432,8 @@ def reconstruct(folder: Path, rocks_options: RocksOptions | None = None) -> dict
 
 def score(folder: Path) -> pd.DataFrame:
     """Return metrics of cameras and rocks against the ground truth."""
-    common = {"terrain": TERRAIN, "cameras": folder / "cameras", "truth": folder / "truth", "meshes": folder / "meshes"}
+    common = {"site": polar(), "terrain": TERRAIN, "cameras": folder / "cameras", "truth": folder / "truth"}
+    common |= {"meshes": folder / "meshes"}
     score_cameras(**common, matches=None, annotated=None, evaluation=folder / "cameras.csv")
     rocks = {"rocks": folder / "rocks.parquet", "evaluation": folder / "rocks.csv", "scores": folder / "scores.csv"}
     rocks |= {"inventory": folder / "inventory.json", "offsets": folder / "offsets.parquet"}

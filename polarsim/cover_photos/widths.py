@@ -23,6 +23,7 @@ from polarsim.formats import tables
 from polarsim.photo import BOX_CLASSES
 from polarsim.schemas.covers import COVER_FOUND
 from polarsim.schemas.detect import PREDICTIONS
+from polarsim.site import Site
 
 WidthPredictions = dict[str, dict[int, np.ndarray]]  # photo -> width, px -> boxes (n, 6) of a detector
 
@@ -62,6 +63,7 @@ def choose_widths(
     datasets: Mapping[str, Path],
     predictions: Path,
     sizes: Path,
+    site: Site,
     imgsz: int,
     options: PredictionOptions,
     cameras: Sequence[Path] = (),
@@ -85,7 +87,7 @@ def choose_widths(
         Folders of camera poses and meshes, one per terrain. Boxes outside the sand are dropped before the selection.
     """
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
-    by_fold = read_folds(found, datasets, SandFilter.read(cameras, meshes))
+    by_fold = read_folds(found, datasets, SandFilter.read(site, cameras, meshes))
     found_rows, rows = [], []
     for fold, boxes in by_fold.items():
         chosen = widths_for(truth, together(by_fold, but=fold), imgsz, options)

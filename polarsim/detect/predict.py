@@ -25,6 +25,7 @@ from polarsim.formats.tables import typed
 from polarsim.geometry import boxes
 from polarsim.provenance import digest
 from polarsim.schemas.detect import PREDICTIONS
+from polarsim.site import Site
 
 PREDICTION_COLUMNS = PREDICTIONS.columns
 BATCH = 4  # number of images in a call; features of more images do not stay in the cache of a processor
@@ -36,7 +37,7 @@ def predict_domains(
     weights: Path,
     datasets: Sequence[Path],
     predictions: Sequence[Path],
-    size: tuple[int, int],
+    site: Site,
     options: PredictionOptions,
     threads: int,
     cameras: Sequence[Path] = (),
@@ -44,7 +45,7 @@ def predict_domains(
 ) -> None:
     """Apply `predict` to the test part of each data set."""
     of_dataset = partial(
-        predict, weights=weights, size=size, options=options, threads=threads, cameras=cameras, meshes=meshes
+        predict, weights=weights, site=site, options=options, threads=threads, cameras=cameras, meshes=meshes
     )
     for dataset, table in zip(datasets, predictions, strict=True):
         of_dataset(dataset=dataset, predictions=table)
@@ -55,13 +56,13 @@ def predict(
     weights: Path,
     dataset: Path,
     predictions: Path,
-    size: tuple[int, int],
+    site: Site,
     options: PredictionOptions,
     threads: int,
     cameras: Sequence[Path] = (),
     meshes: Sequence[Path] = (),
 ) -> None:
-    """Write the predictions of a detector on the test part of a data set, boxes in pixels of photos of a size, px.
+    """Write the predictions of a detector on the test part of a data set, boxes in pixels of the full photo.
 
     Memory does not grow with the number of images. An interrupted call resumes. Boxes outside the sand are dropped on
     terrains with folders of camera poses and meshes.
@@ -73,13 +74,13 @@ def predict(
     with with_path(weights):
         loaded = detectors.load_detector(detector, predictions.parent, options, threads)
     paths = {key: dataset / "images" / TEST / f"{key}.png" for key in keys}
-    sand = SandFilter.read(cameras, meshes)
+    sand = SandFilter.read(site, cameras, meshes)
 
     def see(some: Sequence[str]) -> pd.DataFrame:
         rows: list[tuple[Any, ...]] = []
         for group in (some[n : n + BATCH] for n in range(0, len(some), BATCH)):
             pictures = [read_picture(paths[key]) for key in group]
-            results = predict_images(loaded, pictures, sizes, options.nms_iou, size)
+            results = predict_images(loaded, pictures, sizes, options.nms_iou, site.images.size)
             rows += [
                 row
                 for key, result in zip(group, results, strict=True)

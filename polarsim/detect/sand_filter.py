@@ -12,19 +12,20 @@ from polarsim.errors import DetectError
 from polarsim.formats import obj
 from polarsim.geometry import boxes
 from polarsim.geometry.camera import Camera
-from polarsim.photo import BOX_CLASSES, NO_ROCK, PhotoKey
+from polarsim.photo import BOX_CLASSES, NO_ROCK, PhotoKey, Terrain
 from polarsim.run_files.rigs import LocalisedRig, localised_files, read_all_localised
 from polarsim.run_files.scene import mesh_files, terrain_of_folder
 from polarsim.run_files.walls import surely_wall
-from polarsim.site import polar
+from polarsim.site import Sandbox, Site
 
 
 @dataclass(frozen=True)
 class TerrainSand:
-    """Camera poses and sand level of a terrain."""
+    """Camera poses, sand level and sandbox of a terrain."""
 
     rigs: Mapping[str, LocalisedRig]  # by position
     level_m: float  # height of the sand in the sandbox frame; -0.15 to 0.18 m in published meshes
+    sandbox: Sandbox
 
 
 class SandFilter:
@@ -33,38 +34,38 @@ class SandFilter:
     Photos without known terrain or position, and photos with unverified poses (errors of decimetres), keep all boxes.
     """
 
-    def __init__(self, terrains: Mapping[int, TerrainSand], files: Sequence[Path]) -> None:
+    def __init__(self, terrains: Mapping[Terrain, TerrainSand], files: Sequence[Path]) -> None:
         self._terrains = terrains
         self.files = tuple(files)  # pose and mesh files of the filter
 
     @classmethod
-    def read(cls, cameras: Sequence[str | Path], meshes: Sequence[str | Path]) -> SandFilter:
+    def read(cls, site: Site, cameras: Sequence[str | Path], meshes: Sequence[str | Path]) -> SandFilter:
         """Read the folders of poses and meshes of several terrains, paired by folder name."""
-        grounds = {}
+        grounds: dict[str, tuple[Terrain, Path]] = {}
         for folder in map(Path, meshes):
             terrain = terrain_of_folder(folder)
             grounds[folder.name] = terrain, mesh_files(folder, terrain)[NO_ROCK]
-        terrains, files = {}, []
+        terrains: dict[Terrain, TerrainSand] = {}
+        files: list[Path] = []
         for folder in map(Path, cameras):
             if folder.name not in grounds:
                 raise DetectError("no mesh folder with the name of this pose folder", path=folder)
             terrain, ground = grounds[folder.name]
             # The median height: craters and heaps cover less than half of the ground.
             level = float(np.median(obj.read_obj(ground).vertices[:, 2]))
-            terrains[terrain] = TerrainSand(read_all_localised(folder), level)
+            terrains[terrain] = TerrainSand(read_all_localised(folder), level, site.sandbox_of(terrain))
             files += [*localised_files(folder).values(), ground]
         return cls(terrains, files)
 
     def keep(self, key: str, detections: np.ndarray) -> np.ndarray:
         """Return the boxes (n, 6) of a photo (x0, y0, x1, y1, confidence, class) that are on the sand."""
         photo = PhotoKey.parse(key)
-        sandbox = self._terrains.get(photo.terrain)
-        rig = sandbox.rigs.get(photo.position) if sandbox else None
-        if sandbox is None or rig is None or rig.unproven or not len(detections):
+        sand = self._terrains.get(photo.terrain)
+        rig = sand.rigs.get(photo.position) if sand else None
+        if sand is None or rig is None or rig.unproven or not len(detections):
             return detections
-        box = polar().sandbox_of(photo.terrain)
-        half, wall = np.array(box.half_width_m), surely_wall(box)
-        return detections[boxes_on_sand(detections, rig.camera(photo.camera), sandbox.level_m, half, wall)]
+        half, wall = np.array(sand.sandbox.half_width_m), surely_wall(sand.sandbox)
+        return detections[boxes_on_sand(detections, rig.camera(photo.camera), sand.level_m, half, wall)]
 
 
 def boxes_on_sand(detections: np.ndarray, camera: Camera, level_m: float, half: np.ndarray, wall: float) -> np.ndarray:

@@ -14,7 +14,7 @@ from polarsim.formats import obj, tables
 from polarsim.formats.files import existing_folder
 from polarsim.formats.readers import reader
 from polarsim.geometry.meshes import Mesh, join_meshes
-from polarsim.photo import NO_ROCK, Terrain
+from polarsim.photo import NO_ROCK, Terrain, parse_terrain
 from polarsim.run_files.walls import Walls, read_walls, surveyed_walls, walls_file
 from polarsim.site import Sandbox
 
@@ -74,13 +74,16 @@ def mesh_files(folder: str | Path, terrain: Terrain) -> dict[int, Path]:
     return {NO_ROCK: ground, **obj.rock_files(folder)}
 
 
-def terrain_of_folder(folder: str | Path) -> int:
-    """Return the number of the terrain in a folder of meshes, from the file name of the ground mesh."""
+def terrain_of_folder(folder: str | Path) -> Terrain:
+    """Return the terrain in a folder of meshes, from the file name of the ground mesh."""
     grounds = sorted(existing_folder(folder).glob(obj.GROUND_PATTERN))
     if len(grounds) != 1:
         names = ", ".join(path.name for path in grounds) or "none"
         raise FormatError(f"expected a single ground mesh, {obj.GROUND_PATTERN}; found {names}", path=folder)
-    return int(grounds[0].name[7:9])
+    terrain = parse_terrain(grounds[0].name.removeprefix("terrain").removesuffix("_ground.obj"))
+    if obj.ground_name(terrain) != grounds[0].name:
+        raise FormatError(f"{grounds[0].name}, expected the name {obj.ground_name(terrain)}", path=folder)
+    return terrain
 
 
 @reader("mesh table")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
 
@@ -15,14 +15,14 @@ from polarsim.geometry.boxes import iou, match_by_position_and_size
 from polarsim.geometry.consensus import consensus_of_sets
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
-from polarsim.photo import BOX_CLASSES, CAMERAS, ROCK, SUNS, PhotoKey, Terrain
+from polarsim.photo import BOX_CLASSES, ROCK, CameraSide, PhotoKey, Terrain
 from polarsim.run_files import lamps
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.scoring.alignment import align_rigs, fit_alignment
 from polarsim.scoring.labels import read_sound_boxes
 from polarsim.scoring.metrics import Metric, metrics_of, summary_metric, write_metrics
 from polarsim.scoring.score import PhotoLabels
-from polarsim.site import polar
+from polarsim.site import Site
 
 MATCH_COLUMNS = ("position", "rock", "iou", "dx_px", "dy_px")
 _PROJECTED_POINTS = 4000  # approximate number of projected points of the true surface
@@ -31,6 +31,7 @@ _UNITS = {"_mm": "mm", "_deg": "deg", "_px": "px", "_m": "m"}
 
 def score_cameras(
     *,
+    site: Site,
     terrain: Terrain,
     cameras: Path,
     truth: Path | None,
@@ -44,28 +45,31 @@ def score_cameras(
     `truth` is the folder truth/TerrainTT of the analog, `matches` the (possibly missing) matches.parquet of the cameras
     stage, `annotated` the folder of all annotated label files; each may be None.
     """
-    localised = read_all_localised(cameras)
+    localised, sides = read_all_localised(cameras), site.cameras.sides
     metrics = stated(localised)
     if truth is not None:
         true = read_all_localised(truth / "cameras")
-        metrics += against_truth(localised, true, true_points(truth, terrain))
+        metrics += against_truth(localised, true, true_points(truth, terrain), sides)
         if set(localised) & set(true) and (truth / lamps.FILE).exists():  # sandboxes without photos have no lamps
-            metrics += lamps_against_truth(terrain, cameras, truth, align_rigs(localised, true))
+            metrics += lamps_against_truth(site, terrain, cameras, truth, align_rigs(localised, true))
     if matches is not None and matches.exists():
         metrics += against_boxes(matches)
     if annotated is not None:
-        metrics += against_annotated(localised, obj.rock_files(meshes), read_sound_boxes(annotated, terrain))
+        metrics += against_annotated(localised, obj.rock_files(meshes), read_sound_boxes(annotated, terrain), sides)
     write_metrics(evaluation, "cameras", terrain, metrics)
 
 
 def against_truth(
-    localised: Mapping[str, LocalisedRig], true: Mapping[str, LocalisedRig], points_truth: np.ndarray
+    localised: Mapping[str, LocalisedRig],
+    true: Mapping[str, LocalisedRig],
+    points_truth: np.ndarray,
+    sides: Sequence[CameraSide],
 ) -> list[Metric]:
     """Return errors of poses before and after a rigid alignment of the terrain, of the rig, and of projected points.
 
     Relative poses between positions are also compared; they need no alignment. With a single position, the alignment
     removes the entire error: then only the metrics before the alignment are returned. `points_truth` (n, 3), metres,
-    are on true surfaces in the frame of the ground truth; may be empty.
+    are on true surfaces in the frame of the ground truth; may be empty. `sides`: cameras of the rig.
     """
     common = sorted(set(localised) & set(true))
     if not common:
@@ -82,11 +86,18 @@ def against_truth(
             metrics += _pose_errors(position, errors, truth_from_sandbox @ estimated[position], expected[position])
             if name == "aligned" or len(frames) == 1:
                 metrics += projection_errors(
-                    "reprojection", position, localised[position], true[position], points_truth, truth_from_sandbox
+                    "reprojection",
+                    position,
+                    localised[position],
+                    true[position],
+                    points_truth,
+                    truth_from_sandbox,
+                    sides,
                 )
-        rig, true_rig = localised[position].rig, true[position].rig  # they differ by the errors of the calibration file
-        errors = "rig_baseline_error", "rig_angle_error"
-        metrics += _pose_errors(position, errors, rig.left_from_right, true_rig.left_from_right)
+        if len(sides) > 1:
+            rig, true_rig = localised[position].rig, true[position].rig  # differ by the errors of the calibration file
+            errors = "rig_baseline_error", "rig_angle_error"
+            metrics += _pose_errors(position, errors, rig.left_from_right, true_rig.left_from_right)
     for first, second in combinations(common, 2):
         relative = estimated[first].inverse() @ estimated[second]
         true_relative = expected[first].inverse() @ expected[second]
@@ -114,6 +125,7 @@ def against_annotated(
     localised: Mapping[str, LocalisedRig],
     meshes: Mapping[int, Path],
     annotated: Mapping[PhotoKey, PhotoLabels],
+    sides: Sequence[CameraSide],
 ) -> list[Metric]:
     """Return the overlap of projected meshes with consensus boxes of all annotations of a view.
 
@@ -121,7 +133,7 @@ def against_annotated(
     """
     outlines = outlines_of({rock: obj.read_obj(path) for rock, path in meshes.items()})
     metrics = []
-    for camera in CAMERAS:
+    for camera in sides:
         pairs = [np.zeros((0, 2, 4))]  # projected and annotated
         for position, rig in localised.items():
             boxes = agreed_boxes(annotated, position, camera)
@@ -178,10 +190,11 @@ def projection_errors(
     true: LocalisedRig,
     points_truth: np.ndarray,
     truth_from_sandbox: Pose,
+    sides: Sequence[CameraSide],
 ) -> list[Metric]:
     """Return pixel distances between the projections of points (n, 3) by true and estimated cameras, as `name_*`."""
     metrics: list[Metric] = []
-    for camera in CAMERAS:
+    for camera in sides:
         lens = true.rig.lens(camera)
         expected = true.project(camera, points_truth)
         inside = ((expected > 0) & (expected < [lens.width, lens.height])).all(axis=-1)  # False for NaN
@@ -202,27 +215,31 @@ def true_points(truth: Path, terrain: Terrain) -> np.ndarray:
     return points[:: max(1, len(points) // _PROJECTED_POINTS)]
 
 
-def lamps_against_truth(terrain: Terrain, cameras: Path, truth: Path, truth_from_sandbox: Pose) -> list[Metric]:
+def lamps_against_truth(
+    site: Site, terrain: Terrain, cameras: Path, truth: Path, truth_from_sandbox: Pose
+) -> list[Metric]:
     """Return the angle at the centre of the sandbox between the estimated and the true direction of each lamp.
 
     The error is an angle because shadows determine the direction of a lamp, but hardly the distance. `cameras` may be
-    without localised lamps. `truth` is the folder truth/TerrainTT of the analog.
+    without localised lamps. `truth` is the folder truth/TerrainTT of the analog. Empty for a site without lamps.
     """
+    if not site.lamps:
+        return []
     localised, true = read_all_localised(cameras), read_json(truth / lamps.FILE)
     metrics, worst = [], {}
     for name, suns in (
-        ("surveyed_direction", lamps.surveyed_suns(localised, polar(), terrain)),
-        ("direction", lamps.read_suns(cameras, localised, polar(), terrain)),
+        ("surveyed_direction", lamps.surveyed_suns(localised, site, terrain)),
+        ("direction", lamps.read_suns(cameras, localised, site, terrain)),
     ):
         of_lamps = [
             Metric(f"lamp {azimuth}", f"{name}_error", off_deg, "deg", 1, "truth")
-            for azimuth in SUNS
+            for azimuth in site.suns
             for off_deg in [_angle_deg(truth_from_sandbox.apply(suns[azimuth]), np.array(true[azimuth], float))]
         ]
         worst[name] = max(metric.value for metric in of_lamps)
         metrics += of_lamps
     return metrics + [
-        Metric("worst lamp", f"{name}_error", value, "deg", len(SUNS), "truth") for name, value in worst.items()
+        Metric("worst lamp", f"{name}_error", value, "deg", len(site.suns), "truth") for name, value in worst.items()
     ]
 
 

@@ -27,7 +27,7 @@ from polarsim.geometry.casters import make_caster
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import outlines_of, rim
 from polarsim.geometry.poses import Pose, angle_between
-from polarsim.photo import NO_ROCK, Terrain
+from polarsim.photo import NO_ROCK, Terrain, terrain_text
 from polarsim.run_files.best_photos import best_pictures
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.lamps import read_suns
@@ -42,7 +42,7 @@ from polarsim.scoring.left_right import boxes_of_both, photos_of_both
 from polarsim.scoring.metrics import Metric, metrics_of, write_metrics
 from polarsim.scoring.surface import Surface
 from polarsim.scoring.wall_shadows import wall_shadow_metrics
-from polarsim.site import polar
+from polarsim.site import Site
 
 log = logging.getLogger("polarsim")
 
@@ -56,6 +56,7 @@ MATCH_COLUMNS = ("position", "iou")
 
 def check_consistency(
     *,
+    site: Site,
     terrain: Terrain,
     inventory: Path,
     located: Path,
@@ -71,7 +72,7 @@ def check_consistency(
     of all annotated label files, is used without photos of both cameras.
     """
     known, localised = read_inventory(inventory), read_all_localised(located)
-    sandbox = polar().sandbox_of(terrain)
+    sandbox = site.sandbox_of(terrain)
     half = np.array(sandbox.half_width_m)
     scans = {
         position: sand_points(localised[position], read_scan(known, position, localised[position].rig), half)
@@ -88,19 +89,19 @@ def check_consistency(
     metrics += cameras_together(localised, last)
     if (located / "matches.parquet").exists():
         metrics += box_overlaps(read_parquet(located / "matches.parquet", MATCH_COLUMNS))
-    both = (
-        photos_of_both(last, make_caster(scene.vertices, scene.faces), best_pictures(terrain, photos)) if photos else []
-    )
-    if not both and annotated is not None:
+    both = []
+    if photos and site.cameras.stereo:
+        both = photos_of_both(last, make_caster(scene.vertices, scene.faces), best_pictures(terrain, photos))
+    if not both and annotated is not None and site.cameras.stereo:
         outlines = outlines_of({rock: obj.read_obj(path) for rock, path in obj.rock_files(meshes).items()})
         both = boxes_of_both(last, outlines, read_sound_boxes(annotated, terrain))
     metrics += both
     if photos is not None and scene.walls is not None:
-        suns = read_suns(cameras, last, polar(), terrain)
+        suns = read_suns(cameras, last, site, terrain)
         metrics += wall_shadow_metrics(measure_edges(terrain, OpenGround.of(scene), scene.walls, photos, last, suns))
     for metric in metrics:
         for sentence in metric_warning(metric.subject, metric.metric, metric.value):
-            log.warning("terrain %02d: %s", terrain, sentence)
+            log.warning("terrain %s: %s", terrain_text(terrain), sentence)
     write_metrics(evaluation, STAGE, terrain, metrics)
 
 

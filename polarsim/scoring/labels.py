@@ -64,7 +64,7 @@ def task_of(key: PhotoKey, seeds: Iterable[PhotoKey]) -> str | None:
         return None
     if not near:
         return POSITION
-    if key.azimuth == "no" and all(seed.azimuth != "no" for seed in near):
+    if not key.has_sun and all(seed.has_sun for seed in near):
         return NO_SUN
     near = [seed for seed in near if seed.azimuth == key.azimuth]
     if not near:

@@ -17,7 +17,7 @@ from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.patches import MatchingOptions, StereoMatches, cast_stereo, match_stereo_windows
 from polarsim.geometry.rays import Caster
 from polarsim.geometry.stereo import StereoRig
-from polarsim.photo import CAMERAS, PhotoKey
+from polarsim.photo import PhotoKey
 from polarsim.run_files.best_photos import BestPhotos, read_resized
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.scoring.cameras import agreed_boxes
@@ -36,7 +36,7 @@ def photos_of_both(localised: Mapping[str, LocalisedRig], surface: Caster, pictu
     """Return the offsets of matched windows across and along the epipolar lines, by position."""
     metrics = []
     for position, rig in sorted(localised.items()):
-        left, right = (pictures.get((position, camera), {}) for camera in CAMERAS)
+        left, right = (pictures.get((position, camera), {}) for camera in "LR")
         azimuths = sorted(set(left) & set(right))
         if azimuths and not rig.unproven:
             small = replace(rig.rig, left=rig.rig.left.scaled(SCALE), right=rig.rig.right.scaled(SCALE))
@@ -86,7 +86,7 @@ def boxes_of_both(
     """Return the differences between the cameras in the fit of projected meshes to annotated boxes, by position."""
     metrics = []
     for position, rig in sorted(localised.items()):
-        boxes_of = {camera: agreed_boxes(annotated, position, camera) for camera in CAMERAS}
+        boxes_of = {camera: agreed_boxes(annotated, position, camera) for camera in "LR"}
         if min(map(len, boxes_of.values())) < MIN_ROCK_BOXES or rig.unproven:
             continue
         offset_of, iou_of = {}, {}

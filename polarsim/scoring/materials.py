@@ -16,7 +16,7 @@ from polarsim.run_files.materials import FittedMaterials, read_materials, rock_o
 from polarsim.run_files.scene import TerrainMesh, read_terrain
 from polarsim.scoring.alignment import read_alignment
 from polarsim.scoring.metrics import Metric, summary_metric, write_metrics
-from polarsim.site import polar
+from polarsim.site import Site
 
 ALBEDO_COLUMNS = ("rock", "x", "y", "z", "albedo", "pixels")
 _MAX_DISTANCE = 0.02  # metres; maximum distance from a true point to the nearest vertex
@@ -26,14 +26,14 @@ _STEPS = ("unfitted", "constant_albedo", "fitted")
 
 
 def score_materials(
-    *, terrain: Terrain, materials: Path, meshes: Path, cameras: Path, truth: Path, evaluation: Path
+    *, site: Site, terrain: Terrain, materials: Path, meshes: Path, cameras: Path, truth: Path, evaluation: Path
 ) -> None:
     """Write the evaluation of the fitted materials of a terrain.
 
     `cameras` determine the alignment with the frame of the ground truth. Without `albedo.parquet` in `truth`, only
     errors on photos are computed.
     """
-    mesh = read_terrain(meshes, terrain, polar().sandbox_of(terrain))
+    mesh = read_terrain(meshes, terrain, site.sandbox_of(terrain))
     fitted = read_materials(materials, mesh)
     metrics = [metric for model, fit in sorted(fitted.models.items()) for metric in held_out_metrics(model, fit.check)]
     if (truth / "albedo.parquet").exists() and fitted.models:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet, typed, write_csv, write_parquet
 from polarsim.geometry.poses import angle_between
-from polarsim.photo import NO_ROCK, Terrain
+from polarsim.photo import NO_ROCK, CameraSide, Terrain
 from polarsim.randomness import generator
 from polarsim.run_files.rigs import read_all_localised
 from polarsim.run_files.scene import read_terrain
@@ -20,7 +21,7 @@ from polarsim.scoring.metrics import Metric, metrics_of, summary_metric, write_m
 from polarsim.scoring.rock_pairs import pair_rocks, recall_and_precision, size_classes, size_names
 from polarsim.scoring.surface import Surface
 from polarsim.scoring.true_surface import SEED, Comparison, compare_surfaces
-from polarsim.site import polar
+from polarsim.site import Site
 
 ROCK_COLUMNS = ("rock", "x", "y", "z", "size_m", "height_m", "volume_m3")
 HAUSDORFF_SAMPLES = 4000  # points on a rock and on the decimated copy, in addition to all vertices
@@ -30,6 +31,7 @@ BY_ROCK = (("surface_median_mm", "mm"), ("surface_p90_mm", "mm"), ("f_score_5mm"
 
 def score_rocks(
     *,
+    site: Site,
     terrain: Terrain,
     rocks: Path,
     meshes: Path,
@@ -50,16 +52,17 @@ def score_rocks(
     visible reconstructed surface, empty without ground truth, see `OFFSETS`.
     """
     found = read_parquet(rocks, ROCK_COLUMNS)
-    scene = read_terrain(meshes, terrain, polar().sandbox_of(terrain))
+    sandbox = site.sandbox_of(terrain)
+    scene = read_terrain(meshes, terrain, sandbox)
     against_truth: list[Metric] = []
     offset_table = typed([], OFFSETS)
     rows = soundness_rows(scene, meshes, terrain, generator(SEED, "mesh samples", terrain), HAUSDORFF_SAMPLES)
     if truth is not None:
         true = read_parquet(truth / "rocks.parquet", ROCK_COLUMNS)
-        compared = compare_surfaces(terrain, scene, located, truth, inventory)
+        compared = compare_surfaces(sandbox, terrain, scene, located, truth, inventory)
         against_truth, of_rocks = _against_truth(true, found, compared)
         against_truth += _in_cameras_frame(true, found, compared, Surface(scene.vertices, scene.faces))
-        against_truth += _reprojection(terrain, cameras, truth, compared)
+        against_truth += _reprojection(terrain, cameras, truth, compared, site.cameras.sides)
         offset_table = typed(compared.reconstructed.table(), OFFSETS)
         rows = [{**row, **of_rocks.get(int(str(row["rock"])), {})} for row in rows]
     table = mesh_table(rows)
@@ -83,7 +86,9 @@ def _in_cameras_frame(true: pd.DataFrame, found: pd.DataFrame, compared: Compari
     ]
 
 
-def _reprojection(terrain: Terrain, cameras: Path, truth: Path, compared: Comparison) -> list[Metric]:
+def _reprojection(
+    terrain: Terrain, cameras: Path, truth: Path, compared: Comparison, sides: Sequence[CameraSide]
+) -> list[Metric]:
     """Return the reprojection errors of points of true rocks, with the meshes aligned with the true surface."""
     localised, true = read_all_localised(cameras), read_all_localised(truth / "cameras")
     points = true_points(truth, terrain)
@@ -91,7 +96,13 @@ def _reprojection(terrain: Terrain, cameras: Path, truth: Path, compared: Compar
         metric
         for position in sorted(set(localised) & set(true))
         for metric in projection_errors(
-            "rock_reprojection", position, localised[position], true[position], points, compared.truth_from_sandbox
+            "rock_reprojection",
+            position,
+            localised[position],
+            true[position],
+            points,
+            compared.truth_from_sandbox,
+            sides,
         )
     ]
 

@@ -14,20 +14,21 @@ from polarsim.formats import obj
 from polarsim.formats.files import read_json, writing_folder
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.meshes import Mesh
-from polarsim.photo import NO_ROCK, SUNS, Terrain
+from polarsim.photo import NO_ROCK, Terrain
 from polarsim.run_files.lamps import write_suns
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised, write_localised
 from polarsim.run_files.scene import mesh_files, read_terrain
 from polarsim.run_files.walls import read_walls, write_walls
 from polarsim.scoring.rock_pairs import pair_rocks
 from polarsim.scoring.true_surface import compare_surfaces
-from polarsim.site import polar
+from polarsim.site import Site
 
 _CENTRES = ("rock", "x", "y", "z", "size_m")
 
 
 def write_true_scene(
     *,
+    site: Site,
     terrain: Terrain,
     rocks: Path,
     meshes: Path,
@@ -44,8 +45,9 @@ def write_true_scene(
     are those of the run. `located` has the poses for which the meshes were reconstructed, `truth` is the folder
     truth/TerrainTT of the analog.
     """
-    scene = read_terrain(meshes, terrain, polar().sandbox_of(terrain))
-    truth_from_sandbox = compare_surfaces(terrain, scene, located, truth, inventory).truth_from_sandbox
+    sandbox = site.sandbox_of(terrain)
+    scene = read_terrain(meshes, terrain, sandbox)
+    truth_from_sandbox = compare_surfaces(sandbox, terrain, scene, located, truth, inventory).truth_from_sandbox
     sandbox_from_truth = truth_from_sandbox.inverse()
     true, found = (read_parquet(path, _CENTRES) for path in (truth / "rocks.parquet", rocks))
     pairs = pair_rocks(true, found, truth_from_sandbox)
@@ -57,7 +59,7 @@ def write_true_scene(
             localised = LocalisedRig(rig.rig, sandbox_from_truth @ rig.sandbox_from_left, "truth")
             write_localised(folder / f"Pos{position}.json", localised)
         lamps = read_json(truth / "lamps.json")  # the rover light is part of the rig
-        suns = {sun: np.array(lamps[sun], float) for sun in SUNS if sun in lamps}
+        suns = {sun: np.array(lamps[sun], float) for sun in site.suns if sun in lamps}
         write_suns(folder, {sun: sandbox_from_truth.apply(position) for sun, position in suns.items()})
     with writing_folder(true_meshes) as folder:
         for rock, path in mesh_files(truth / "meshes", terrain).items():

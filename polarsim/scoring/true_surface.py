@@ -20,7 +20,7 @@ from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.run_files.scene import TerrainMesh, read_terrain
 from polarsim.scoring.alignment import read_alignment, refine_alignment
 from polarsim.scoring.surface import Surface
-from polarsim.site import polar
+from polarsim.site import Sandbox
 
 SEED = 0  # of the samples on surfaces
 SURFACE_SAMPLES = 20_000  # points on all rocks, and on the ground
@@ -101,7 +101,7 @@ class Comparison:
 
 
 def compare_surfaces(
-    terrain: Terrain, scene: TerrainMesh, cameras: Path, truth: Path, inventory: Path | None
+    sandbox: Sandbox, terrain: Terrain, scene: TerrainMesh, cameras: Path, truth: Path, inventory: Path | None
 ) -> Comparison:
     """Align the meshes of a terrain with the true meshes by camera poses, then by a small rigid ICP of the ground.
 
@@ -109,7 +109,6 @@ def compare_surfaces(
     """
     by_cameras, raw = read_alignment(cameras, truth), read_inventory(inventory) if inventory is not None else None
     views = true_views(read_all_localised(truth / "cameras"), set(read_all_localised(cameras)), raw)
-    sandbox = polar().sandbox_of(terrain)
     half = np.array(sandbox.half_width_m)
     true_scene = read_terrain(truth / "meshes", terrain, sandbox)
     true_surface = Surface(true_scene.vertices, true_scene.faces)

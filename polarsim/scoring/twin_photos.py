@@ -99,7 +99,12 @@ def subject_of(model: str, relation: str) -> str:
 
 
 def photos_to_compare(
-    terrain: Terrain, photos: Path, covers: Path | None, drawn: Path | None, instances: Path
+    terrain: Terrain,
+    photos: Path,
+    covers: Path | None,
+    drawn: Path | None,
+    instances: Path,
+    usual_exposure_ms: int,
 ) -> dict[PhotoKey, ComparedPhoto]:
     """Return typical photos of a terrain from a table of photos, or all cover photos from a folder of `KEY.png`.
 
@@ -109,17 +114,17 @@ def photos_to_compare(
         paths = {key: path for key, path in pictures_at(photos).items() if key.terrain == terrain}
         return {
             key: ComparedPhoto(paths[key], instances=instances / instance_map_name(key))
-            for key in typical_photos(list(paths), COMPARED_PHOTOS)
+            for key in typical_photos(list(paths), COMPARED_PHOTOS, usual_exposure_ms)
         }
     masks = {} if drawn is None else pictures_at(drawn)
     found = {key: path for key, path in pictures_at(covers).items() if key.terrain == terrain}
     return {key: ComparedPhoto(path, masks.get(key)) for key, path in found.items()}
 
 
-def typical_photos(keys: Sequence[PhotoKey], n: int) -> list[PhotoKey]:
-    """Return up to n photos under a Sun lamp, exposed near 256 ms, evenly distributed over exposure brackets."""
-    brackets = by_bracket(key for key in keys if key.azimuth != "no").values()
-    typical = sorted(min(photos, key=lambda key: (key.stops_off_usual, key)) for photos in brackets)
+def typical_photos(keys: Sequence[PhotoKey], n: int, usual_exposure_ms: int) -> list[PhotoKey]:
+    """Return up to n photos under a Sun lamp near the usual exposure, evenly distributed over exposure brackets."""
+    brackets = by_bracket(key for key in keys if key.has_sun).values()
+    typical = sorted(min(photos, key=lambda key: (key.stops_off(usual_exposure_ms), key)) for photos in brackets)
     if len(typical) <= n:
         return typical
     return [typical[number] for number in np.linspace(0, len(typical) - 1, n).round().astype(int)] if n else []

@@ -16,6 +16,7 @@ from polarsim.scoring.labels import ALL, against, read_folder, read_true_labels,
 from polarsim.scoring.metrics import Metric, summary_metric, write_metrics
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.twin_photos import compare_twins, photos_to_compare, subject_of
+from polarsim.site import Site
 
 _METRICS = {  # of the evaluation, and their units
     "log2_twin_over_photo": "stops", "log2_difference": "stops", "psnr_db": "dB", "ssim": "1", "correlation": "1",
@@ -24,6 +25,7 @@ _METRICS = {  # of the evaluation, and their units
 
 def score_twins(
     *,
+    site: Site,
     terrain: Terrain,
     boxes: Path,
     truth: Path | None,
@@ -71,7 +73,7 @@ def score_twins(
             subject = "rendered " + metric.subject.replace(ALL, "all")  # rendered boxes do not depend on seeds
             metrics.append(replace(metric, subject=subject))
     pairs = compare_twins(
-        photos_to_compare(terrain, photos, covers, drawn, instances),
+        photos_to_compare(terrain, photos, covers, drawn, instances, site.usual_exposure_ms),
         {model: pictures_at(folder) for model, folder in twins.items()},
         {model: pictures_at(folder) for model, folder in others.items()},
         read_fits(terrain, twins, materials, light, meshes),

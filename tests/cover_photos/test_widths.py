@@ -16,6 +16,7 @@ from polarsim.geometry.poses import camera_pose
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.schemas.covers import COVER_FOUND, COVER_SCORES
 from polarsim.schemas.detect import PREDICTIONS
+from polarsim.site import polar
 from tests.cover_photos.test_scores import label_rows_of
 from tests.support.polar_photos import SIZE
 from tests.support.polar_rig import default_rig
@@ -55,7 +56,12 @@ def folds(tmp_path):
 
 def choose(folds, tmp_path, options=OPTIONS):
     choose_widths(
-        **folds, predictions=tmp_path / "predictions.parquet", sizes=tmp_path / "sizes.csv", imgsz=512, options=options
+        site=polar(),
+        **folds,
+        predictions=tmp_path / "predictions.parquet",
+        sizes=tmp_path / "sizes.csv",
+        imgsz=512,
+        options=options,
     )
     sizes = tables.read_csv(tmp_path / "sizes.csv", ("fold", "kind", "widths")).astype({"fold": str, "widths": str})
     sizes = sizes[sizes["kind"] == "rock"]

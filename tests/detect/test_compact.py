@@ -28,7 +28,7 @@ from polarsim.detect.detectors.compact.loss import assign_labels, losses  # noqa
 from polarsim.detect.detectors.compact.network import STRIDE  # noqa: E402
 from polarsim.detect.detectors.compact.weights import decode_boxes  # noqa: E402
 from polarsim.detect.detectors.devices import computes_bfloat16  # noqa: E402
-from tests.support.polar_photos import HEIGHT, WIDTH  # noqa: E402
+from polarsim.site import polar  # noqa: E402
 
 pytestmark = pytest.mark.slow
 OPTIONS = TrainingOptions(model="compact", epochs=4, batch=2)
@@ -133,7 +133,7 @@ def test_predictions_are_well_formed_and_find_the_blobs(dataset, matched, tmp_pa
         weights=matched / "real.pt",
         dataset=dataset,
         predictions=tmp_path / "real_on_real.parquet",
-        size=(WIDTH, HEIGHT),
+        site=polar(),
         options=PREDICTION,
         threads=1,
     )
@@ -161,7 +161,7 @@ def test_boxes_outside_the_sand_are_dropped_with_known_poses(dataset, matched, t
             weights=matched / "real.pt",
             dataset=dataset,
             predictions=tmp_path / f"{name}.parquet",
-            size=(WIDTH, HEIGHT),
+            site=polar(),
             options=PREDICTION,
             threads=1,
             cameras=folders,

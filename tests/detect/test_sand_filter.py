@@ -14,6 +14,8 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
 from polarsim.run_files.rigs import LocalisedRig, write_localised
+from polarsim.site import polar
+from tests.support.other_site import other_site
 from tests.support.polar_rig import default_rig
 from tests.support.polar_survey import HALF, SURELY_WALL
 
@@ -85,7 +87,7 @@ def test_photos_without_a_pose_keep_all_boxes(rigs, kept, tmp_path):
     for position, rig in rigs.items():
         write_localised(cameras / f"Pos{position}.json", rig)
     found = np.concatenate([standing_at(0, 0), standing_at(3, 0)])
-    sand = SandFilter.read([cameras], [meshes])
+    sand = SandFilter.read(polar(), [cameras], [meshes])
     assert len(sand.keep(KEY, found)) == kept
     assert len(sand.keep("03" + KEY[2:], found)) == 2
 
@@ -96,16 +98,16 @@ def test_the_sand_level_is_read_from_the_ground_mesh(tmp_path):
     write_localised(cameras / "PosA.json", RIG)
     for level, kept in ((0.0, 0), (0.2, 1)):
         write_ground(meshes, level)
-        assert len(SandFilter.read([cameras], [meshes]).keep(KEY, standing_at(2.3, 0.0))) == kept
+        assert len(SandFilter.read(polar(), [cameras], [meshes]).keep(KEY, standing_at(2.3, 0.0))) == kept
 
 
 def test_unpaired_folders_and_missing_ground_are_errors(tmp_path):
     cameras, meshes = tmp_path / "cameras/Terrain01", tmp_path / "meshes/Terrain01"
     with pytest.raises(FormatError):
-        SandFilter.read([cameras], [meshes])
+        SandFilter.read(polar(), [cameras], [meshes])
     write_ground(meshes)
     with pytest.raises(DetectError):
-        SandFilter.read([tmp_path / "cameras/Terrain03"], [meshes])
+        SandFilter.read(polar(), [tmp_path / "cameras/Terrain03"], [meshes])
 
 
 def test_the_filter_lists_its_input_files(tmp_path):
@@ -113,5 +115,20 @@ def test_the_filter_lists_its_input_files(tmp_path):
     cameras, meshes = tmp_path / "cameras/Terrain01", tmp_path / "meshes/Terrain01"
     write_ground(meshes)
     write_localised(cameras / "PosA.json", RIG)
-    assert SandFilter.read([cameras], [meshes]).files == (cameras / "PosA.json", meshes / "terrain01_ground.obj")
-    assert SandFilter.read([], []).files == ()
+    assert SandFilter.read(polar(), [cameras], [meshes]).files == (
+        cameras / "PosA.json",
+        meshes / "terrain01_ground.obj",
+    )
+    assert SandFilter.read(polar(), [], []).files == ()
+
+
+def test_sand_of_a_named_terrain_has_the_sandbox_of_its_site(tmp_path):
+    """Boxes at x 1.7 m are beside the sand of a yard 3 m wide, and on the sand of one that is 4 m wide."""
+    cameras, meshes = tmp_path / "cameras/Terrainyard-a", tmp_path / "meshes/Terrainyard-a"
+    write_localised(cameras / "PosA.json", RIG)
+    write_ground(meshes)
+    (meshes / "terrain01_ground.obj").rename(meshes / "terrainyard-a_ground.obj")
+    found, key = standing_at(1.7, 0.0), KEY.replace("01", "yard-a")
+    for half, kept in (([1.5, 3.0], 0), ([2.0, 3.0], 1)):
+        site = other_site(sandbox={"half_width_m": half})
+        assert len(SandFilter.read(site, [cameras], [meshes]).keep(key, found)) == kept

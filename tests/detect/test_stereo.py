@@ -24,6 +24,7 @@ from polarsim.photo import NO_ROCK, PhotoKey
 from polarsim.report.stereo_table import tabulate_stereo
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.run_files.scene import TerrainMesh, read_terrain
+from polarsim.site import polar
 from tests.support.polar_rig import default_rig
 from tests.support.polar_survey import SANDBOX
 
@@ -163,6 +164,7 @@ def test_a_domain_and_its_copy_have_equal_metrics(scene, meshes, tmp_path):
         tmp_path / f"{name}.parquet" for name in ("pairs", "rocks", "stereo", "instances", "ipd")
     )
     measure_stereo(
+        site=polar(),
         terrain=1, keys=[PhotoKey.parse(row["key"]) for row in rows] + [alone], cameras=tmp_path, meshes=meshes,
         pictures={"analog": tmp_path / "photos.parquet", "hapke": tmp_path / "twins"},
         pairs=pairs, rocks=rocks_of_pairs, options=OPTIONS, threads=1,
@@ -189,6 +191,7 @@ def test_a_terrain_without_a_pair_is_an_error(meshes, tmp_path):
     tables.write_parquet(tmp_path / "photos.parquet", pd.DataFrame({"key": ["x"], "path": ["y"]}))
     with pytest.raises(DetectError):
         measure_stereo(
+        site=polar(),
             terrain=1, keys=[PhotoKey(1, "A", "off", "30", "L", 256)], cameras=tmp_path, meshes=meshes,
             pictures={"analog": tmp_path / "photos.parquet"}, pairs=tmp_path / "pairs.parquet",
             rocks=tmp_path / "rocks.parquet", options=OPTIONS, threads=1,

@@ -19,9 +19,9 @@ from polarsim.detect.options import (
 from polarsim.detect.predict import predict
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables
+from polarsim.site import polar
 from tests.detect import conftest
 from tests.detect.conftest import make_real
-from tests.support.polar_photos import HEIGHT, WIDTH
 
 pytestmark = [
     pytest.mark.slow,
@@ -51,7 +51,7 @@ def run_predict(root: Path, name: str, options: PredictionOptions = PREDICTION) 
         weights=root / "real.pt",
         dataset=root / "real",
         predictions=root / name,
-        size=(WIDTH, HEIGHT),
+        site=polar(),
         options=options,
         threads=1,
     )
@@ -179,7 +179,7 @@ def test_newer_models_train_and_predict_by_name(matched, tmp_path, model):
         weights=tmp_path / f"{model}.pt",
         dataset=matched / "real",
         predictions=tmp_path / "found.parquet",
-        size=(WIDTH, HEIGHT),
+        site=polar(),
         options=PredictionOptions(confidence=1e-6),
         threads=1,
     )

@@ -4,12 +4,13 @@ import pytest
 from polarsim.geometry.poses import Pose
 from polarsim.run_files.lamps import write_suns
 from polarsim.scoring.cameras import lamps_against_truth
+from polarsim.site import polar
 
 OTHER_FROM_TRUTH = Pose.from_rotvec(np.array([0.0, 0.0, 0.3]), np.array([0.1, -0.05, 0.0]))
 
 
 def errors(folder, truth_from_sandbox):
-    metrics = lamps_against_truth(1, folder / "own/cameras", folder / "truth", truth_from_sandbox)
+    metrics = lamps_against_truth(polar(), 1, folder / "own/cameras", folder / "truth", truth_from_sandbox)
     return {(metric.subject, metric.metric): metric.value for metric in metrics}
 
 

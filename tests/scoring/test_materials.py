@@ -9,6 +9,7 @@ from polarsim.run_files.materials import FittedMaterial, FittedMaterials, write_
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.run_files.scene import read_terrain
 from polarsim.scoring.materials import held_out_metrics, score_materials
+from polarsim.site import polar
 from tests.support.polar_rig import default_rig
 from tests.support.polar_survey import SANDBOX
 
@@ -55,6 +56,7 @@ def scored(tmp_path):
         if albedo_known:
             table.to_parquet(tmp_path / "truth" / "albedo.parquet")
         score_materials(
+            site=polar(),
             terrain=1, materials=tmp_path / "materials", meshes=tmp_path / "meshes", cameras=tmp_path / "cameras",
             truth=tmp_path / "truth", evaluation=tmp_path / "evaluation.csv",
         )  # fmt: skip

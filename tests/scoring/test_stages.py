@@ -22,6 +22,7 @@ from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.rock_pairs import RockPairs, pair_rocks, recall_and_precision
 from polarsim.scoring.rocks import score_rocks
 from polarsim.scoring.twins import score_twins
+from polarsim.site import polar
 from tests.support.label_rows import label_row
 from tests.support.polar_rig import default_rig
 from tests.support.polar_survey import surveyed_pose
@@ -42,7 +43,9 @@ def metrics(path):
 def cameras_scored(folder, **changes):
     """Return the metrics of cameras in `folder/own` against `folder/truth`, or with other arguments."""
     paths = {"cameras": folder / "own/cameras", "truth": folder / "truth", "meshes": folder / "meshes"}
-    score_cameras(terrain=3, evaluation=folder / "q.csv", **{**paths, "matches": None, "annotated": None, **changes})
+    score_cameras(
+        site=polar(), terrain=3, evaluation=folder / "q.csv", **{**paths, "matches": None, "annotated": None, **changes}
+    )
     return metrics(folder / "q.csv")
 
 
@@ -185,7 +188,9 @@ def scored_rocks(folder, **changes):
     own = folder / "own"
     inputs = {"rocks": own / "rocks.parquet", "meshes": own / "meshes", "truth": folder / "truth", "inventory": None}
     outputs = {"evaluation": folder / "q.csv", "scores": folder / "scores.csv", "offsets": folder / "offsets.parquet"}
-    score_rocks(terrain=3, located=own / "cameras", cameras=own / "cameras", **{**inputs, **outputs, **changes})
+    score_rocks(
+        site=polar(), terrain=3, located=own / "cameras", cameras=own / "cameras", **{**inputs, **outputs, **changes}
+    )
     return metrics(folder / "q.csv")
 
 
@@ -347,7 +352,7 @@ def test_twins_are_scored_by_boxes_and_pixels_if_available(tmp_path):
         "appearance": tmp_path / "pairs.parquet",
         "options": OPTIONS,
     }
-    score_twins(**arguments, photos=tmp_path / "photos.parquet")
+    score_twins(site=polar(), **arguments, photos=tmp_path / "photos.parquet")
     found = metrics(tmp_path / "q.csv")
     assert found["rendered rock: all", "recall"] == found["rendered rock: camera L", "recall"] == 0.5
     assert found["hapke", "log2_twin_over_photo_median"] == pytest.approx(1)
@@ -359,11 +364,11 @@ def test_twins_are_scored_by_boxes_and_pixels_if_available(tmp_path):
     for lamp, relation in (("30", "in place"), ("180", "held out")):
         fit = {"azimuths": [lamp], "positions": ["A"], "models": {"hapke": {"lamps": {lamp: 1.0}}}}
         (tmp_path / "materials.json").write_text(json.dumps(fit))
-        score_twins(**{**arguments, "materials": tmp_path}, photos=tmp_path / "photos.parquet")
+        score_twins(site=polar(), **{**arguments, "materials": tmp_path}, photos=tmp_path / "photos.parquet")
         assert read_parquet(tmp_path / "pairs.parquet")["relation"].tolist() == [relation]
         assert (f"hapke, {relation}", "ssim_median") in metrics(tmp_path / "q.csv")
     write_parquet(tmp_path / "photos.parquet", pd.DataFrame([row])[:0])
-    score_twins(**{**arguments, "truth": None}, photos=tmp_path / "photos.parquet")
+    score_twins(site=polar(), **{**arguments, "truth": None}, photos=tmp_path / "photos.parquet")
     assert len(read_csv(tmp_path / "q.csv")) == len(read_parquet(tmp_path / "pairs.parquet")) == 0
 
 

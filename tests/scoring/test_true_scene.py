@@ -11,6 +11,7 @@ from polarsim.run_files.lamps import read_localised_suns
 from polarsim.run_files.rigs import read_all_localised
 from polarsim.run_files.walls import level_walls, write_walls
 from polarsim.scoring.true_scene import thin_meshes, write_true_scene
+from polarsim.site import polar
 
 SANDBOX_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0.1, -0.05, 0.02]))
 
@@ -27,6 +28,7 @@ def laid(world, tmp_path):
     write_walls(tmp_path / "run/meshes", level_walls(2.02, 0.31, "scans"))
     write_inventory(tmp_path / "inventory.json", Inventory(world.terrain, "analog"))
     write_true_scene(
+        site=polar(),
         terrain=world.terrain,
         rocks=tmp_path / "run/rocks.parquet",
         meshes=tmp_path / "run/meshes",

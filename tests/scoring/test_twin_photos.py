@@ -138,9 +138,9 @@ def test_typical_photos_are_of_middle_exposure_and_spread_over_the_sets():
         for azimuth in ("no", "30", "180")
         for ms in (64, 512, 1024)
     ]
-    assert [str(key) for key in typical_photos(keys, 2)] == ["03_A_off_180_L_0512", "03_C_off_30_L_0512"]
-    assert len(typical_photos(keys, 9)) == 4
-    assert typical_photos(keys, 0) == typical_photos([], 5) == []
+    assert [str(key) for key in typical_photos(keys, 2, 256)] == ["03_A_off_180_L_0512", "03_C_off_30_L_0512"]
+    assert len(typical_photos(keys, 9, 256)) == 4
+    assert typical_photos(keys, 0, 256) == typical_photos([], 5, 256) == []
 
 
 # features

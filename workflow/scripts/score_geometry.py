@@ -8,9 +8,11 @@ from polarsim.reporting import reporting
 from polarsim.scoring.cameras import score_cameras
 from polarsim.scoring.consistency import check_consistency
 from polarsim.scoring.rocks import score_rocks
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     score_cameras(
+        site=Site(**snakemake.params.site),
         terrain=parse_terrain(snakemake.wildcards.terrain),
         cameras=Path(snakemake.input.cameras),
         truth=optional_path(snakemake.params.truth),
@@ -20,6 +22,7 @@ with reporting(log=snakemake.log[0]):
         evaluation=Path(snakemake.output.cameras),
     )
     score_rocks(
+        site=Site(**snakemake.params.site),
         terrain=parse_terrain(snakemake.wildcards.terrain),
         rocks=Path(snakemake.input.rocks),
         meshes=Path(snakemake.input.meshes),
@@ -32,6 +35,7 @@ with reporting(log=snakemake.log[0]):
         offsets=Path(snakemake.output.offsets),
     )
     check_consistency(
+        site=Site(**snakemake.params.site),
         terrain=parse_terrain(snakemake.wildcards.terrain),
         inventory=Path(snakemake.input.inventory),
         located=Path(snakemake.input.located),

@@ -7,9 +7,11 @@ from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.twins import score_twins
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     score_twins(
+        site=Site(**snakemake.params.site),
         terrain=parse_terrain(snakemake.wildcards.terrain),
         boxes=Path(snakemake.input.boxes),
         truth=optional_path(snakemake.params.truth),

@@ -25,13 +25,14 @@ from polarsim.progress import track
 from polarsim.run_files.rigs import read_all_localised
 from polarsim.run_files.scene import read_terrain
 from polarsim.schemas.detect import STEREO, STEREO_INSTANCES, STEREO_IPD
-from polarsim.site import polar
+from polarsim.site import Site
 
 PAIR_COLUMNS, ROCK_COLUMNS = STEREO.columns, STEREO_INSTANCES.columns
 
 
 def measure_stereo(
     *,
+    site: Site,
     terrain: Terrain,
     keys: Iterable[PhotoKey],
     cameras: Path,
@@ -57,7 +58,7 @@ def measure_stereo(
 
     cv2.setNumThreads(threads)
     chosen = [key for key in sorted(keys) if not options.exposures_ms or key.exposure_ms in options.exposures_ms]
-    localised, mesh = read_all_localised(cameras), read_terrain(meshes, terrain, polar().sandbox_of(terrain))
+    localised, mesh = read_all_localised(cameras), read_terrain(meshes, terrain, site.sandbox_of(terrain))
     surfaces = make_caster(mesh.vertices, mesh.faces, threads=threads)
     by_domain = {domain: picture_paths(folder, chosen) for domain, folder in pictures.items()}
     pair_rows, rock_rows = [], []
