@@ -261,9 +261,9 @@ class Files(_Part):
     spelling: Mapping[str, Mapping[str, str]] = Field(
         {}, description="Texts of names in paths that differ: azimuth: {'45': sun45, 'no': dark}, camera: {L: left}."
     )
-    cloud_frame: Literal["rectified", "left", "level", "sandbox"] = Field(
+    cloud_frame: Literal["left", "rectified"] = Field(
         "left",
-        description="Frame of the clouds: rectified left camera, left camera, a scanner's frame with z up, or sandbox.",
+        description="Frame of the clouds: left camera (x right, y down, z forward), or rectified left camera.",
     )
     cloud_unit: Literal["mm", "m"] = Field("m", description="Unit of the clouds.")
 

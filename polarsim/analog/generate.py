@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -90,7 +89,7 @@ def _write_scans(
     """Write clouds and range maps of scanned positions, and range maps of other surveyed positions from all scans."""
     if site.files.clouds is None and site.files.range_maps is None:
         return
-    grid = _grid(calibration)
+    grid = rectified_left(calibration)
     surfaces = []
     poses, scanned = made.stations.sandbox_from_left, site.analog.scanned
     chosen = [position for position in poses if scanned is None or position in scanned]
@@ -102,8 +101,7 @@ def _write_scans(
         sandbox_from_scanner = level @ _CAMERA_FROM_UPRIGHT
         scan = scanner.scan(made.scene, made.caster, sandbox_from_scanner, rng, options, threads)
         error = scanner.registration_error(rng)
-        frames = {"left": error @ left.inverse(), "level": sandbox_from_scanner.inverse(), "sandbox": error}
-        frames["rectified"] = error @ (left @ grid.left_from_rectified).inverse()
+        frames = {"left": error @ left.inverse(), "rectified": error @ (left @ grid.left_from_rectified).inverse()}
         surfaces.append(scanner.join_points(scan, centre))
         valid = np.isfinite(scan.points[..., 0])
         if cloud := raw.cloud(position):
@@ -115,13 +113,6 @@ def _write_scans(
         sandbox_from_rectified = poses[position] @ grid.left_from_rectified
         grid_from_sandbox = scanner.registration_error(rng) @ sandbox_from_rectified.inverse()
         _write_map(raw.range_map(position), surfaces, grid, grid_from_sandbox, threads)
-
-
-def _grid(calibration: StereoRig) -> RectifiedGrid:
-    """Return the grid of range maps; with a single camera its own pixels without distortion."""
-    if calibration.is_stereo:
-        return rectified_left(calibration)
-    return RectifiedGrid(replace(calibration.left, distortion=(0.0, 0.0, 0.0, 0.0, 0.0)), Pose.identity())
 
 
 def _write_map(

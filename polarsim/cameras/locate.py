@@ -105,7 +105,7 @@ def _locate_by_scans(
     site: Site,
     tripods: Mapping[str, Tripod],
 ) -> LocalisationResult:
-    scans = {position: read_scan(source, position, rig) for position in positions}
+    scans = {position: read_scan(source, position, rig, site.files) for position in positions}
     surveyed, sandbox = surveyed_poses(tripods), site.sandbox_of(source.terrain)
     area = SearchArea.of(sandbox, site.max_survey_error_m)
     placed = {} if ranges is None else read_all_localised(ranges)

@@ -5,7 +5,7 @@ Epipolar geometry: Hartley and Zisserman, Multiple View Geometry, chapters 9 to 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,7 +51,12 @@ class RectifiedGrid:
 
 
 def rectified_left(rig: StereoRig) -> RectifiedGrid:
-    """Return the grid of NASA's range maps: `cv2.stereoRectify` with alpha = 1 and default flags."""
+    """Return the grid of NASA's range maps: `cv2.stereoRectify` with alpha = 1 and default flags.
+
+    The grid of a single camera is the lens without distortion.
+    """
+    if not rig.is_stereo:
+        return RectifiedGrid(replace(rig.left, distortion=(0.0, 0.0, 0.0, 0.0, 0.0)), Pose.identity())
     import cv2
 
     right_from_left = rig.left_from_right.inverse()

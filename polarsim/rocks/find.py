@@ -36,7 +36,7 @@ from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scans import read_scan
 from polarsim.run_files.scene import PHOTOS, SCANNED
 from polarsim.run_files.walls import Walls, write_walls
-from polarsim.site import Site
+from polarsim.site import Files, Site
 
 log = logging.getLogger("polarsim")
 FOOT_HEIGHT = 0.006  # height above the ground at which a rock begins, metres
@@ -73,7 +73,7 @@ def find_rocks(
     localised = rigs.read_all_localised(cameras)
     typed = read_overrides(overrides) if overrides is not None else Overrides()
     evidence = Evidence(localised, read_rock_boxes(seeds, terrain), CONFIRMING_IOU)
-    scans = read_scans(read_inventory(inventory), localised)
+    scans = read_scans(read_inventory(inventory), localised, site.files)
     if not len(scans):
         log.warning(
             "%s: terrain %s has no scan, so that it gets no rocks and no ground", inventory, terrain_text(terrain)
@@ -131,7 +131,7 @@ def ground_cloud(sand: SandSurface) -> Cloud:
     return Cloud(points[sand.is_ground], normals[sand.is_ground])
 
 
-def read_scans(inventory: Inventory, localised: Mapping[str, LocalisedRig]) -> ScanPoints:
+def read_scans(inventory: Inventory, localised: Mapping[str, LocalisedRig], files: Files) -> ScanPoints:
     """Return all scans of a terrain in the sandbox frame, by the poses of the cameras stage."""
     scans = []
     for position in inventory.scanned:
@@ -145,7 +145,7 @@ def read_scans(inventory: Inventory, localised: Mapping[str, LocalisedRig]) -> S
                 "terrain %s: the scan at %s has no confirmed pose, excluded", terrain_text(inventory.terrain), position
             )
             continue
-        points_left = read_scan(inventory, position, localised[position].rig)
+        points_left = read_scan(inventory, position, localised[position].rig, files)
         scan = scan_in_sandbox(points_left, localised[position].sandbox_from_left)
         scans.append(scan.select(NEIGHBOURHOOD.contains(scan.points)))
     return merge_scans(scans)

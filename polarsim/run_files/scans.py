@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Literal
+
 import numpy as np
 
+from polarsim.errors import FormatError
 from polarsim.formats import nasa
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.stereo import StereoRig, rectified_left
 from polarsim.run_files.inventory import Inventory
+from polarsim.site import Files
 
 GRAZING_JUMP = 8.0  # maximum range difference of neighbours over their spacing: grazing angles of more than 7 degrees
 NOISE_JUMP = 0.010  # metres; range difference of neighbours due to noise (2 mm, 5 sigma)
@@ -19,19 +24,35 @@ _NEIGHBOURS = (  # each pair of neighbours once: (rows, columns) of the first an
     ((_BUT_LAST, _BUT_LAST), (_BUT_FIRST, _BUT_FIRST)),
     ((_BUT_LAST, _BUT_FIRST), (_BUT_FIRST, _BUT_LAST)),
 )
+_DISTANCES_M = 0.1, 1000.0  # of the points of a cloud from the camera; other values mean another unit
 PIXELS_PER_POINT = 0.7  # along a side, of the range map of a cloud: 7 of 8 pixels have a point
 
 
-def read_scan(inventory: Inventory, position: str, rig: StereoRig) -> np.ndarray:
-    """Read the points (n, 3) of a scan in the left camera frame, metres. A range map is preferred to a cloud."""
+def read_scan(inventory: Inventory, position: str, rig: StereoRig, files: Files) -> np.ndarray:
+    """Read the points (n, 3) of a scan in the left camera frame, metres. A range map is preferred to a cloud.
+
+    `files` states frame and unit of the clouds.
+    """
     grid = rectified_left(rig)
     lens, path = grid.lens, inventory.range_maps.get(position)
     if path is not None:
         range_map = nasa.read_range_map(path, (lens.width, lens.height))
     else:
-        range_map, lens = range_map_of_cloud(nasa.read_cloud(inventory.clouds[position]), lens)
+        cloud = _read_cloud(Path(inventory.clouds[position]), files.cloud_unit)
+        if files.cloud_frame == "left":
+            cloud = grid.left_from_rectified.inverse().apply(cloud)
+        range_map, lens = range_map_of_cloud(cloud, lens)
     trusted = range_map[trusted_pixels(range_map, lens.fx)]
     return np.asarray(grid.left_from_rectified.apply(trusted.astype(float)))
+
+
+def _read_cloud(path: Path, unit: Literal["mm", "m"]) -> np.ndarray:
+    """Read the points (n, 3) of a cloud, metres; raise an error if most are too near or too far for a sandbox."""
+    cloud = nasa.read_cloud(path, unit)
+    median = float(np.median(np.linalg.norm(cloud, axis=1)))
+    if not _DISTANCES_M[0] <= median <= _DISTANCES_M[1]:
+        raise FormatError(f"the median distance of the points is {median:.3g} m: check files.cloud_unit", path=path)
+    return cloud
 
 
 def trusted_pixels(range_map: np.ndarray, focal_px: float) -> np.ndarray:

@@ -75,7 +75,9 @@ def check_consistency(
     sandbox = site.sandbox_of(terrain)
     half = np.array(sandbox.half_width_m)
     scans = {
-        position: sand_points(localised[position], read_scan(known, position, localised[position].rig), half)
+        position: sand_points(
+            localised[position], read_scan(known, position, localised[position].rig, polar().files), half
+        )
         for position in known.scanned
         if position in localised and not localised[position].unproven
     }

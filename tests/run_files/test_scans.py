@@ -1,8 +1,17 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from polarsim.errors import FormatError
+from polarsim.formats import nasa
 from polarsim.geometry.lens import Lens
-from polarsim.run_files.scans import range_map_of_cloud, trusted_pixels
+from polarsim.geometry.poses import Pose
+from polarsim.geometry.stereo import StereoRig, rectified_left
+from polarsim.run_files.inventory import Inventory
+from polarsim.run_files.scans import range_map_of_cloud, read_scan, trusted_pixels
+from polarsim.site import Files
+from tests.support.other_site import other_rig
 
 LENS = Lens(500, 500, 100, 60, width=200, height=120)
 WALL = np.where(np.arange(200)[None, :] < 100, 2.0, 2.6) * np.ones((120, 1))  # a step of 0.6 m in depth
@@ -38,3 +47,33 @@ def test_a_cloud_becomes_a_range_map_of_the_nearest_points():
     assert range_map.shape == (lens.height, lens.width, 3)
     assert np.nanmax(range_map[..., 2]) == pytest.approx(2.0)
     assert np.isfinite(range_map[..., 2]).mean() > 0.95
+
+
+def test_clouds_of_a_site_are_read_in_their_unit_and_frame(tmp_path, rng):
+    """Points on a plane in the left frame are read from files of both units and frames."""
+    rig = replace(
+        other_rig(), left_from_right=Pose.from_rotvec(np.array([0.0, 0.02, 0.0]), np.array([0.12, 0.01, 0.0]))
+    )
+    grid = rectified_left(rig)
+    pixels = rng.uniform([40, 40], [600, 440], (40_000, 2))
+    points = 2.5 * rig.left.directions(pixels)
+    for frame, unit in (("left", "m"), ("rectified", "mm")):
+        stored = points if frame == "left" else grid.left_from_rectified.inverse().apply(points)
+        nasa.write_cloud(tmp_path / "a.xyz", stored, np.zeros(len(stored)), unit)
+        inventory = Inventory("yard-a", "files", clouds={"gate": str(tmp_path / "a.xyz")})
+        files = Files(photos="{terrain}.png", cloud_frame=frame, cloud_unit=unit)
+        found = read_scan(inventory, "gate", rig, files)
+        np.testing.assert_allclose(found[:, 2], 2.5, atol=2e-3)
+        assert len(found) > 1000
+    with pytest.raises(FormatError, match="cloud_unit"):
+        read_scan(inventory, "gate", rig, files.model_copy(update={"cloud_unit": "m"}))
+
+
+def test_a_scan_of_a_single_camera_is_in_the_frame_of_the_camera(tmp_path, rng):
+    lens = other_rig().left
+    points = 2.0 * lens.directions(rng.uniform([60, 60], [580, 420], (40_000, 2)))
+    nasa.write_cloud(tmp_path / "a.xyz", points, np.zeros(len(points)), "m")
+    inventory = Inventory("yard-a", "files", clouds={"gate": str(tmp_path / "a.xyz")})
+    found = read_scan(inventory, "gate", StereoRig.single(lens), Files(photos="{terrain}.png", cloud_frame="left"))
+    np.testing.assert_allclose(found[:, 2], 2.0, atol=2e-3)
+    assert len(found) > 1000

@@ -35,7 +35,7 @@ CONTENT: dict[str, Any] = {
     "cameras": {"stereo": True, "baseline_m": [0.1, 0.15]},
     "sandbox": {"half_width_m": [1.5, 3.0], "walls_m": {"-x": 0.2, "+x": 0.2, "+y": 0.2}},
     "files": {
-        "photos": "{terrain}/{position}/{azimuth}-{light}/{camera}_{exposure_ms}.png",
+        "photos": "{terrain}/{position}/{azimuth}-{light}/{camera}_{exposure_ms:4}.png",
         "clouds": "{terrain}/{position}.ply",
         "calibration": "{terrain}/camchain.yaml",
         "spelling": {
