@@ -76,7 +76,7 @@ def check_consistency(
     half = np.array(sandbox.half_width_m)
     scans = {
         position: sand_points(
-            localised[position], read_scan(known, position, localised[position].rig, polar().files), half
+            localised[position], read_scan(known, position, localised[position].rig, site.files), half
         )
         for position in known.scanned
         if position in localised and not localised[position].unproven
