@@ -157,7 +157,9 @@ class Run:
         """Return the label table of some photos, and write it with the boxes to a folder."""
         self.localise()
         names = ("photos.parquet", "inventory.json", "seeds", "cameras", "meshes")
-        inputs = PropagationInputs(self.terrain, keys, *(self.folder / name for name in names), annotator=annotator)
+        inputs = PropagationInputs(
+            polar(), self.terrain, keys, *(self.folder / name for name in names), annotator=annotator
+        )
         propagate_labels(inputs, boxes=out / "boxes", table=out / "labels.parquet", options=options)
         return read_parquet(out / "labels.parquet")
 

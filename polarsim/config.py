@@ -19,7 +19,7 @@ from polarsim.cameras.options import CamerasOptions
 from polarsim.cover_photos.options import CoversOptions
 from polarsim.detect.gap_options import GapOptions
 from polarsim.detect.options import VIEWS, DetectOptions, PredictionOptions
-from polarsim.errors import ConfigError, with_path
+from polarsim.errors import ConfigError, LabelError, with_path
 from polarsim.formats.yaml_files import describe_error, parse_yaml, read_yaml
 from polarsim.grid import GridOptions
 from polarsim.labels.options import LabelsOptions
@@ -143,6 +143,11 @@ class Config(BaseModel, extra="forbid", frozen=True):
             raise ValueError(f"grid.{wrong}")
         if isinstance(seeds := self.labels.seeds, SeedOptions) and (wrong := next(seeds.wrong_values(self.site), None)):
             raise ValueError(f"labels.seeds.{wrong}")
+        for key in self.labels.excluded_annotations:
+            try:
+                self.site.key(key)
+            except LabelError as error:
+                raise ValueError(f"labels.excluded_annotations: {error}") from error
         return self
 
     @model_validator(mode="after")

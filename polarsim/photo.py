@@ -62,6 +62,17 @@ def parse_terrain(text: str) -> Terrain:
     return int(text) if text.isdecimal() else text
 
 
+def terrain_of_text(text: str) -> Terrain | None:
+    """Return the terrain with this text; None if the text is not exactly that of a terrain, such as `1` for `01`."""
+    terrain = parse_terrain(text)
+    return terrain if terrain_text(terrain) == text else None
+
+
+def sorted_terrains(terrains: Iterable[Terrain]) -> list[Terrain]:
+    """Return the different terrains, numbers before names."""
+    return sorted(set(terrains), key=lambda terrain: (isinstance(terrain, str), terrain))
+
+
 @dataclass(frozen=True, order=True)
 class PhotoKey:
     """Name of one photo, `01_A_off_180_L_0256`: terrain, position, light, azimuth, camera, exposure in ms.
@@ -131,6 +142,15 @@ class PhotoKey:
 
     def with_exposure(self, exposure_ms: int) -> PhotoKey:
         return replace(self, exposure_ms=exposure_ms)
+
+
+def leading_key(text: str) -> PhotoKey | None:
+    """Return the photo key at the start of a text; None if there is none."""
+    match = _KEY.match(text)
+    try:
+        return PhotoKey.parse(match[0]) if match else None
+    except LabelError:
+        return None
 
 
 def by_bracket(keys: Iterable[PhotoKey]) -> dict[Bracket, list[PhotoKey]]:

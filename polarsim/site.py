@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, cached_property
 from math import cos, radians, sin
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, BeforeValidator, Field, PositiveFloat, PositiveInt, field_validator, model_validator
 
@@ -44,6 +44,7 @@ FAR_M = 1000.0  # distance at which a directional lamp is placed; over 6 m its d
 KEY_FIELDS = 6  # terrain, position, light, azimuth, camera, exposure
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]*")  # a name that is safe in photo keys and paths
+MAX_EXPOSURE_MS = 99999  # photo keys have at most five digits
 _NO_VALUE = ("na", "nan", "none", "null")  # names that readers of CSV files replace by missing values
 _NAMED = ("terrain", "terrain_name", "position", "light", "azimuth", "camera", "exposure_ms")  # fields of file names
 _SPELLED = ("terrain", "position", "light", "azimuth", "camera")
@@ -323,6 +324,21 @@ class AnalogSite(_Part):
     )
 
 
+class ImageIds(_Part):
+    """Numbering of the photos in COCO files.
+
+    The number of a photo is made of the terrain, the number of the position in the list of the terrain, the light, the
+    number of the lamp, the camera and the exposure. Thus a terrain, position or lamp that is added at the end of its
+    list keeps the numbers of all former photos.
+    """
+
+    positions: PositiveInt = Field(64, description="Largest number of positions of a terrain.")
+    lamps: PositiveInt = Field(64, description="Largest number of lamps, 'no' included.")
+    exposures_ms: tuple[PositiveInt, ...] | None = Field(
+        None, description="Exposures, ms, in the order of their numbers; null: the exposure is the number."
+    )
+
+
 class Site(_Part):
     """All that is specific to one sandbox or test yard."""
 
@@ -343,6 +359,7 @@ class Site(_Part):
     sandbox: Sandbox = Field(description="Size and walls of the sandbox.")
     files: Files = Field(description="Names of the files.")
     analog: AnalogSite = Field(AnalogSite(), description="Simulated sandbox of the site.")
+    image_ids: ImageIds = Field(ImageIds(), description="Numbering of the photos in COCO files.")
     max_survey_error_m: PositiveFloat = Field(1.0, description="Largest error of the approximate poses, m.")
 
     @field_validator("terrains", mode="before")
@@ -375,6 +392,22 @@ class Site(_Part):
         for name, pattern in (("photos", self.files.photos), ("clouds", self.files.clouds)):
             if pattern and (missing := self._fields_without(pattern, only_scans=name != "photos")):
                 raise ValueError(f"files.{name}: the field {{{missing[0]}}} is missing, the site has several of them")
+        return self
+
+    @model_validator(mode="after")
+    def _room_for_ids(self) -> Site:
+        exposures = {time for terrain in self.terrains for time in self.exposures_of(terrain, "")}
+        exposures |= set(self.exposures_no_sun_ms)
+        if max(exposures) > MAX_EXPOSURE_MS:
+            raise ValueError(f"exposures_ms: {max(exposures)}, expected at most {MAX_EXPOSURE_MS}")
+        for name, count, capacity in (
+            ("positions", max(len(self.positions_of(terrain)) for terrain in self.terrains), self.image_ids.positions),
+            ("lamps", len(self.lamps) + 1, self.image_ids.lamps),
+        ):
+            if count > capacity:
+                raise ValueError(f"image_ids.{name}: {capacity}, expected at least {count}")
+        if self.image_ids.exposures_ms and (lacking := sorted(exposures - set(self.image_ids.exposures_ms))):
+            raise ValueError(f"image_ids.exposures_ms: {lacking[0]} is missing")
         return self
 
     def _fields_without(self, pattern: str, *, only_scans: bool) -> list[str]:
@@ -457,6 +490,21 @@ class Site(_Part):
                         for camera in self.cameras.sides:
                             for exposure_ms in self.exposures_of(terrain, azimuth):
                                 yield PhotoKey(terrain, position, light, azimuth, camera, exposure_ms)
+
+    def image_id(self, key: PhotoKey) -> int:
+        """Return the number of a photo in COCO files, which is above 0 and stable, see `ImageIds`."""
+        ids, terrains = self.image_ids, list(self.terrains)
+        number = key.terrain if isinstance(key.terrain, int) else terrains.index(key.terrain) + 1
+        exposures = ids.exposures_ms
+        for digit, count in (
+            (self.positions_of(key.terrain).index(key.position), ids.positions),
+            (LIGHTS.index(key.light), len(LIGHTS)),
+            ((NO_SUN, *self.lamps).index(key.azimuth), ids.lamps),
+            (get_args(CameraSide).index(key.camera), len(get_args(CameraSide))),
+            (exposures.index(key.exposure_ms), len(exposures)) if exposures else (key.exposure_ms, MAX_EXPOSURE_MS + 1),
+        ):
+            number = number * count + digit
+        return number + 1
 
     def key(self, text: str) -> PhotoKey:
         """Parse a key of this site. The text must not contain anything else: `..._0256 copy` is rejected."""

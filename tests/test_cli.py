@@ -14,6 +14,7 @@ from polarsim.cli import app
 from polarsim.formats import coco, obj, png, rle, yolo
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import GREY_VALUES, PhotoKey
+from polarsim.site import polar
 
 ROCK_POLYGON = (2, np.array([[100.0, 100], [300, 100], [300, 250], [100, 250]]))
 GROUND_POLYGON = (1, np.array([[0.0, 0], [1936, 0], [1936, 1216], [0, 1216]]))
@@ -74,9 +75,9 @@ def test_masks_show_rocks_above_ground_in_any_order(polarsim, tmp_path):
 
 
 def test_outline_turns_masks_into_polygons(polarsim, tmp_path):
-    mask = rle.encode_rle(np.ones((150, 200)), 100, 100)
+    mask = rle.encode_rle(np.ones((150, 200)), polar().images.size, 100, 100)
     labels = [coco.Annotation("rock", 4, np.array([100.0, 100, 300, 250]), mask)]
-    coco.write_coco(tmp_path / "in.json", {PhotoKey.parse("01_A_off_30_L_0256"): labels})
+    coco.write_coco(tmp_path / "in.json", {PhotoKey.parse("01_A_off_30_L_0256"): labels}, polar(), polar().images.size)
     done = polarsim("outline", tmp_path / "in.json", tmp_path / "out.json")
     assert done.returncode == 0, done.stderr
     (annotation,) = json.loads((tmp_path / "out.json").read_text())["annotations"]

@@ -12,6 +12,7 @@ from polarsim.cli import app
 from polarsim.formats import coco, obj, png, rle, yolo
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import PhotoKey
+from polarsim.site import polar
 
 KEY = "01_A_off_30_L_0256"
 COMMANDS = sorted(typer.main.get_command(app).commands)
@@ -31,10 +32,12 @@ def here(tmp_path, monkeypatch):
     obj.write_obj(Path("meshes") / obj.ground_name(1), SQUARE, "ground")
     yolo.write_boxes(Path("boxes") / f"{KEY}.txt", np.array([0]), np.array([[5.0, 5, 50, 60]]))
     yolo.write_polygons(Path("polygons") / f"{KEY}.txt", [(2, np.array([[10.0, 10], [30, 10], [30, 25]]))])
-    mask = rle.encode_rle(np.ones((15, 20)), 100, 100)
+    mask = rle.encode_rle(np.ones((15, 20)), polar().images.size, 100, 100)
     coco.write_coco(
         Path("labels.json"),
         {PhotoKey.parse(KEY): [coco.Annotation("rock", 4, np.array([100.0, 100, 120, 115]), mask)]},
+        polar(),
+        polar().images.size,
     )
     png.write_png(Path("picture.png"), np.zeros((48, 64), np.uint8))
     for run in ("demo", "release"):

@@ -17,6 +17,7 @@ from polarsim.extras import EXTRA_OF
 from polarsim.formats import coco, obj, png, rle, yolo
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import PhotoKey
+from polarsim.site import polar
 
 CHECKOUT = Path(__file__).parent.parent
 # Calls of the command in an installation of the core, as JSON: [exit code, stdout, stderr] of each call.
@@ -142,9 +143,9 @@ def work():
             (folder / place / f"{KEY}.txt").write_text(f"0 0.5 0.5 0.1 0.1{confidence}\n")
         png.write_png(folder / "picture.png", np.zeros((48, 64), np.uint8))
         yolo.write_polygons(folder / f"polygons/{KEY}.txt", [(2, np.array([[10.0, 10], [30, 10], [30, 25]]))])
-        mask = rle.encode_rle(np.ones((15, 20)), 100, 100)
+        mask = rle.encode_rle(np.ones((15, 20)), polar().images.size, 100, 100)
         annotation = coco.Annotation("rock", 4, np.array([100.0, 100, 120, 115]), mask)
-        coco.write_coco(folder / "coco.json", {PhotoKey.parse(KEY): [annotation]})
+        coco.write_coco(folder / "coco.json", {PhotoKey.parse(KEY): [annotation]}, polar(), polar().images.size)
         (folder / "views.yaml").write_text(VIEWS)
         (folder / "Snakefile").write_text("")
         yield folder

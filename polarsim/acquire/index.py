@@ -138,13 +138,13 @@ def _seeds(
     *,
     log_strays: bool,
 ) -> list[tuple[PhotoKey, Path]]:
-    files, folder = find_labels(root, terrain)
+    files, folder = find_labels(root, terrain, site.key)
     if log_strays:  # the inventory of a release lists strays
-        stray = release.key_files(folder).stray
+        stray = release.key_files(folder, site.key).stray
         release.log_strays((path for path in stray if folder != root or path.suffix.lower() == ".txt"), str(folder))
     chosen = choose_seed_files(files, positions, options, site.usual_exposure_ms)
     if not chosen:
-        raise no_seed_error(terrain, options, files, folder)
+        raise no_seed_error(terrain, options, files, folder, site.key)
     unknown = set(positions) - {key.position for key, _ in chosen} - set(raw.scanned)
     if unknown:
         log.warning("%s: neither a seed nor a scan of position %s", folder, ", ".join(sorted(unknown)))

@@ -29,7 +29,9 @@ def best_exposure(boxes: Mapping[PhotoKey, int], usual_exposure_ms: int) -> Phot
     return max(boxes, key=rank)
 
 
-def find_labels(root: Path, terrain: Terrain) -> tuple[dict[PhotoKey, Path], Path]:
+def find_labels(
+    root: Path, terrain: Terrain, key_of: release.KeyOf = PhotoKey.parse
+) -> tuple[dict[PhotoKey, Path], Path]:
     """Return the label files of a terrain and their folder.
 
     Parameters
@@ -42,14 +44,17 @@ def find_labels(root: Path, terrain: Terrain) -> tuple[dict[PhotoKey, Path], Pat
         reason = "a file, expected a folder of label files" if root.exists() else "no such folder of label files"
         raise FormatError(f"{reason}; `labels.seeds: {NO_SEEDS}` runs without seeds", path=root)
     if not any((root / name).is_dir() for name in (release.BOXES, release.POLYGONS)):
-        return {key: path for key, path in release.key_files(root).files.items() if key.terrain == terrain}, root
-    boxes = release.label_files(root, terrain)
-    if not boxes and (polygons := release.polygon_files(root, terrain)):
+        files = release.key_files(root, key_of).files
+        return {key: path for key, path in files.items() if key.terrain == terrain}, root
+    boxes = release.label_files(root, terrain, key_of)
+    if not boxes and (polygons := release.polygon_files(root, terrain, key_of)):
         return polygons, release.polygon_folder(root, terrain)
     return boxes, release.label_folder(root, terrain)
 
 
-def no_seed_error(terrain: Terrain, options: SeedOptions, files: Mapping[PhotoKey, Path], folder: Path) -> LabelError:
+def no_seed_error(
+    terrain: Terrain, options: SeedOptions, files: Mapping[PhotoKey, Path], folder: Path, key_of: release.KeyOf
+) -> LabelError:
     """Return the error for a terrain without seeds.
 
     Parameters
@@ -64,7 +69,7 @@ def no_seed_error(terrain: Terrain, options: SeedOptions, files: Mapping[PhotoKe
         f"exposure {options.exposure}"
     )
     reason = f"no seed of terrain {terrain_text(terrain)} ({selection}) among {len(files)} label files"
-    if stray := [path.name for path in release.key_files(folder).stray if path.suffix.lower() == ".txt"]:
+    if stray := [path.name for path in release.key_files(folder, key_of).stray if path.suffix.lower() == ".txt"]:
         reason += f"; the names of {len(stray)} text files are no photo keys, such as {stray[0]!r}"
     return LabelError(f"{reason}; `labels.seeds: {NO_SEEDS}` runs without seeds", path=folder)
 
@@ -83,7 +88,7 @@ def choose_seed_files(
     names = cache(_stated_names)
     chosen = [
         best_exposure(
-            {key: len(yolo.read_boxes_or_polygons(files[key], names(files[key].parent))[0]) for key in keys},
+            {key: len(yolo.read_boxes_or_polygons(files[key], names=names(files[key].parent))[0]) for key in keys},
             usual_exposure_ms,
         )
         for keys in by_bracket(possible).values()
@@ -106,7 +111,7 @@ def copy_seeds(chosen: Sequence[tuple[PhotoKey, Path]], seeds: Path) -> None:
     from polarsim.formats import yolo
 
     names = cache(_stated_names)  # labelImg changes the order of the classes in classes.txt
-    annotated = {key: yolo.read_boxes_or_polygons(path, names(path.parent)) for key, path in chosen}
+    annotated = {key: yolo.read_boxes_or_polygons(path, names=names(path.parent)) for key, path in chosen}
     with writing_folder(seeds) as folder:
         for key, (_, boxes) in annotated.items():
             yolo.write_boxes(folder / f"{key}.txt", _unswapped(key, annotated), boxes)

@@ -18,8 +18,8 @@ _MAX_MASK_PX = 1e8
 _Element = ElementTree.Element
 
 
-def read_cvat(source: Path) -> Iterator[ExportedImage]:
-    """Read the images and shapes of an XML file."""
+def read_cvat(source: Path, size: tuple[int, int]) -> Iterator[ExportedImage]:
+    """Read the images and shapes of an XML file; images can be photos of a size in px at any scale."""
     with reading("XML", source):
         root = ElementTree.parse(source).getroot()  # noqa: S314  # expat stops entities that blow up
     if root.tag != "annotations":
@@ -35,7 +35,7 @@ def read_cvat(source: Path) -> Iterator[ExportedImage]:
         if not name:
             raise FormatError(f"<image> {number} has no name")
         with with_part(name):
-            scale = scale_of(_number(image, "width"), _number(image, "height"))
+            scale = scale_of(_number(image, "width"), _number(image, "height"), size)
             yield ExportedImage(name, [_shape(index, element, scale) for index, element in enumerate(image, 1)])
 
 

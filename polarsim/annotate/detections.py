@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.annotate.overlay import OverlayStyle, add_legend, draw_labels
-from polarsim.photo import BOX_CLASSES, NO_ROCK, WIDTH
+from polarsim.photo import BOX_CLASSES, NO_ROCK
 
 EDGES = ["x0", "y0", "x1", "y1"]
 _MIN_TITLE_PX = 600  # minimum image width for a title next to the legend
@@ -30,7 +30,7 @@ def draw_detections(
         Text of the legend, such as the name of the image; omitted for narrow images.
     """
     width = grey.shape[1]
-    labels = pd.DataFrame(boxes[:, :4] * (WIDTH / width), columns=EDGES)  # `draw_labels` scales the pixels of a photo
+    labels = pd.DataFrame(boxes[:, :4], columns=EDGES)
     labels["kind"] = [BOX_CLASSES[int(number)] for number in boxes[:, 5]]
     labels["rock"], labels["confidence"] = NO_ROCK, boxes[:, 4]
     drawn = draw_labels(np.repeat(grey[..., None], 3, axis=2), labels, width, OverlayStyle(stated_below=np.inf), masks)

@@ -19,18 +19,18 @@ from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.geometry.boxes import clip
 from polarsim.photo import (
     BOX_CLASSES,
-    HEIGHT,
     HEX_COLOURS,
     NO_ROCK,
     ROCK,
     SHADOW,
-    WIDTH,
     PhotoKey,
     Terrain,
+    sorted_terrains,
     terrain_text,
 )
 from polarsim.progress import track
 from polarsim.run_files.run import Run
+from polarsim.site import Site
 from polarsim.tone import to_8bit
 
 TOOLS = ("labelimg", "cvat", "label-studio")
@@ -52,21 +52,21 @@ def export_photos(
     check_new_folder(folder)
     pictures = _chosen(run, terrains, pattern, domain)
     keys = list(pictures)
-    tables = [
-        run / f"labels/tables/Terrain{terrain_text(terrain)}.parquet"
-        for terrain in sorted({key.terrain for key in keys})
-    ]
+    site = Run(run).site
+    terrains = sorted_terrains(key.terrain for key in keys)
+    tables = [run / f"labels/tables/Terrain{terrain_text(terrain)}.parquet" for terrain in terrains]
     labels = pd.concat([read_parquet(table, LABEL_COLUMNS) for table in tables])
     with writing_folder(folder) as temporary:
         folder_of_pictures = temporary if tool == "labelimg" else temporary / "images"
         for key, path in track(list(pictures.items()), "pictures"):
             png.write_png(folder_of_pictures / f"{key}.png", to_8bit(png.read_png(path))[..., 0])
         if tool == "labelimg":
-            _write_labelimg(temporary, labels, keys)
+            _write_labelimg(temporary, labels, keys, site.images.size)
         elif tool == "cvat":
-            _write_cvat(temporary, labels, keys)
+            _write_cvat(temporary, labels, keys, site)
         else:
-            tasks = label_studio_tasks(labels, keys, f"{quote(folder.resolve().name)}/images")
+            below = f"{quote(folder.resolve().name)}/images"
+            tasks = label_studio_tasks(labels, keys, below, site.images.size)
             write_json(temporary / "tasks.json", tasks)
             write_text(temporary / "interface.xml", label_studio_interface())
     return len(pictures)
@@ -85,7 +85,7 @@ def opening(folder: Path, tool: str) -> str:
 
 def _chosen(run: Path, terrains: Sequence[Terrain], pattern: str, domain: str) -> dict[PhotoKey, Path]:
     """Return the images of the labelled photos that match, sorted by photo key."""
-    labelled = [int(folder.name[-2:]) for folder in sorted((run / "labels" / "boxes").glob("Terrain[0-9][0-9]"))]
+    labelled = release.RUN_LAYOUT.terrains(run / "labels", PhotoKey.parse)
     if unknown := [str(terrain) for terrain in terrains if terrain not in labelled]:
         known = ", ".join(map(str, labelled)) or "none"
         raise LabelError(f"no labels of terrain {', '.join(unknown)}; terrains with labels: {known}", path=run)
@@ -106,23 +106,24 @@ def _chosen(run: Path, terrains: Sequence[Terrain], pattern: str, domain: str) -
     return chosen
 
 
-def _write_labelimg(folder: Path, labels: pd.DataFrame, keys: Sequence[PhotoKey]) -> None:
+def _write_labelimg(folder: Path, labels: pd.DataFrame, keys: Sequence[PhotoKey], size: tuple[int, int]) -> None:
     write_text(folder / class_lists.CLASS_FILE, "".join(f"{name}\n" for name in BOX_CLASSES))
     for key in keys:
         rows = rows_of(labels, key)
         classes = rows["kind"].map(BOX_CLASSES.index).to_numpy(int)
-        yolo.write_boxes(folder / f"{key}.txt", classes, rows[["x0", "y0", "x1", "y1"]].to_numpy(float))
+        yolo.write_boxes(folder / f"{key}.txt", classes, rows[["x0", "y0", "x1", "y1"]].to_numpy(float), size)
 
 
-def _write_cvat(folder: Path, labels: pd.DataFrame, keys: Sequence[PhotoKey]) -> None:
+def _write_cvat(folder: Path, labels: pd.DataFrame, keys: Sequence[PhotoKey], site: Site) -> None:
     """Write boxes without masks, because CVAT imports annotations with masks as polygons."""
-    photos = {key: [_boxed(row) for row in rows_of(labels, key).to_dict("records")] for key in keys}
-    coco.write_coco(folder / "annotations" / "instances_default.json", photos)
+    size = site.images.size
+    photos = {key: [_boxed(row, size) for row in rows_of(labels, key).to_dict("records")] for key in keys}
+    coco.write_coco(folder / "annotations" / "instances_default.json", photos, site, size)
     write_json(folder / "labels.json", cvat_labels())
 
 
-def _boxed(row: dict[Hashable, Any]) -> coco.Annotation:
-    box = clip(np.array([row[edge] for edge in ("x0", "y0", "x1", "y1")], float), WIDTH, HEIGHT)
+def _boxed(row: dict[Hashable, Any], size: tuple[int, int]) -> coco.Annotation:
+    box = clip(np.array([row[edge] for edge in ("x0", "y0", "x1", "y1")], float), *size)
     return coco.Annotation(row["kind"], int(row["rock"]), box, None, row["source"], round(float(row["confidence"]), 4))
 
 
@@ -155,22 +156,24 @@ def label_studio_interface() -> str:
     )
 
 
-def label_studio_tasks(labels: pd.DataFrame, keys: Sequence[PhotoKey], pictures: str) -> list[dict[str, Any]]:
+def label_studio_tasks(
+    labels: pd.DataFrame, keys: Sequence[PhotoKey], pictures: str, size: tuple[int, int]
+) -> list[dict[str, Any]]:
     """Return a task per photo: the image, and the labels as a prediction with relations from shadows to rocks.
 
     Positions and sizes are percentages of the image size; boxes are clipped to the photo. A prediction becomes an
     annotation when it is edited. `pictures` is the folder of the images `KEY.png` below Label Studio's document root,
-    URL-encoded.
+    URL-encoded; `size` is the width and height of the photos.
     """
     by_key = dict(tuple(labels.groupby("key", sort=False)))
     none = labels.iloc[:0]
-    return [_task(key, by_key.get(str(key), none), f"{LOCAL_FILES}{pictures}/{key}.png") for key in keys]
+    return [_task(key, by_key.get(str(key), none), f"{LOCAL_FILES}{pictures}/{key}.png", size) for key in keys]
 
 
-def _task(key: PhotoKey, rows: pd.DataFrame, picture: str) -> dict[str, Any]:
-    boxes = clip(rows[["x0", "y0", "x1", "y1"]].to_numpy(float), WIDTH, HEIGHT) / [WIDTH, HEIGHT, WIDTH, HEIGHT] * 100
+def _task(key: PhotoKey, rows: pd.DataFrame, picture: str, size: tuple[int, int]) -> dict[str, Any]:
+    boxes = clip(rows[["x0", "y0", "x1", "y1"]].to_numpy(float), *size) / [*size, *size] * 100
     result = [
-        _rectangle(f"{key}_{number}", row, box)
+        _rectangle(f"{key}_{number}", row, box, size)
         for number, (row, box) in enumerate(zip(rows.to_dict("records"), boxes, strict=True), 1)
     ]
     score = round(float(rows["confidence"].mean()), 4) if len(rows) else 1.0
@@ -178,7 +181,7 @@ def _task(key: PhotoKey, rows: pd.DataFrame, picture: str) -> dict[str, Any]:
     return {"data": {_IMAGE: picture, "key": str(key)}, "predictions": [prediction]}
 
 
-def _rectangle(name: str, row: dict[Any, Any], box: np.ndarray) -> dict[str, Any]:
+def _rectangle(name: str, row: dict[Any, Any], box: np.ndarray, size: tuple[int, int]) -> dict[str, Any]:
     x0, y0, x1, y1 = box.tolist()
     kind, rock = str(row["kind"]), int(row["rock"])
     rectangle = {"x": x0, "y": y0, "width": x1 - x0, "height": y1 - y0}
@@ -187,8 +190,8 @@ def _rectangle(name: str, row: dict[Any, Any], box: np.ndarray) -> dict[str, Any
         "type": "rectanglelabels",
         "from_name": _RECTANGLES,
         "to_name": _IMAGE,
-        "original_width": WIDTH,
-        "original_height": HEIGHT,
+        "original_width": size[0],
+        "original_height": size[1],
         "image_rotation": 0,
         "score": round(float(row["confidence"]), 4),
         "value": {k: round(v, DECIMALS) for k, v in rectangle.items()} | {"rotation": 0, "rectanglelabels": [kind]},

@@ -17,10 +17,10 @@ from polarsim.errors import FormatError, LabelError, PolarsimError
 from polarsim.formats import class_lists
 from polarsim.formats.files import read_json, suffix_counts
 from polarsim.formats.readers import MB, reading
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import PhotoKey
+from polarsim.site import Site
 
 COCO, YOLO, CVAT, LABEL_STUDIO = EXPORT_FORMS = ("coco", "yolo", "cvat", "label-studio")
-SIZE = np.array([WIDTH, HEIGHT], float)
 _MAX_ASPECT_ERROR = 0.01  # maximum relative difference of the aspect ratio of a resized image
 _MAX_TEXT_MB = 500  # of all text files of an archive
 _TEXTS = (".xml", ".json", ".txt", ".yaml", ".yml", ".names", ".data")
@@ -48,11 +48,11 @@ class ExportedImage:
     shapes: list[ExportedShape]
 
 
-def scale_of(width: float, height: float) -> float:
-    """Return the scale from pixels of a resized image to pixels of the photo; the aspect ratio must be equal."""
-    if not (width > 0 and height > 0) or abs(width / height * HEIGHT / WIDTH - 1) > _MAX_ASPECT_ERROR:
-        raise FormatError(f"{width:g} x {height:g} px, expected the aspect of {WIDTH} x {HEIGHT}")
-    return WIDTH / width
+def scale_of(width: float, height: float, size: tuple[int, int]) -> float:
+    """Return the scale from pixels of a resized image to pixels of a photo of a size; the aspect must be equal."""
+    if not (width > 0 and height > 0) or abs(width / height * size[1] / size[0] - 1) > _MAX_ASPECT_ERROR:
+        raise FormatError(f"{width:g} x {height:g} px, expected the aspect of {size[0]} x {size[1]}")
+    return size[0] / width
 
 
 @contextmanager
@@ -85,7 +85,7 @@ def unpacked(source: Path) -> Iterator[Path]:
             raise
 
 
-def find_files(source: Path, form: str | None = None) -> tuple[str, list[Path]]:
+def find_files(source: Path, site: Site, form: str | None = None) -> tuple[str, list[Path]]:
     """Return the format and the files of an export; a YOLO export is a folder.
 
     `form` is a name in `EXPORT_FORMS`; None: determined from the files.
@@ -100,7 +100,7 @@ def find_files(source: Path, form: str | None = None) -> tuple[str, list[Path]]:
         detected = _form_of(path) if path.suffix.lower() in (".xml", ".json") else None
         if detected in EXPORT_FORMS and detected is not None:
             of_form.setdefault(detected, []).append(path)
-    if any(key_in(path.name) for path in files if path.suffix.lower() == ".txt"):
+    if any(key_in(path.name, site) for path in files if path.suffix.lower() == ".txt"):
         of_form[YOLO] = [source]
     if form is not None:
         of_form = {form: of_form[form]} if form in of_form else {}
@@ -114,11 +114,11 @@ def find_files(source: Path, form: str | None = None) -> tuple[str, list[Path]]:
     return next(iter(of_form.items()))
 
 
-def keyed_label_files(folder: Path) -> tuple[list[Path], list[Path]]:
+def keyed_label_files(folder: Path, site: Site) -> tuple[list[Path], list[Path]]:
     """Return the YOLO files of a folder, which have a photo key in the name, and the other text files."""
     texts = [path for path in _visible(folder) if path.suffix.lower() == ".txt" and path.is_file()]
-    keyed = [path for path in texts if key_in(path.name)]
-    return keyed, [path for path in texts if not key_in(path.name) and not class_lists.is_class_list(path)]
+    keyed = [path for path in texts if key_in(path.name, site)]
+    return keyed, [path for path in texts if path not in keyed and not class_lists.is_class_list(path)]
 
 
 def _visible(folder: Path) -> list[Path]:
@@ -131,10 +131,10 @@ def _visible(folder: Path) -> list[Path]:
     )
 
 
-def key_in(name: str) -> PhotoKey | None:
+def key_in(name: str, site: Site) -> PhotoKey | None:
     """Return the photo key in the name of an image; None if there is none."""
     try:
-        return PhotoKey.of_picture(name)
+        return site.key_of_picture(name)
     except LabelError:
         return None
 

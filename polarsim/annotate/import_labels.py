@@ -19,7 +19,6 @@ from polarsim.annotate.export_files import (
     CVAT,
     EXPORT_FORMS,
     LABEL_STUDIO,
-    SIZE,
     YOLO,
     ExportedImage,
     ExportedShape,
@@ -34,7 +33,8 @@ from polarsim.formats import class_lists, coco, yolo
 from polarsim.formats.files import check_new_folder, writing_folder
 from polarsim.formats.readers import reader, reading
 from polarsim.geometry.boxes import clip
-from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import BOX_CLASSES, PhotoKey
+from polarsim.site import Site
 
 AUTO = "auto"
 STRAY = "text file without a photo key"
@@ -89,6 +89,8 @@ def import_labels(
     form: str = AUTO,
     names: Mapping[str, str] | None = None,
     keep_empty: bool = False,
+    *,
+    site: Site,
 ) -> Imported:
     """Write `KEY.txt` of every labelled photo with the bounding boxes of all shapes.
 
@@ -98,6 +100,8 @@ def import_labels(
         A file, a folder or a zip archive.
     names
         Other names of rocks and shadows in the export, such as boulder -> rock; an empty text excludes the class.
+    site
+        Site of the photos, which determines their keys and size.
     keep_empty
         Write an empty file for photos without a shape. By default they are skipped, because annotation tools also
         export images that were never opened. Photos in which all shapes were skipped are always skipped.
@@ -109,16 +113,16 @@ def import_labels(
     photos: dict[PhotoKey, list[tuple[int, np.ndarray]]] = {}
     named: dict[PhotoKey, str] = {}
     with unpacked(source) as opened:
-        form, files = find_files(opened, None if form == AUTO else form)
+        form, files = find_files(opened, site, None if form == AUTO else form)
         for file in files:
             with reading(f"export of {form}", file):
-                for picture in IMPORTERS[form](file, done):
-                    key = coco.key_of_picture(file, picture.name)
+                for picture in IMPORTERS[form](file, site, done):
+                    key = coco.key_of_image(file, picture.name, site.key_of_picture)
                     if key in named:
                         raise FormatError(f"{key} has two images, {named[key]} and {picture.name}: remove an image")
                     named[key] = picture.name
                     with with_part(picture.name):
-                        boxes = _classified(picture, names or {}, done)
+                        boxes = _classified(picture, names or {}, site.images.size, done)
                     if not boxes and any(shape.box is None for shape in picture.shapes):
                         done.unread.append(str(key))
                     else:
@@ -131,13 +135,16 @@ def import_labels(
     with writing_folder(folder) as temporary:
         for key, boxes in kept.items():
             classes = np.array([number for number, _ in boxes], int)
-            yolo.write_boxes(temporary / f"{key}.txt", classes, np.array([box for _, box in boxes]).reshape(-1, 4))
+            corners = np.array([box for _, box in boxes]).reshape(-1, 4)
+            yolo.write_boxes(temporary / f"{key}.txt", classes, corners, site.images.size)
     done.photos, done.boxes = len(kept), sum(map(len, kept.values()))
     done.empty, done.unread = [] if keep_empty else sorted(empty), sorted(done.unread)
     return done
 
 
-def _classified(picture: ExportedImage, names: Mapping[str, str], done: Imported) -> list[tuple[int, np.ndarray]]:
+def _classified(
+    picture: ExportedImage, names: Mapping[str, str], size: tuple[int, int], done: Imported
+) -> list[tuple[int, np.ndarray]]:
     """Return the class number and the clipped box of each shape, and count read and skipped shapes in `done`."""
     boxes = []
     for shape in picture.shapes:
@@ -156,43 +163,43 @@ def _classified(picture: ExportedImage, names: Mapping[str, str], done: Imported
                 f"add --name '{shape.label}=rock', or --name '{shape.label}=' to exclude the class"
             )
         with with_part(f"{shape.where}: the {kind} {shape.box.round(2).tolist()}"):
-            _check(shape.box)
-        cut = clip(shape.box, WIDTH, HEIGHT)
+            _check(shape.box, size)
+        cut = clip(shape.box, *size)
         done.cut += bool(np.abs(cut - shape.box).max() > _MAX_CUT_PX)
         done.read[shape.form] += 1
         boxes.append((BOX_CLASSES.index(kind), cut))
     return boxes
 
 
-def _check(box: np.ndarray) -> None:
+def _check(box: np.ndarray, size: tuple[int, int]) -> None:
     """Raise an error for an implausible box (4,), px."""
-    cut = clip(box, WIDTH, HEIGHT)
+    cut, photo = clip(box, *size), np.array(size, float)
     if not np.isfinite(box).all() or (cut[2:] - cut[:2] < _MIN_SIDE_PX).any():
         raise FormatError("no area inside the photo")
     if box.max() <= 1:
         raise FormatError("expected pixels: are these shares of the image size?")
-    if (box[:2] < -coco.MAX_OVERHANG * SIZE).any() or (box[2:] > (1 + coco.MAX_OVERHANG) * SIZE).any():
+    if (box[:2] < -coco.MAX_OVERHANG * photo).any() or (box[2:] > (1 + coco.MAX_OVERHANG) * photo).any():
         raise FormatError("far outside the photo")
 
 
-def _coco(source: Path, _: Imported) -> Iterator[ExportedImage]:
-    for name, size, rows in coco.read_coco_images(source):
+def _coco(source: Path, site: Site, _: Imported) -> Iterator[ExportedImage]:
+    for name, size, rows in coco.read_coco_images(source, site.images.size):
         with with_part(name):
-            scale = scale_of(*size) if rows else 1.0
+            scale = scale_of(*size, site.images.size) if rows else 1.0
         shapes = [ExportedShape(row.where, row.form, row.annotation.kind, row.annotation.box * scale) for row in rows]
         yield ExportedImage(name, shapes)
 
 
-def _yolo(source: Path, done: Imported) -> Iterator[ExportedImage]:
+def _yolo(source: Path, site: Site, done: Imported) -> Iterator[ExportedImage]:
     """Read every `KEY.txt` below a folder."""
-    keyed, strays = keyed_label_files(source)
+    keyed, strays = keyed_label_files(source, site)
     lists: dict[Path, class_lists.ClassList] = {}
     for path in keyed:
         if path.parent not in lists:
             lists[path.parent] = class_lists.find_classes(path.parent, source)
         classes = lists[path.parent]
         shapes = []
-        for line in yolo.read_shapes(path):
+        for line in yolo.read_shapes(path, site.images.size):
             if line.number >= len(classes.names) or not classes.names[line.number]:
                 stated = f"{classes.path} has {classes}" if classes.path else f"no class list found, assumed {classes}"
                 raise line.error(f"class {line.number}: {stated}")
@@ -207,16 +214,16 @@ def _yolo(source: Path, done: Imported) -> Iterator[ExportedImage]:
         done.notes.append(f"text files without a photo key: {_some([path.name for path in strays])}")
 
 
-def _label_studio(source: Path, done: Imported) -> Iterator[ExportedImage]:
-    yield from read_label_studio(source)
+def _label_studio(source: Path, site: Site, done: Imported) -> Iterator[ExportedImage]:
+    yield from read_label_studio(source, site)
     if is_predicted(source):
         done.notes.append("no task has an annotation: the labels are uncorrected predictions")
 
 
-IMPORTERS: dict[str, Callable[[Path, Imported], Iterator[ExportedImage]]] = {
+IMPORTERS: dict[str, Callable[[Path, Site, Imported], Iterator[ExportedImage]]] = {
     COCO: _coco,
     YOLO: _yolo,
-    CVAT: lambda source, _: read_cvat(source),
+    CVAT: lambda source, site, _: read_cvat(source, site.images.size),
     LABEL_STUDIO: _label_studio,
 }
 assert tuple(IMPORTERS) == EXPORT_FORMS

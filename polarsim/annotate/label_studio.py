@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.annotate.export_files import SIZE, ExportedImage, ExportedShape, key_in, scale_of
+from polarsim.annotate.export_files import ExportedImage, ExportedShape, key_in, scale_of
 from polarsim.errors import FormatError, with_part
 from polarsim.formats.files import read_json
 from polarsim.formats.readers import reading
 from polarsim.geometry.boxes import box_around_points, box_of_ellipse, box_of_mask
-from polarsim.photo import HEIGHT, WIDTH
+from polarsim.site import Site
 
 _NAME_FIELDS = ("key", "image")  # fields of a task that usually contain the image name; searched first
 _GEOMETRY = ("x", "y", "width", "height", "radiusX", "radiusY", "rotation", "points", "rle", "imageDataURL")
@@ -22,7 +22,7 @@ PREDICTION = "prediction without an annotation"
 EARLIER = "earlier annotation of a task"
 
 
-def read_label_studio(source: Path) -> Iterator[ExportedImage]:
+def read_label_studio(source: Path, site: Site) -> Iterator[ExportedImage]:
     """Read the images and regions of an export.
 
     The last annotation of a task that was not cancelled is used. Predictions are used only in a file without
@@ -38,10 +38,10 @@ def read_label_studio(source: Path) -> Iterator[ExportedImage]:
     annotated = any(isinstance(task.get("annotations"), list) for task in tasks)
     for number, task in enumerate(tasks, 1):
         with with_part(f"task {number}"):
-            name = _name(task)
+            name = _name(task, site)
         with with_part(name):
             regions, unread = _regions(task, annotated)
-            shapes = [_shape(index, region) for index, region in enumerate(_merged(regions), 1)]
+            shapes = [_shape(index, region, site.images.size) for index, region in enumerate(_merged(regions), 1)]
         yield ExportedImage(name, [*shapes, *unread])
 
 
@@ -51,12 +51,12 @@ def is_predicted(source: Path) -> bool:
     return any("predictions" in task for task in tasks) and not any("annotations" in task for task in tasks)
 
 
-def _name(task: Mapping[str, Any]) -> str:
+def _name(task: Mapping[str, Any], site: Site) -> str:
     """Return the image name of a task: the field that contains a photo key."""
     data = task.get("data", task)
     fields = {field: value for field, value in data.items() if isinstance(value, str)} if isinstance(data, dict) else {}
     order = (*_NAME_FIELDS, *sorted(set(fields) - set(_NAME_FIELDS)))
-    named = {field: key for field in order if (key := key_in(fields.get(field, "")))}
+    named = {field: key for field in order if (key := key_in(fields.get(field, ""), site))}
     if not named:
         examples = ", ".join(f"{field}: {value[:60]!r}" for field, value in list(fields.items())[:4])
         raise FormatError(f"no field contains a photo key ({examples or 'no text field'})")
@@ -118,7 +118,7 @@ _GEOMETRIC_FORMS = ("rectangle", "rotated rectangle", "polygon", "ellipse", "bru
 _FORMS = {name: form for form in _GEOMETRIC_FORMS for name in (form, f"{form}labels")}
 
 
-def _shape(index: int, region: Mapping[str, Any]) -> ExportedShape:
+def _shape(index: int, region: Mapping[str, Any], size: tuple[int, int]) -> ExportedShape:
     where = f"region {index}"
     labels = [
         str(label)
@@ -135,9 +135,9 @@ def _shape(index: int, region: Mapping[str, Any]) -> ExportedShape:
         return ExportedShape(where, f"{form} on a rotated image", labels[0], None)
     if "original_width" in region and "original_height" in region:
         with reading("size"):
-            scale_of(float(region["original_width"]), float(region["original_height"]))
+            scale_of(float(region["original_width"]), float(region["original_height"]), size)
     with with_part(where), reading(form):
-        return ExportedShape(where, form, labels[0], _box(form, region))
+        return ExportedShape(where, form, labels[0], _box(form, region, size))
 
 
 def _form(region: Mapping[str, Any]) -> str:
@@ -169,25 +169,26 @@ _NEEDED = {
 }
 
 
-def _box(form: str, region: Mapping[str, Any]) -> np.ndarray | None:
-    """Return the bounding box (4,) of a region, px of the photo; lengths are percentages of image width or height."""
+def _box(form: str, region: Mapping[str, Any], size: tuple[int, int]) -> np.ndarray | None:
+    """Return the bounding box (4,) of a region, px of a photo of a size; lengths are percentages of width or height."""
+    photo = np.array(size, float)
     rotation = float(region.get("rotation") or 0)
     missing = [field for field in _NEEDED.get(form, ()) if field not in region]
     if missing:
         raise FormatError(f"missing fields: {', '.join(missing)}")
     if form in ("rectangle", "rotated rectangle"):
-        across, down = float(region["width"]) * WIDTH, float(region["height"]) * HEIGHT
+        across, down = float(region["width"]) * size[0], float(region["height"]) * size[1]
         if across <= 0 or down <= 0:
             raise FormatError(f"width {region['width']} and height {region['height']}, expected more than 0")
         corners = np.array([[0, 0], [across, 0], [across, down], [0, down]])  # hundredths of a pixel
         cos, sin = np.cos(np.radians(rotation)), np.sin(np.radians(rotation))
         corners = corners @ np.array([[cos, sin], [-sin, cos]])  # about the upper left corner
-        return box_around_points((corners / SIZE + [float(region["x"]), float(region["y"])]) * SIZE / 100)
+        return box_around_points((corners / photo + [float(region["x"]), float(region["y"])]) * photo / 100)
     if form == "polygon":
-        return box_around_points(np.array(region["points"], float).reshape(-1, 2) * SIZE / 100)
+        return box_around_points(np.array(region["points"], float).reshape(-1, 2) * photo / 100)
     if form == "ellipse":
         centre, radii = (
-            np.array([float(region[field]) for field in fields]) * SIZE / 100
+            np.array([float(region[field]) for field in fields]) * photo / 100
             for fields in (("x", "y"), ("radiusX", "radiusY"))
         )
         return box_of_ellipse(centre, radii, rotation)
@@ -197,7 +198,7 @@ def _box(form: str, region: Mapping[str, Any]) -> np.ndarray | None:
         box = box_of_mask(painted)
         if box is None:
             raise FormatError("the brush mask is empty")
-        return box * (WIDTH / width)
+        return box * (size[0] / width)
     return None
 
 

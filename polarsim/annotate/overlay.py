@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.photo import BOX_CLASSES, COLOURS, NO_ROCK, ROCK, SHADOW, WIDTH
+from polarsim.photo import BOX_CLASSES, COLOURS, NO_ROCK, ROCK, SHADOW
 
 Rectangle = tuple[float, float, float, float]
 Colour = tuple[int, int, int]
@@ -135,6 +135,8 @@ def draw_labels(
     width: int | None = None,
     marks: OverlayStyle | None = None,
     masks: Mapping[str, np.ndarray] | None = None,
+    *,
+    photo_width: int | None = None,
 ) -> np.ndarray:
     """Draw labels on a resized image.
 
@@ -146,6 +148,8 @@ def draw_labels(
         Rows with kind, rock, confidence, x0, y0, x1, y1 in pixels of the full-size photo.
     masks : kind -> (h, w) bool
         Masks of the photo, at any scale, which are filled with the colour of the kind.
+    photo_width
+        Width of the full-size photo, px; default: that of `pixels`.
     """
     from PIL import Image, ImageDraw
 
@@ -158,7 +162,8 @@ def draw_labels(
             _fill(picture, masks[kind], COLOURS[kind])
     pen = ImageDraw.Draw(picture)
     line = max(2 if width >= 600 else 1, round(width / 700))
-    shown = [label for kind in _bottom_up(marks.kinds) for label in _labels(labels, kind, width / WIDTH)]
+    scale = width / (photo_width or pixels.shape[1])
+    shown = [label for kind in _bottom_up(marks.kinds) for label in _labels(labels, kind, scale)]
     if marks.links:
         _draw_links(pen, shown, line)
     for label in shown:

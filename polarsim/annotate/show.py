@@ -15,7 +15,7 @@ from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.formats.yolo import read_polygons
 from polarsim.geometry.polygons import paint
-from polarsim.photo import BOX_CLASSES, GREY_VALUES, HEIGHT, WIDTH, PhotoKey, terrain_text
+from polarsim.photo import BOX_CLASSES, GREY_VALUES, PhotoKey, terrain_text
 from polarsim.run_files.instances import read_kind_masks
 from polarsim.run_files.run import PHOTO, Run
 from polarsim.tone import to_8bit
@@ -57,6 +57,7 @@ def show_of_run(
         kinds=kinds,
         masks=_masks_of(run, domain, key) if masks else None,
         title=f"{key}, {picture.parents[1].name} twin" if run.folder in picture.parents else "",
+        photo_width=run.site.images.width,
     )
 
 
@@ -64,7 +65,8 @@ def _masks_of(run: Run, domain: str, key: PhotoKey) -> dict[str, np.ndarray]:
     """Return the masks (h, w) bool of rocks and shadows by kind."""
     if domain != PHOTO:
         return read_kind_masks(run.instances(key))
-    grey = paint(read_polygons(run.polygons(key)), (HEIGHT, WIDTH))
+    size = run.site.images.size
+    grey = paint(read_polygons(run.polygons(key), size), size[::-1])
     return {kind: grey == GREY_VALUES[kind] for kind in BOX_CLASSES}
 
 
@@ -78,12 +80,13 @@ def write_preview(
     kinds: Sequence[str] = BOX_CLASSES,
     masks: Mapping[str, np.ndarray] | None = None,
     title: str = "",
+    photo_width: int | None = None,
 ) -> None:
     """Write a tone-mapped 8-bit image with boxes, lines from shadows to rocks, ids, low confidences and a legend.
 
     `picture` is a photo or twin (16 bits), or an 8-bit image of the photo at any size. Labels of other photos are
     ignored. `masks` (h, w) bool of the photo are filled. The default title is the photo key, and the file name of the
-    image if it differs from the key.
+    image if it differs from the key. `photo_width` is the width of the photo, px; default: that of the image.
     """
     unknown = [kind for kind in kinds if kind not in BOX_CLASSES]
     if unknown:
@@ -93,7 +96,9 @@ def write_preview(
     if not 64 <= width <= 16384:
         raise ConfigError(f"scale {scale:g} makes an image {width} px wide, expected 64 to 16384 px")
     rows = rows_of(labels, key)
-    drawn = draw_labels(pixels, rows, width, OverlayStyle(kinds, links=True, shadow_ids=True), masks)
+    drawn = draw_labels(
+        pixels, rows, width, OverlayStyle(kinds, links=True, shadow_ids=True), masks, photo_width=photo_width
+    )
     usual = f"{key}, {picture.name}" if picture.stem != str(key) else str(key)
     png.write_png(out, add_legend(drawn, title or usual, rows, kinds))
 

@@ -29,7 +29,11 @@ CONFIG_HELP = (
     "applied to config/config.yaml."
 )
 ConfigFiles = Annotated[list[Path] | None, typer.Option("--configfile", help=CONFIG_HELP)]
+DEFAULT = "polar"  # site; `polarsim.site` imports pydantic, which most commands do not need
 Results = Annotated[Path, typer.Option(help="Folder of results.")]
+SiteName = Annotated[
+    str, typer.Option("--site", help="Site of the photos: the name of a site that polarsim ships, or a site file.")
+]
 
 
 def main() -> None:

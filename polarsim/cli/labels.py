@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from polarsim.arguments import run_folder, writes_file, writes_folder
-from polarsim.cli.application import JsonFile, Results, commands_of, print_table, split_commas
+from polarsim.cli.application import DEFAULT, JsonFile, Results, SiteName, commands_of, print_table, split_commas
 from polarsim.errors import PolarsimError
 
 command = commands_of("Labels")
@@ -40,6 +40,9 @@ def validate(
         ),
     ] = None,
     workers: Annotated[int, typer.Option(min=1, help="Number of processes, one terrain each.")] = 2,
+    site: Annotated[
+        str | None, typer.Option(help="Site of the photos, by name or file; default: that of the run, else polar.")
+    ] = None,
 ) -> None:
     """Check labels for defects: names, boxes, polygons, consistency between photos, geometry, light.
 
@@ -48,12 +51,13 @@ def validate(
     from polarsim.formats.files import write_json
     from polarsim.lint.folders import lint_folder
     from polarsim.lint.rules import select_rules
+    from polarsim.site import read_site
 
     try:
         names = select_rules(split_commas(select), split_commas(ignore))
     except PolarsimError as error:
         raise typer.BadParameter(str(error)) from error
-    report = lint_folder(root, names, workers=workers, fix=fix)
+    report = lint_folder(root, names, site=None if site is None else read_site(site), workers=workers, fix=fix)
     if json:
         write_json(json, report.as_json())
     typer.echo(report.as_text() if form == "text" else dumps(report.as_json(), indent=1, ensure_ascii=False))
@@ -108,14 +112,11 @@ def show(
     Writes a PNG.
     """
     from polarsim.annotate.show import show_of_run
-    from polarsim.photo import PhotoKey
     from polarsim.run_files.run import Run
 
-    photo, folder = PhotoKey.parse(key), run_folder(results, run)
-    target = out or Path(f"{key}_{domain}.png")
-    show_of_run(
-        key=photo, run=Run(folder), domain=domain, out=target, scale=scale, kinds=split_commas(kinds), masks=masks
-    )
+    chosen = Run(run_folder(results, run))
+    photo, target = chosen.site.key(key), out or Path(f"{key}_{domain}.png")
+    show_of_run(key=photo, run=chosen, domain=domain, out=target, scale=scale, kinds=split_commas(kinds), masks=masks)
     typer.echo(str(target))
 
 
@@ -126,7 +127,7 @@ def export(
         typer.Argument(callback=writes_folder, help="New folder for the output; must be empty or missing."),
     ],
     run: Annotated[str, typer.Option(help="Name of the run, below results/.")] = "demo",
-    terrain: Annotated[list[int] | None, typer.Option(min=1, max=13, help="Select a terrain; may be repeated.")] = None,
+    terrain: Annotated[list[str] | None, typer.Option(help="Select a terrain; may be repeated.")] = None,
     keys: Annotated[str, typer.Option(help="Select photos by key, for example '01_A_off_*_L_0256'.")] = "*",
     tool: Annotated[
         Literal["labelimg", "cvat", "label-studio"], typer.Option(help="Labelling tool that opens the folder.")
@@ -138,9 +139,11 @@ def export(
 ) -> None:
     """Export tone-mapped photos and labels of a run for correction in a labelling tool."""
     from polarsim.annotate.export import export_photos, opening
+    from polarsim.photo import parse_terrain
 
     found = run_folder(results, run)
-    count = export_photos(folder=folder, run=found, terrains=terrain or (), pattern=keys, domain=domain, tool=tool)
+    terrains = [parse_terrain(text) for text in terrain or ()]
+    count = export_photos(folder=folder, run=found, terrains=terrains, pattern=keys, domain=domain, tool=tool)
     typer.echo(f"{count} images in {folder}\n{opening(folder, tool)}")
 
 
@@ -169,10 +172,12 @@ def import_(
     keep_empty: Annotated[
         bool, typer.Option("--keep-empty", help="Import photos without boxes as annotated photos without objects.")
     ] = False,
+    site: SiteName = DEFAULT,
 ) -> None:
     """Import annotations from COCO, YOLO, CVAT or Label Studio as seeds or corrections."""
     from polarsim.annotate.import_labels import import_labels
     from polarsim.photo import BOX_CLASSES
+    from polarsim.site import read_site
 
     names = {}
     for text in name or ():
@@ -180,7 +185,7 @@ def import_(
         if not called or not equals or kind not in ("", *BOX_CLASSES):
             raise typer.BadParameter(f"--name {text!r}: expected CALLED=rock, CALLED=shadow or CALLED=")
         names[called] = kind
-    done = import_labels(source, folder, form, names, keep_empty)
+    done = import_labels(source, folder, form, names, keep_empty, site=read_site(site))
     *notes, counts = done.report()
     typer.echo("\n".join([f"{done.boxes} boxes in {done.photos} photos in {folder}", *notes]))
     key = {"seeds": f"{{seeds: {{root: {folder}}}}}", "corrections": f"{{corrections: {folder}}}"}[use]
@@ -203,21 +208,23 @@ def masks(
             help="Folder for 8-bit class masks: rock 128, ground 86, shadow 43, background 0.",
         ),
     ],
+    site: SiteName = DEFAULT,
 ) -> None:
-    """Convert polygons to class masks (grey levels) of 1936 x 1216 pixels. Rocks overwrite other classes.
+    """Convert polygons to class masks (grey levels) of the size of the site's photos. Rocks overwrite other classes.
 
     Writes a sheet of the first masks in colour next to the folder, `OUT_preview.png`.
     """
     from polarsim.formats import png, release, yolo
     from polarsim.formats.mask_sheet import MAX_TILES, tile_of_mask, write_mask_sheet
     from polarsim.geometry.polygons import paint
-    from polarsim.photo import HEIGHT, WIDTH
     from polarsim.progress import track
+    from polarsim.site import read_site
 
+    size = read_site(site).images.size
     files = release.polygon_sources(polygons)
     tiles: dict[str, Any] = {}
     for path in track(files, "class masks"):
-        grey = paint(yolo.read_polygons(path), (HEIGHT, WIDTH))
+        grey = paint(yolo.read_polygons(path, size), size[::-1])
         png.write_png(out / f"{path.stem}.png", grey)
         if len(tiles) < MAX_TILES:
             tiles[path.stem] = tile_of_mask(grey)
@@ -233,12 +240,15 @@ def outline(
     simplify_px: Annotated[
         float, typer.Option(min=0, max=10, help="Maximum distance of removed points from the polygon, px.")
     ] = 0.6,
+    site: SiteName = DEFAULT,
 ) -> None:
     """Convert masks of a COCO file to polygons, for tools that do not read masks."""
     from polarsim.formats.coco import read_coco, write_coco
+    from polarsim.site import read_site
 
-    photos = read_coco(source)
-    write_coco(out, photos, simplify_px)
+    chosen = read_site(site)
+    photos = read_coco(source, chosen.images.size, chosen.key_of_picture)
+    write_coco(out, photos, chosen, chosen.images.size, simplify_px=simplify_px)
     typer.echo(f"{sum(map(len, photos.values()))} outlines on {len(photos)} photos in {out}")
 
 

@@ -212,20 +212,22 @@ def undo(
     from polarsim.labels.propagate import PropagationInputs
     from polarsim.labels.seeds import read_corrections
     from polarsim.labels.undo import derived_labels
-    from polarsim.photo import PhotoKey
     from polarsim.running.configuration import run_and_config
 
-    key = PhotoKey.parse(drawing)
     folder, config = run_and_config(results, run, configfile or ())
+    key = config.site.key(drawing)
     terrain = f"Terrain{terrain_text(key.terrain)}"
     seeds = folder / "acquire" / terrain / "seeds"
-    if not (seeds / f"{key}.txt").exists() and key not in read_corrections(config.labels.corrections, key.terrain):
+    if not (seeds / f"{key}.txt").exists() and key not in read_corrections(
+        config.labels.corrections, config.site, key.terrain
+    ):
         raise LabelError(f"no seed and no correction of {key}", path=seeds)
     out = folder / "labels" / "undone" / f"{key}.parquet"
     writes_file()(out)
     found = derived_labels(
         drawing=key,
         inputs=PropagationInputs(
+            site=config.site,
             terrain=key.terrain,
             keys=selected_grid(config.site, key.terrain, config.positions, config.grid),
             photos=folder / "acquire" / terrain / "photos.parquet",

@@ -16,12 +16,11 @@ from polarsim.formats import class_lists, yolo
 from polarsim.formats.coco import read_coco
 from polarsim.formats.release import key_files
 from polarsim.labels.seeds import AnnotatedBoxes, matched_rocks, read_corrections
-from polarsim.photo import BOX_CLASSES, HEIGHT, ROCK, SHADOW, WIDTH, PhotoKey
+from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey
 from polarsim.run_files.run import PHOTO, Run
 
 END_S = 10.0  # maximum time that a change in progress has to end, if the disk does not respond
 MIN_SIDE_PX = 0.01  # minimum side of a box; label files have 6 decimals, relative to the width of the photo
-_SIZE = {"x0": WIDTH, "x1": WIDTH, "y0": HEIGHT, "y1": HEIGHT}
 
 Boxes = list[dict[str, Any]]  # kind, rock, x0, y0, x1, y1 in pixels, as in the page
 
@@ -32,6 +31,7 @@ class Corrections:
     def __init__(self, run: Run) -> None:
         self.folder = run.folder / "corrections"
         self._run = run
+        self._size = run.site.images.size
         self._keys = {str(key): key for _, key in run.pictures}
         self._lock = threading.Lock()  # each request has a thread
 
@@ -49,7 +49,7 @@ class Corrections:
         with self._lock:
             corrected: dict[PhotoKey, AnnotatedBoxes] = {}
             for terrain in self._run.terrains:
-                corrected |= read_corrections(self.folder, terrain)
+                corrected |= read_corrections(self.folder, self._run.site, terrain)
         return {str(key): self._with_rocks(key, annotated) for key, annotated in sorted(corrected.items())}
 
     def save(self, name: str, boxes: object) -> Path:
@@ -58,13 +58,13 @@ class Corrections:
         An empty list of boxes states that the photo shows neither rocks nor shadows. Invalid boxes, and a photo that is
         corrected in a COCO file, raise a LabelError.
         """
-        kinds, corners = _checked(boxes)
+        kinds, corners = _checked(boxes, *self._size)
         with self._lock:
             path = self._file_of(self._keys[name])
             names = class_lists.class_names(path.parent)
             if missing := sorted(set(kinds) - set(names)):
                 raise LabelError(f"{', '.join(missing)} is missing", path=path.parent / class_lists.CLASS_FILE)
-            yolo.write_boxes(path, np.array([names.index(kind) for kind in kinds], int), corners)
+            yolo.write_boxes(path, np.array([names.index(kind) for kind in kinds], int), corners, self._size)
         return path
 
     def drop(self, name: str) -> None:
@@ -98,7 +98,7 @@ class Corrections:
 
     def _file_of(self, key: PhotoKey) -> Path:
         for path in sorted(self.folder.rglob("*.json")):
-            if key in read_coco(path):
+            if key in read_coco(path, self._size, self._run.site.key_of_picture):
                 raise LabelError(f"{key} is corrected here: edit or remove this file first", path=path)
         return key_files(self.folder).files.get(key, self.folder / f"{key}.txt")
 
@@ -118,15 +118,15 @@ class Corrections:
         return (PHOTO, key) in self._run.pictures
 
 
-def _checked(boxes: object) -> tuple[list[str], np.ndarray]:
-    """Return kinds and corners (n, 4), px, of boxes as a page sends them."""
+def _checked(boxes: object, width: int, height: int) -> tuple[list[str], np.ndarray]:
+    """Return kinds and corners (n, 4), px, of boxes as a page sends them, inside a photo of a width and height."""
     if not isinstance(boxes, list):
         raise LabelError("expected a list of boxes")
     kinds, corners = [], []
     for number, box in enumerate(boxes, 1):
         if not isinstance(box, dict) or box.get("kind") not in BOX_CLASSES:
             raise LabelError(f"box {number}: expected an object with kind {' or '.join(BOX_CLASSES)}")
-        for edge, maximum in _SIZE.items():
+        for edge, maximum in {"x0": width, "x1": width, "y0": height, "y1": height}.items():
             value = box.get(edge)
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= maximum:
                 raise LabelError(f"box {number}: {edge} is {value!r:.40}, expected a number from 0 to {maximum}")

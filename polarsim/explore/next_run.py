@@ -18,7 +18,7 @@ from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.labels.label import Label
 from polarsim.labels.seeds import read_all_corrections
 from polarsim.labels.undo import COLUMNS, LabelsByPhoto, changes
-from polarsim.photo import PhotoKey, Terrain, terrain_text
+from polarsim.photo import PhotoKey, Terrain, sorted_terrains, terrain_text
 from polarsim.run_files.run import CONFIG, Run
 
 OVERLAY = "corrections.yaml"  # in the folder of the run
@@ -32,7 +32,8 @@ def write_overlay(run: Run, corrections: Path) -> dict[str, str]:
     The label tables of the corrected terrains are copied to `FORMER`, so that `changed_labels` can compare them with
     the labels of the next run. The copies are kept if no correction has changed since the last overlay.
     """
-    terrains = sorted({key.terrain for key in read_all_corrections(corrections)} if corrections.is_dir() else ())
+    corrected = read_all_corrections(corrections, run.site) if corrections.is_dir() else {}
+    terrains = sorted_terrains(key.terrain for key in corrected)
     if not terrains:
         raise LabelError("no corrected photo", path=corrections)
     configured = run.configured("labels").get("corrections")

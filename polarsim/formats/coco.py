@@ -24,14 +24,14 @@ from polarsim.formats.tables import key_columns
 from polarsim.formats.yaml_files import describe_error
 from polarsim.geometry.boxes import area, box_of_mask, rotated_box
 from polarsim.geometry.polygons import outlines, rasterised
-from polarsim.photo import AZIMUTHS, BOX_CLASSES, CAMERAS, HEIGHT, LIGHTS, NO_ROCK, ROCK, SHADOW, WIDTH, PhotoKey
+from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, SHADOW, PhotoKey
+from polarsim.site import DEFAULT, Site
 
 CATEGORIES = {ROCK: 1, SHADOW: 2}  # ids start at 1 because CVAT does not accept the id 0
 PER_PHOTO = 10_000  # annotation ids per photo
 MAX_POLYGON_COORDINATE_PX = 1e5  # maximum absolute coordinate of a polygon
 MAX_OVERHANG = 0.1  # maximum overhang of a box over the image border, as a share of the image side
 _MIN_CORNER_CHECK_BOXES = 3  # minimum number of boxes for the check whether all boxes are stored as two corners
-_EXPOSURES, _POSITIONS = 10, "ABCDEFG"  # 16 to 8192 ms
 
 
 @dataclass(frozen=True)
@@ -62,32 +62,21 @@ class Annotation:
         return self.mask.area / self.amodal.mask.area
 
 
-def image_id(key: PhotoKey) -> int:
-    """Return the index of a photo among all possible photo keys, starting at 1. It is the same in every file."""
-    number = key.terrain
-    for digit, count in (
-        (_POSITIONS.index(key.position), len(_POSITIONS)),
-        (LIGHTS.index(key.light), len(LIGHTS)),
-        (AZIMUTHS.index(key.azimuth), len(AZIMUTHS)),
-        (CAMERAS.index(key.camera), len(CAMERAS)),
-        (key.exposure_ms.bit_length() - 5, _EXPOSURES),
-    ):
-        number = number * count + digit
-    return number + 1
-
-
 def write_coco(
     path: str | Path,
     photos: Mapping[PhotoKey, Sequence[Annotation]],
+    site: Site,
+    size: tuple[int, int],
+    *,
     simplify_px: float | None = None,
-    size: tuple[int, int] = (WIDTH, HEIGHT),
     pictures: Mapping[PhotoKey, Path] | None = None,
 ) -> None:
     """Write the annotations of photos, one per line. Photos without annotations are listed as images.
 
     Masks are written as compressed runs, or as polygons, largest first, if `simplify_px` is given: Label Studio's
     converter cannot read runs. `simplify_px` is the maximum distance of a dropped vertex from the polygon. The id of
-    an annotation is image id * 10,000 + 1, 2, ... in the given order. Fields that COCO does not define are repeated in
+    an image is `Site.image_id`, the same in every file; that of an annotation is image id * 10,000 + 1, 2, ... in the
+    given order. Fields that COCO does not define are repeated in
     `attributes`, which CVAT keeps. The source is called `label_source` there, because CVAT has a field `source`.
     `size` is the width and height of the images, px. `file_name` is the path from the folder of the COCO file to the
     image of the photo in `pictures`, or KEY.png if `pictures` has no image of the photo.
@@ -95,9 +84,14 @@ def write_coco(
     rows = []
     for key in sorted(photos):
         name = relative_to(pictures[key], Path(path).parent) if pictures and key in pictures else f"{key}.png"
-        image = {"id": image_id(key), "file_name": name, "width": size[0], "height": size[1], **key_columns(key)}
+        image = {"id": site.image_id(key), "file_name": name, "width": size[0], "height": size[1], **key_columns(key)}
         rows.append((image, photos[key]))
-    write_coco_images(path, rows, "Rocks and shadows of the POLAR data set, labelled by polarsim", simplify_px)
+    write_coco_images(path, rows, _description(site), simplify_px)
+
+
+def _description(site: Site) -> str:
+    of = "POLAR data set" if site.name == DEFAULT else f"site {site.name}"
+    return f"Rocks and shadows of the {of}, labelled by polarsim"
 
 
 def write_coco_images(
@@ -246,27 +240,29 @@ class _File(_Part):
 
 
 @reader("COCO file", largest_mb=500)
-def read_coco(path: str | Path, size: tuple[int, int] = (WIDTH, HEIGHT)) -> dict[PhotoKey, list[Annotation]]:
+def read_coco(
+    path: str | Path, size: tuple[int, int], key_of: Callable[[str], PhotoKey]
+) -> dict[PhotoKey, list[Annotation]]:
     """Read the annotations of every photo of a COCO file, see `read_coco_images`.
 
-    The photo key of an image is the field `key` or part of the file name, which may have folders, another suffix, or
-    letters and a dash before the photo key (Label Studio). All images must have the size (width, height), px.
+    All images must have the size (width, height), px. `key_of` returns the photo key of an image, from the field `key`
+    or, without this field, from the file name: `Site.key_of_picture`, or `PhotoKey.parse` for files of a run.
     """
     photos: dict[PhotoKey, list[Annotation]] = {}
-    for name, image_size, rows in read_coco_images(path, BOX_CLASSES, size):
+    for name, image_size, rows in read_coco_images(path, size, BOX_CLASSES):
         if image_size != size:
             raise FormatError(f"image {name}: {image_size[0]} x {image_size[1]} px, expected {size[0]} x {size[1]}")
-        key = key_of_picture(path, name)
+        key = key_of_image(path, name, key_of)
         if key in photos:
             raise FormatError(f"two images of photo {key}")
         photos[key] = [row.annotation for row in rows]
     return photos
 
 
-def key_of_picture(path: str | Path, name: str) -> PhotoKey:
+def key_of_image(path: str | Path, name: str, key_of: Callable[[str], PhotoKey]) -> PhotoKey:
     """Return the photo key in the name of an image that a label file states."""
     try:
-        return PhotoKey.of_picture(name)
+        return key_of(name)
     except LabelError as error:
         raise FormatError(error.reason, path=path) from error
 
@@ -282,7 +278,7 @@ class Row:
 
 @reader("COCO file", largest_mb=500)
 def read_coco_images(
-    path: str | Path, kinds: Sequence[str] | None = None, default_size: tuple[int, int] = (WIDTH, HEIGHT)
+    path: str | Path, default_size: tuple[int, int], kinds: Sequence[str] | None = None
 ) -> list[tuple[str, tuple[int, int], list[Row]]]:
     """Read the name, the size (width, height) and the annotations of every image of a COCO file.
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from polarsim.photo import Terrain, parse_terrain, terrain_text
+from polarsim.photo import Terrain, terrain_of_text, terrain_text
 
-_ROCK_NAME = re.compile(r"terrain(\d{2,}|[A-Za-z0-9-]*[A-Za-z][A-Za-z0-9-]*)_rock(\d+)(_decimate-005)?\.obj")
+_TERRAIN = r"terrain([A-Za-z0-9-]+)"
+_ROCK_NAME = re.compile(rf"{_TERRAIN}_rock(\d+)(_decimate-005)?\.obj")
+_GROUND_NAME = re.compile(rf"{_TERRAIN}_ground\.obj")
 
 
 def rock_name(terrain: Terrain, rock: int, *, decimated: bool = False) -> str:
@@ -25,7 +27,14 @@ def ground_name(terrain: Terrain) -> str:
 def parse_rock_name(name: str) -> tuple[Terrain, int, bool] | None:
     """Return the terrain, the rock id and whether the mesh is decimated; None for names of other files."""
     match = _ROCK_NAME.fullmatch(name)
-    return (parse_terrain(match[1]), int(match[2]), match[3] is not None) if match else None
+    terrain = terrain_of_text(match[1]) if match else None
+    return None if match is None or terrain is None else (terrain, int(match[2]), match[3] is not None)
+
+
+def terrain_of_mesh(name: str) -> Terrain | None:
+    """Return the terrain in the file name of a mesh; None for names of other files."""
+    match = _ROCK_NAME.fullmatch(name) or _GROUND_NAME.fullmatch(name)
+    return terrain_of_text(match[1]) if match else None
 
 
 def rock_files(folder: str | Path) -> dict[int, Path]:

@@ -13,7 +13,6 @@ from functools import cached_property
 import numpy as np
 
 from polarsim.errors import FormatError
-from polarsim.photo import HEIGHT, WIDTH
 
 _ZERO = 48  # code of the character for 0
 _VALUE, _NEGATIVE, _CONTINUED = 0x1F, 0x10, 0x20  # bits of a character: value; sign, in the last character; continued
@@ -42,7 +41,7 @@ class Rle:
         return _checked(_runs_of(self.counts), self.height, self.width)
 
 
-def encode_rle(mask: np.ndarray, left: int = 0, top: int = 0, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Rle:
+def encode_rle(mask: np.ndarray, size: tuple[int, int], left: int = 0, top: int = 0) -> Rle:
     """Encode a mask (h, w) that covers a part of an image (width, height), with the first pixel at (left, top)."""
     width, height = size
     assert left >= 0
@@ -60,12 +59,12 @@ def encode_rle(mask: np.ndarray, left: int = 0, top: int = 0, size: tuple[int, i
     return Rle(height, width, _text_of(runs if runs[-1] else runs[:-1]))
 
 
-def from_runs(runs: Sequence[int], size: tuple[int, int] = (WIDTH, HEIGHT)) -> Rle:
+def from_runs(runs: Sequence[int], size: tuple[int, int]) -> Rle:
     """Encode lengths of runs, background first, of an image (width, height)."""
     return Rle(size[1], size[0], _text_of(_checked(np.array(runs, np.int64), size[1], size[0])))
 
 
-def from_text(counts: str, size: tuple[int, int] = (WIDTH, HEIGHT)) -> Rle:
+def from_text(counts: str, size: tuple[int, int]) -> Rle:
     """Return the mask of compressed runs of an image (width, height)."""
     _checked(_runs_of(counts), size[1], size[0])
     return Rle(size[1], size[0], counts)

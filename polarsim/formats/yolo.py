@@ -178,12 +178,12 @@ def write_boxes(
     write_text(path, "".join(lines))
 
 
-def read_detections(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Read class numbers (n,) of any classes, boxes (n, 4) in pixels of a photo of the rig, and confidences (n,).
+def read_detections(path: str | Path, size: tuple[int, int] | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Read class numbers (n,) of any classes, boxes (n, 4) in pixels of a photo, and confidences (n,).
 
     The confidence is NaN if a line has no sixth field.
     """
-    shapes = read_shapes(path)
+    shapes = read_shapes(path, size)
     for shape in shapes:
         if shape.is_polygon:
             raise shape.error(f"{shape.fields} fields, expected class x y width height [confidence]")
@@ -191,26 +191,31 @@ def read_detections(path: str | Path) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return *_arrays((shape.number for shape in shapes), shapes), np.array(confidences, float)
 
 
-def read_polygons(path: str | Path, names: tuple[str, ...] = POLYGON_CLASSES) -> list[tuple[int, np.ndarray]]:
+def read_polygons(
+    path: str | Path, size: tuple[int, int] | None = None, names: tuple[str, ...] = POLYGON_CLASSES
+) -> list[tuple[int, np.ndarray]]:
     """Read the class, an index in `names`, and the vertices (n, 2) in pixels of each polygon, in file order."""
-    shapes = read_shapes(path)
+    shapes = read_shapes(path, size)
     for shape in shapes:
         if not shape.is_polygon:
             raise shape.error(f"{shape.fields} fields (a box), expected a polygon: a class and at least 3 points")
     return [(shape.class_in(names), shape.corners) for shape in shapes]
 
 
-def read_boxes_or_polygons(path: str | Path, names: tuple[str, ...] | None = None) -> tuple[np.ndarray, np.ndarray]:
+def read_boxes_or_polygons(
+    path: str | Path, size: tuple[int, int] | None = None, names: tuple[str, ...] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Read boxes as `read_boxes` does, or the boxes around the polygons of rocks and shadows, clipped to the photo.
 
     `names` are the names of the class numbers in the file; None: `BOX_CLASSES` for boxes, `POLYGON_CLASSES` for
     polygons. All lines must have the form of the first line.
     """
     if not has_polygons(path):
-        return read_boxes(path, names=names or BOX_CLASSES)
+        return read_boxes(path, size, names or BOX_CLASSES)
     names = names or POLYGON_CLASSES
-    rings = [(plain(names[number]), ring) for number, ring in read_polygons(path, names)]
-    annotated = [(BOX_CLASSES.index(kind), np.clip(ring, 0, _SIZE)) for kind, ring in rings if kind in BOX_CLASSES]
+    photo = _SIZE if size is None else np.array(size, float)
+    rings = [(plain(names[number]), ring) for number, ring in read_polygons(path, size, names)]
+    annotated = [(BOX_CLASSES.index(kind), np.clip(ring, 0, photo)) for kind, ring in rings if kind in BOX_CLASSES]
     boxes = np.array([box_around_points(ring) for _, ring in annotated]).reshape(-1, 4)
     has_area = (boxes[:, 2:] > boxes[:, :2]).all(axis=1)
     return np.array([number for number, _ in annotated], int)[has_area], boxes[has_area]
@@ -222,22 +227,24 @@ def has_polygons(path: str | Path) -> bool:
     return bool(lines) and len(lines[0][1]) > 6
 
 
-def write_polygons(path: str | Path, polygons: list[tuple[int, np.ndarray]]) -> None:
+def write_polygons(
+    path: str | Path, polygons: list[tuple[int, np.ndarray]], size: tuple[int, int] | None = None
+) -> None:
     """Write polygons (class, vertices (n, 2) in pixels) with 6 decimals."""
-    lines = []
+    lines, photo = [], _SIZE if size is None else np.array(size, float)
     for number, vertices in polygons:
-        coordinates = " ".join(f"{value:.6f}" for value in (np.asarray(vertices, float) / _SIZE).ravel())
+        coordinates = " ".join(f"{value:.6f}" for value in (np.asarray(vertices, float) / photo).ravel())
         lines.append(f"{number} {coordinates}\n")
     write_text(path, "".join(lines))
 
 
-def read_rock_boxes(seeds: Path, terrain: Terrain) -> dict[str, list[np.ndarray]]:
+def read_rock_boxes(seeds: Path, terrain: Terrain, size: tuple[int, int] | None = None) -> dict[str, list[np.ndarray]]:
     """Read the rock boxes (n, 4), pixels, of the seeds of a terrain in left photos: an array per file, by position."""
     boxes: dict[str, list[np.ndarray]] = {}
     for path in sorted(Path(seeds).glob("*.txt")):
         with with_path(path):
             key = PhotoKey.parse(path.stem)
         if key.terrain == terrain and key.camera == "L":
-            classes, annotated = read_boxes(path)
+            classes, annotated = read_boxes(path, size)
             boxes.setdefault(key.position, []).append(annotated[classes == BOX_CLASSES.index(ROCK)])
     return boxes

@@ -64,7 +64,7 @@ class TerrainFiles:
     def known(self, options: LabelsOptions) -> TerrainRocks:
         """Return the bodies, poses and annotated rocks of the terrain."""
         localised = rigs.read_all_localised(self.cameras)
-        drawings = read_seeds(self.seeds, self.terrain)
+        drawings = read_seeds(self.seeds, self.terrain, polar().images.size)
         seeds = choose_seeds(drawings, {}, MinExposures.of(drawings, options.shadow_start(self.terrain)))
         suns = lamps.read_suns(self.cameras, localised, polar(), self.terrain)
         sandbox = polar().sandbox_of(self.terrain)
@@ -77,7 +77,7 @@ def read_published(root: Path, terrain: Terrain) -> dict[PhotoKey, AnnotatedBoxe
     annotated = {}
     for key, path in release.label_files(root, terrain).items():
         try:
-            annotated[key] = AnnotatedBoxes.of(*yolo.read_boxes(path))
+            annotated[key] = AnnotatedBoxes.of(*yolo.read_boxes(path, polar().images.size))
         except FormatError as error:
             log.warning("skipped: %s", error)
     return annotated

@@ -21,6 +21,7 @@ import pandas as pd
 from polarsim.formats import coco, png, tables, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.formats.mask_sheet import tile_of_mask, write_mask_sheet
+from polarsim.formats.rle import Rle
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.polygons import paint, paint_on
@@ -28,12 +29,12 @@ from polarsim.labels.association import fit_dome
 from polarsim.labels.bodies import Dome, TerrainCasters, build_worlds, with_domes
 from polarsim.labels.casting import VisibleIds, active_lamp
 from polarsim.labels.shapes import MaskShape, backdrop, convex_shape, fit_shape, mask_shapes, visible_parts
-from polarsim.photo import HEIGHT, NO_ROCK, POLYGON_CLASSES, ROCK, WIDTH, Azimuth, Light, PhotoKey, Terrain
+from polarsim.photo import NO_ROCK, POLYGON_CLASSES, ROCK, Azimuth, Light, PhotoKey, Terrain, terrain_text
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import read_terrain
-from polarsim.site import polar
+from polarsim.site import Site
 
 log = logging.getLogger(__name__)
 
@@ -41,7 +42,6 @@ Polygons = list[tuple[int, np.ndarray]]  # class number and ring (n, 2) in pixel
 # Target box of an outline: position between the box of the label (0) and the box of the projected mesh or of the cast
 # shadow (1). Fitted to human polygons.
 OUTLINE_MESH_SHARE, OUTLINE_CAST_SHARE = 0.5, 0.35
-PHOTO_FRAME = np.array([[0, 0], [WIDTH, 0], [WIDTH, HEIGHT], [0, HEIGHT]], float)
 BOX_COLUMNS = ["x0", "y0", "x1", "y1"]
 
 LabelShapeKey = tuple[str, int, bytes]  # kind, rock and box, which determine the shape of a label under one lamp
@@ -52,11 +52,12 @@ class Backdrop:
     """Background and ground of a view."""
 
     polygons: Polygons
+    size: tuple[int, int]  # width and height of the photo
 
     @cached_property
     def grey(self) -> np.ndarray:
         """Grey map (h, w) uint8."""
-        return paint(self.polygons, (HEIGHT, WIDTH))
+        return paint(self.polygons, self.size[::-1])
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,12 @@ class BracketOutlines:
 
     parts: dict[LabelShapeKey, MaskShape | None]
     backdrop: Backdrop
+    size: tuple[int, int]  # width and height of the photo
+
+    @cached_property
+    def masks(self) -> dict[LabelShapeKey, Rle]:
+        """Run-length encoding of each visible part, for all exposures."""
+        return {thing: part.runs(self.size) for thing, part in self.parts.items() if part is not None}
 
     @cached_property
     def things(self) -> Polygons:
@@ -89,12 +96,12 @@ class ViewOutlines:
     def __init__(self, world: TerrainCasters, localised: LocalisedRig, side: str, labels: pd.DataFrame) -> None:
         self._localised = localised
         view = localised.camera(side)
-        self._size = view.size
+        self._size = view.lens.width, view.lens.height
         self.world = with_domes(world, _domes(world, view, labels))
         width, height = self._size
         self.ids = VisibleIds(self.world, view, np.arange(height) + HALF_PIXEL, np.arange(width) + HALF_PIXEL)
         rings = backdrop(self.ids)
-        self._backdrop = Backdrop([(POLYGON_CLASSES.index(name), ring) for name, ring in rings])
+        self._backdrop = Backdrop([(POLYGON_CLASSES.index(name), ring) for name, ring in rings], self._size)
         self._rocks = _convex_shapes(self.ids.rock)
         self._shadows: dict[bytes, dict[int, MaskShape]] = {}  # by lamp
         self._annotated: dict[tuple[bytes, frozenset[LabelShapeKey]], BracketOutlines] = {}
@@ -103,14 +110,16 @@ class ViewOutlines:
         """Return the visible parts of the labels, painted in order: shadows before rocks, then from top to bottom."""
         lamp_position = active_lamp(self.world, self._localised, light, azimuth)
         if lamp_position is None and labels.empty:
-            return BracketOutlines({}, Backdrop([(POLYGON_CLASSES.index("background"), PHOTO_FRAME)]))
+            width, height = self._size
+            frame = np.array([[0, 0], [width, 0], [width, height], [0, height]], float)
+            return BracketOutlines({}, Backdrop([(POLYGON_CLASSES.index("background"), frame)], self._size), self._size)
         boxes = _boxes(labels)
         things = dict(zip(shape_keys(labels, boxes), boxes, strict=True))
         content = (b"" if lamp_position is None else lamp_position.tobytes(), frozenset(things))
         if content not in self._annotated:
             order = sorted(things, key=lambda thing: (thing[0] == ROCK, things[thing][3], thing))
             parts = visible_parts([self._shape(thing, things[thing], lamp_position) for thing in order], *self._size)
-            self._annotated[content] = BracketOutlines(dict(zip(order, parts, strict=True)), self._backdrop)
+            self._annotated[content] = BracketOutlines(dict(zip(order, parts, strict=True)), self._backdrop, self._size)
         return self._annotated[content]
 
     def _shape(self, thing: LabelShapeKey, box: np.ndarray, lamp_position: np.ndarray | None) -> MaskShape:
@@ -156,6 +165,7 @@ def _domes(world: TerrainCasters, view: Camera, labels: pd.DataFrame) -> dict[in
 
 def draw_masks(
     *,
+    site: Site,
     terrain: Terrain,
     keys: Sequence[PhotoKey],
     photos: Path,
@@ -176,9 +186,9 @@ def draw_masks(
     labels = tables.read_parquet(table, tables.LABEL_COLUMNS)
     localised = rigs.read_all_localised(cameras)
     for position in sorted({key.position for key in keys} - set(localised)):
-        log.warning("terrain %02d, position %s: no camera pose, no outlines", terrain, position)
-    suns = lamps.read_suns(cameras, localised, polar(), terrain)
-    scene = read_terrain(meshes, terrain, polar().sandbox_of(terrain), cameras=cameras)
+        log.warning("terrain %s, position %s: no camera pose, no outlines", terrain_text(terrain), position)
+    suns = lamps.read_suns(cameras, localised, site, terrain)
+    scene = read_terrain(meshes, terrain, site.sandbox_of(terrain), cameras=cameras)
     world, bare = build_worlds(scene, localised, suns)
     annotated: dict[PhotoKey, list[coco.Annotation]] = {}
     tiles: dict[str, np.ndarray] = {}
@@ -195,7 +205,9 @@ def draw_masks(
                 annotated |= annotations_of
                 tiles[str(next(iter(rows_of)))] = tile_of_mask(drawing.grey)
     write_mask_sheet(preview, tiles)
-    coco.write_coco(annotations, annotated, pictures=pictures_at(photos))
+    lenses = [rig.rig.left for rig in localised.values()]
+    size = (lenses[0].width, lenses[0].height) if lenses else site.images.size
+    coco.write_coco(annotations, annotated, site, size, pictures=pictures_at(photos))
 
 
 def _draw_bracket(
@@ -230,16 +242,15 @@ def _annotations(
     annotations = []
     labels = zip(things, boxes, rows["source"].tolist(), rows["confidence"].tolist(), strict=True)
     for thing, box, source, confidence in labels:
-        part = drawing.parts[thing]
-        if part is not None:
+        if thing in drawing.masks:
             kind, rock, _ = thing
-            annotations.append(coco.Annotation(kind, rock, box, part.runs, source, confidence))
+            annotations.append(coco.Annotation(kind, rock, box, drawing.masks[thing], source, confidence))
     return annotations
 
 
 def _write(polygon_folder: Path, mask_folder: Path, keys: Sequence[PhotoKey], drawing: BracketOutlines) -> None:
     first, *copies = (str(key) for key in keys)
-    yolo.write_polygons(polygon_folder / f"{first}.txt", drawing.polygons)
+    yolo.write_polygons(polygon_folder / f"{first}.txt", drawing.polygons, drawing.size)
     png.write_png(mask_folder / f"{first}.png", drawing.grey)
     for name in copies:
         shutil.copyfile(polygon_folder / f"{first}.txt", polygon_folder / f"{name}.txt")

@@ -35,11 +35,22 @@ from polarsim.labels.seeds import (
 )
 from polarsim.labels.shadows import PositionShadows
 from polarsim.labels.visibility import omitted_in_dark, visible_labels
-from polarsim.photo import BOX_CLASSES, Azimuth, Bracket, CameraSide, Light, PhotoKey, Terrain, by_bracket, terrain_text
+from polarsim.photo import (
+    BOX_CLASSES,
+    NO_SUN,
+    Azimuth,
+    Bracket,
+    CameraSide,
+    Light,
+    PhotoKey,
+    Terrain,
+    by_bracket,
+    terrain_text,
+)
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.scene import read_terrain
-from polarsim.site import polar
+from polarsim.site import Site
 
 log = logging.getLogger(__name__)
 
@@ -48,6 +59,7 @@ log = logging.getLogger(__name__)
 class PropagationInputs:
     """Input files of the propagation on one terrain."""
 
+    site: Site
     terrain: Terrain
     keys: Sequence[PhotoKey]  # photos to label
     photos: Path  # index of the photos, empty for a source without photos
@@ -68,7 +80,7 @@ def propagate_labels(inputs: PropagationInputs, *, boxes: Path, table: Path, opt
         for key in keys:
             classes = np.array([BOX_CLASSES.index(label.kind) for label in labels[key]], int)
             label_boxes = np.array([label.box for label in labels[key]]).reshape(-1, 4)
-            yolo.write_boxes(folder / f"{key}.txt", classes, label_boxes)
+            yolo.write_boxes(folder / f"{key}.txt", classes, label_boxes, inputs.site.images.size)
     tables.write_parquet(table, tables.label_table([_row(key, label) for key in keys for label in labels[key]]))
 
 
@@ -77,13 +89,14 @@ def labels_of_terrain(inputs: PropagationInputs, options: LabelsOptions) -> dict
     terrain = inputs.terrain
     if (inventoried := read_inventory(inputs.inventory).terrain) != terrain:
         raise LabelError(
-            f"inventory of terrain {inventoried:02d}, expected {terrain_text(terrain)}", path=inputs.inventory
+            f"inventory of terrain {terrain_text(inventoried)}, expected {terrain_text(terrain)}", path=inputs.inventory
         )
     _warn_of_gaps(inputs.photos, inputs.keys)
     localised = rigs.read_all_localised(inputs.cameras)
-    suns = lamps.read_suns(inputs.cameras, localised, polar(), terrain)
-    scene = read_terrain(inputs.meshes, terrain, polar().sandbox_of(terrain), cameras=inputs.cameras)
-    seeded, corrected = read_seeds(inputs.seeds, terrain), read_corrections(options.corrections, terrain)
+    suns = lamps.read_suns(inputs.cameras, localised, inputs.site, terrain)
+    scene = read_terrain(inputs.meshes, terrain, inputs.site.sandbox_of(terrain), cameras=inputs.cameras)
+    seeded = read_seeds(inputs.seeds, terrain, inputs.site.images.size)
+    corrected = read_corrections(options.corrections, inputs.site, terrain)
     if unknown := [key for key in options.excluded(terrain) if key not in {*seeded, *corrected}]:
         raise LabelError(
             f"labels.excluded_annotations: {unknown[0]} is neither a seed nor a correction", path=inputs.seeds
@@ -182,7 +195,7 @@ class PositionLabels:
 
         With photos, the labels include visible rocks and shadows that were not annotated.
         """
-        lamps: tuple[CameraSide, Light, Azimuth] = (camera, light if azimuth == "no" else "off", azimuth)
+        lamps: tuple[CameraSide, Light, Azimuth] = (camera, light if azimuth == NO_SUN else "off", azimuth)
         if lamps not in self._cache:  # a Sun lamp outshines the rover light
             self._cache[lamps] = self._labels(camera, light, azimuth)
         return self._cache[lamps]
@@ -205,7 +218,7 @@ class PositionLabels:
         """Return the brightness of the photos; under a Sun lamp preferably without rover light, which fills shadows."""
         if self.photos is None:
             return None
-        lights: tuple[Light, ...] = (light,) if azimuth == "no" else ("off", "on")
+        lights: tuple[Light, ...] = (light,) if azimuth == NO_SUN else ("off", "on")
         brackets = ((self.photos.terrain, self.position, rover_light, azimuth, camera) for rover_light in lights)
         candidates = (self.photos.brightness(bracket) for bracket in brackets)
         return next((brightness for brightness in candidates if brightness is not None), None)

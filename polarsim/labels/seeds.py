@@ -24,18 +24,20 @@ from polarsim.labels.label import Label, make_label
 from polarsim.photo import (
     BOX_CLASSES,
     NO_ROCK,
+    NO_SUN,
     ROCK,
     SHADOW,
-    SUNS,
     Azimuth,
     Bracket,
     CameraSide,
     Light,
     PhotoKey,
     Terrain,
+    terrain_text,
 )
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
+from polarsim.site import Site
 
 log = logging.getLogger(__name__)
 
@@ -64,15 +66,15 @@ PhotoAnnotations = Mapping[PhotoKey, AnnotatedBoxes]
 Seeds = dict[str, dict[AnnotationKey, AnnotatedBoxes]]  # by position
 
 
-def read_seeds(folder: Path, terrain: Terrain) -> PhotoAnnotations:
-    """Read every `KEY.txt` of a terrain."""
+def read_seeds(folder: Path, terrain: Terrain, size: tuple[int, int]) -> PhotoAnnotations:
+    """Read every `KEY.txt` of a terrain; photos have a size, px."""
     drawings = {}
     for path in sorted(folder.glob("*.txt")):
         key = PhotoKey.parse(path.stem)
         if key.terrain != terrain:
-            log.warning("%s: skipped, terrain %02d expected", path, terrain)
+            log.warning("%s: skipped, terrain %s expected", path, terrain_text(terrain))
             continue
-        drawings[key] = AnnotatedBoxes.of(*yolo.read_boxes(path))
+        drawings[key] = AnnotatedBoxes.of(*yolo.read_boxes(path, size))
     return drawings
 
 
@@ -93,7 +95,7 @@ class MinExposures:
         shadows_ms: dict[Bracket, int] = {}
         unlit_ms: dict[str, int] = {}
         for key, annotated in drawings.items():
-            if key.azimuth in SUNS and annotated.shadows is not None and len(annotated.shadows):
+            if key.has_sun and annotated.shadows is not None and len(annotated.shadows):
                 shadows_ms[key.bracket] = min(shadows_ms.get(key.bracket, usual_ms), key.exposure_ms)
             if is_unlit(key.light, key.azimuth) and len(annotated.rocks):
                 unlit_ms[key.position] = min(unlit_ms.get(key.position, key.exposure_ms), key.exposure_ms)
@@ -159,7 +161,7 @@ def _best(ranked: list[Ranked]) -> AnnotatedBoxes:
 
 def is_unlit(light: Light, azimuth: Azimuth) -> bool:
     """Return whether both the Sun lamps and the rover light are off."""
-    return azimuth == "no" and light == "off"
+    return azimuth == NO_SUN and light == "off"
 
 
 def drop_mislabelled(
@@ -180,17 +182,17 @@ def drop_mislabelled(
     return {key: annotated for key, annotated in drawings.items() if key.position not in names}
 
 
-def read_corrections(folder: Path | None, terrain: Terrain) -> dict[PhotoKey, AnnotatedBoxes]:
+def read_corrections(folder: Path | None, site: Site, terrain: Terrain) -> dict[PhotoKey, AnnotatedBoxes]:
     """Return the corrected photos of a terrain, see `read_all_corrections`; empty without a folder."""
-    corrections = {} if folder is None else read_all_corrections(folder)
+    corrections = {} if folder is None else read_all_corrections(folder, site)
     return {key: annotated for key, annotated in corrections.items() if key.terrain == terrain}
 
 
-def read_all_corrections(folder: Path) -> dict[PhotoKey, AnnotatedBoxes]:
-    """Read the corrected boxes of each photo from `KEY.txt` and COCO files (`*.json`)."""
-    corrections = read_annotated_boxes(folder)
+def read_all_corrections(folder: Path, site: Site) -> dict[PhotoKey, AnnotatedBoxes]:
+    """Read the corrected boxes of each photo of a site from `KEY.txt` and COCO files (`*.json`)."""
+    corrections = read_annotated_boxes(folder, site.images.size, site.key)
     for path in sorted(Path(folder).rglob("*.json")):
-        for key, annotated in read_coco(path).items():
+        for key, annotated in read_coco(path, site.images.size, site.key_of_picture).items():
             if key in corrections:
                 raise FormatError(f"{key} is corrected in two files of {folder}; delete a file", path=path)
             classes = np.array([BOX_CLASSES.index(annotation.kind) for annotation in annotated], int)

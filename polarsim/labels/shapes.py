@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -42,10 +41,9 @@ class MaskShape:
         height, width = self.mask.shape
         return slice(self.top, self.top + height), slice(self.left, self.left + width)
 
-    @cached_property
-    def runs(self) -> rle.Rle:
-        """Run-length encoding in a photo that contains the mask; encoded once for all exposures."""
-        return rle.encode_rle(self.mask, self.left, self.top)
+    def runs(self, size: tuple[int, int]) -> rle.Rle:
+        """Return the run-length encoding in a photo (width, height) that contains the mask."""
+        return rle.encode_rle(self.mask, size, self.left, self.top)
 
     def rings(self) -> list[np.ndarray]:
         """Return the outlines (n, 2) in image coordinates, largest first."""

@@ -11,10 +11,12 @@ import numpy as np
 from polarsim.errors import FormatError
 from polarsim.formats import release, tables, thumbnails, yolo
 from polarsim.formats.files import write_text
+from polarsim.lint.files import Size
 from polarsim.lint.findings import Finding, Report
 from polarsim.lint.folders import lint_release
 from polarsim.lint.rules import RULES, select_rules
-from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH
+from polarsim.photo import BOX_CLASSES, POLYGON_CLASSES
+from polarsim.site import Site
 
 FIGURE_WIDTH_PX = 484  # of a figure on the page
 _SHOWN = 3  # maximum number of files named in a caption
@@ -30,19 +32,22 @@ table { border-collapse: collapse; } td, th { padding: 0.15rem 0.8rem 0.15rem 0;
 """
 
 
-def lint_and_draw(*, root: Path, twins: Sequence[Path], page: Path, table: Path, workers: int) -> None:
+def lint_and_draw(*, site: Site, root: Path, twins: Sequence[Path], page: Path, table: Path, workers: int) -> None:
     """Validate a folder in the published layout; write all findings as a table, errors and warnings as a page.
 
     `twins` are folders with twins, KEY.png; defects of photos without a twin are drawn on a plain background.
     """
-    report = lint_release(root, workers)
+    report = lint_release(root, workers, site=site)
     tables.write_csv(table, report.table("code", "severity", "defect", "file", "line", "detail"))
     pictures = {path.stem: path for folder in twins for path in folder.glob("*.png")}
-    write_errata(report.chosen(select_rules(("error", "warning"), ())), root, pictures, page)
+    write_errata(report.chosen(select_rules(("error", "warning"), ())), root, pictures, page, site.images.size)
 
 
-def write_errata(report: Report, root: Path, twins: Mapping[str, Path], page: Path) -> None:
-    """Write a page with the findings in a folder of the published layout, by rule; equal files share a figure."""
+def write_errata(report: Report, root: Path, twins: Mapping[str, Path], page: Path, size: Size) -> None:
+    """Write a page with the findings in a folder of the published layout, by rule; equal files share a figure.
+
+    `size` is the width and height of the photos, px.
+    """
     counts = report.counts
     order = sorted(counts, key=lambda name: RULES[name].code)
     rows = "".join(
@@ -65,12 +70,12 @@ def write_errata(report: Report, root: Path, twins: Mapping[str, Path], page: Pa
         parts.append(
             f'<h2 id="{name}">{RULES[name].code} {name} <span>{escape(RULES[name].meaning)}</span></h2><section>'
         )
-        parts += _figures((finding for finding in report.findings if finding.defect == name), root, twins)
+        parts += _figures((finding for finding in report.findings if finding.defect == name), root, twins, size)
         parts.append("</section>")
     write_text(page, "\n".join([*parts, "</html>\n"]))
 
 
-def _figures(findings: Iterable[Finding], root: Path, twins: Mapping[str, Path]) -> Iterator[str]:
+def _figures(findings: Iterable[Finding], root: Path, twins: Mapping[str, Path], size: Size) -> Iterator[str]:
     groups: dict[tuple[object, ...], list[Finding]] = {}
     for finding in findings:
         path = root / finding.file
@@ -79,7 +84,7 @@ def _figures(findings: Iterable[Finding], root: Path, twins: Mapping[str, Path])
         files = [finding.file for finding in group]
         more = f" and {len(files) - _SHOWN} more" if len(files) > _SHOWN else ""
         text = f"{', '.join(files[:_SHOWN])}{more}" + (f": {group[0].detail}" if group[0].detail else "")
-        picture = _picture(root / files[0], group[0], twins)
+        picture = _picture(root / files[0], group[0], twins, size)
         yield f"<figure>{picture}<figcaption>{escape(text)}</figcaption></figure>"
 
 
@@ -88,11 +93,11 @@ def _content(path: Path) -> object:
     return path.read_bytes() if path.suffix == ".txt" and path.is_file() else path.suffix
 
 
-def _picture(path: Path, finding: Finding, twins: Mapping[str, Path]) -> str:
+def _picture(path: Path, finding: Finding, twins: Mapping[str, Path], size: Size) -> str:
     """Return the boxes or polygons of a file as SVG, wrong ones on top; empty without shapes."""
     wrong = set(finding.rows)
     try:
-        shapes = list(_shapes(path))
+        shapes = list(_shapes(path, size))
     except (FormatError, IndexError):
         return ""
     if not shapes and not finding.lacking:
@@ -103,22 +108,22 @@ def _picture(path: Path, finding: Finding, twins: Mapping[str, Path]) -> str:
         for row in order
     )
     polygons += "".join(f'<polygon class="lacking" points="{_points(_corners(*box))}"/>' for box in finding.lacking)
-    background = ""
+    background, (width, height) = "", size
     if path.stem in twins:  # twin of the photo
         uri = thumbnails.of_photo(twins[path.stem], FIGURE_WIDTH_PX)
-        background = f'<image href="{uri}" width="{WIDTH}" height="{HEIGHT}"/>'
-    return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{FIGURE_WIDTH_PX}" role="img">{background}{polygons}</svg>'
+        background = f'<image href="{uri}" width="{width}" height="{height}"/>'
+    return f'<svg viewBox="0 0 {width} {height}" width="{FIGURE_WIDTH_PX}" role="img">{background}{polygons}</svg>'
 
 
-def _shapes(path: Path) -> Iterator[tuple[str, np.ndarray]]:
+def _shapes(path: Path, size: Size) -> Iterator[tuple[str, np.ndarray]]:
     """Yield class name and corners (n, 2) of each row of a label file."""
     if path.suffix != ".txt" or not path.is_file():
         return
     if release.POLYGONS in path.parts:
-        for kind, vertices in yolo.read_polygons(path):
+        for kind, vertices in yolo.read_polygons(path, size):
             yield POLYGON_CLASSES[kind], vertices
     else:
-        for kind, box in zip(*yolo.read_boxes(path), strict=True):
+        for kind, box in zip(*yolo.read_boxes(path, size), strict=True):
             yield BOX_CLASSES[kind], _corners(*box)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from polarsim.geometry.boxes import area, box_around_points, iou, largest_iou, match_by_iou
 from polarsim.geometry.polygons import signed_area
 from polarsim.lint.rules import Defect
-from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, ROCK, SHADOW, WIDTH, PhotoKey
+from polarsim.photo import BOX_CLASSES, POLYGON_CLASSES, ROCK, SHADOW, PhotoKey
 
 Boxes = tuple[np.ndarray, np.ndarray]  # class numbers (n,), boxes (n, 4) in pixels
 Size = tuple[int, int]  # width and height of the photo, pixels
@@ -34,7 +34,7 @@ BACKGROUND, GROUND, ROCK_POLYGON, SHADOW_POLYGON = (
 )
 
 
-def box_defects(classes: np.ndarray, boxes: np.ndarray, size: Size = (WIDTH, HEIGHT)) -> Iterator[Defect]:
+def box_defects(classes: np.ndarray, boxes: np.ndarray, size: Size) -> Iterator[Defect]:
     """Yield each defect at most once, with all boxes that have it."""
     overlap = np.triu(iou(boxes, boxes), 1)
     alike = classes[:, None] == classes[None]
@@ -73,7 +73,7 @@ def count_defects(classes: np.ndarray) -> Iterator[Defect]:
         yield Defect("many_shadows", f"{shadows} shadows of {rocks} rocks")
 
 
-def ring_defects(polygons: Polygons) -> Iterator[Defect]:
+def ring_defects(polygons: Polygons, size: Size) -> Iterator[Defect]:
     """Yield defects of single polygons, each at most once, with all polygons that have it."""
     import shapely
 
@@ -81,7 +81,7 @@ def ring_defects(polygons: Polygons) -> Iterator[Defect]:
     for number, (kind, vertices) in enumerate(polygons):
         ring = shapely.Polygon(vertices)
         extent = np.ptp(vertices, axis=0)
-        outside = (vertices < -OUTSIDE_PX).any() or (vertices > np.array([WIDTH, HEIGHT]) + OUTSIDE_PX).any()
+        outside = (vertices < -OUTSIDE_PX).any() or (vertices > np.array(size) + OUTSIDE_PX).any()
         for name, present in (
             ("invalid_ring", not ring.is_valid),
             ("tiny_polygon", ring.area < TINY_PX2),
@@ -97,7 +97,7 @@ def ring_defects(polygons: Polygons) -> Iterator[Defect]:
         yield Defect(name, f"{len(numbers)} polygons, first polygon {numbers[0] + 1}: {first}", tuple(numbers))
 
 
-def file_defects(polygons: Polygons) -> Iterator[Defect]:
+def file_defects(polygons: Polygons, size: Size) -> Iterator[Defect]:
     """Yield defects of an entire file; none of an empty file."""
     if not polygons:
         return
@@ -113,7 +113,7 @@ def file_defects(polygons: Polygons) -> Iterator[Defect]:
             yield Defect("ground_as_rock", f"polygon {huge[0] + 1}", huge)
     if ROCK_POLYGON in kinds and SHADOW_POLYGON not in kinds:
         yield Defect("no_shadow_polygon")
-    if not covers_photo(polygons):
+    if not covers_photo(polygons, size):
         yield Defect("cover_holes")
     objects = np.flatnonzero(np.isin(kinds, (ROCK_POLYGON, SHADOW_POLYGON)))
     late = np.flatnonzero(np.isin(kinds, (BACKGROUND, GROUND)))
@@ -167,11 +167,11 @@ def polygon_boxes(polygons: Polygons, kind: int) -> np.ndarray:
     return np.array([box_around_points(vertices) for number, vertices in polygons if number == kind]).reshape(-1, 4)
 
 
-def covers_photo(polygons: Polygons) -> bool:
+def covers_photo(polygons: Polygons, size: Size) -> bool:
     """Return whether nearly every point of the photo is inside a polygon."""
     import cv2
 
-    painted = np.zeros((HEIGHT // COVER_STEP, WIDTH // COVER_STEP), np.uint8)
+    painted = np.zeros((size[1] // COVER_STEP, size[0] // COVER_STEP), np.uint8)
     for _, vertices in polygons:  # in separate calls, because a single call treats overlaps as holes
         cv2.fillPoly(painted, [np.round(vertices / COVER_STEP).astype(np.int32)], (1,))
     return bool(painted.mean() >= COVERED)

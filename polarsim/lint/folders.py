@@ -6,7 +6,7 @@ folders, in `images/` and `labels/` of each part, or in one folder.
 
 from __future__ import annotations
 
-import re
+import logging
 from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -32,18 +32,29 @@ from polarsim.lint.repair import write_repaired
 from polarsim.lint.rules import RULES, Defect
 from polarsim.lint.siblings import missing_exposures, set_defects, sibling_defects
 from polarsim.lint.views import view_defects
-from polarsim.photo import BOX_CLASSES, SUNS, PhotoKey, Terrain, by_bracket, is_exposure, terrain_text
+from polarsim.photo import BOX_CLASSES, PhotoKey, Terrain, by_bracket, leading_key, terrain_text
 from polarsim.progress import track
+from polarsim.run_files.run import Run
+from polarsim.site import Site, polar
+
+log = logging.getLogger("polarsim")
 
 FindingsOfTerrain = tuple[list[Finding], dict[str, int]]
-_KEY_AT_START = re.compile(r"\d\d_[A-G]_(?:on|off)_(?:no|30|180|270|350)_[LR]_(\d{4})")
 IMAGES, LABELS = ("images", "pictures"), ("labels",)  # folders of pictures and labels; `detect` writes pictures/
 
 
-def lint_release(root: Path, workers: int = 1, layout: Layout = release.PUBLISHED_LAYOUT) -> Report:
-    """Validate every terrain of a folder of label files; each of the processes validates a terrain at a time."""
-    root = Path(root)
-    terrains = release.terrains(root) if layout == release.PUBLISHED_LAYOUT else layout.terrains(root)
+def lint_release(
+    root: Path, workers: int = 1, layout: Layout = release.PUBLISHED_LAYOUT, site: Site | None = None
+) -> Report:
+    """Validate every terrain of a folder of label files; each of the processes validates a terrain at a time.
+
+    `site` is the site of the photos, NASA's POLAR by default.
+    """
+    root, site = Path(root), site or polar()
+    found = release.terrains(root) if layout == release.PUBLISHED_LAYOUT else layout.terrains(root, site.key)
+    terrains = [terrain for terrain in found if terrain in site.terrains]
+    if unknown := [terrain_text(terrain) for terrain in found if terrain not in site.terrains]:
+        log.warning("%s: terrains skipped that the site %s does not have: %s", root, site.name, ", ".join(unknown))
     if not terrains:
         raise FormatError(
             f"no terrain: expected {release.BOXES}/TerrainNN, {release.POLYGONS}/terrainNN or "
@@ -51,7 +62,7 @@ def lint_release(root: Path, workers: int = 1, layout: Layout = release.PUBLISHE
             path=root,
         )
     report = Report([], {})
-    lint = partial(lint_terrain, root, layout=layout)
+    lint = partial(lint_terrain, root, site=site, layout=layout)
     with ProcessPoolExecutor(workers) as pool:
         results = pool.map(lint, terrains) if workers > 1 and len(terrains) > 1 else map(lint, terrains)
         for terrain, (findings, content) in zip(track(terrains, "validating terrains"), results, strict=True):
@@ -60,23 +71,27 @@ def lint_release(root: Path, workers: int = 1, layout: Layout = release.PUBLISHE
     return report
 
 
-def lint_terrain(root: Path, terrain: Terrain, layout: Layout = release.PUBLISHED_LAYOUT) -> FindingsOfTerrain:
+def lint_terrain(
+    root: Path, terrain: Terrain, site: Site, layout: Layout = release.PUBLISHED_LAYOUT
+) -> FindingsOfTerrain:
     """Return the findings of a terrain in the order of files, and counts of its content.
 
     Published labels are boxes; label files in other layouts may be detections, with a confidence.
     """
     findings = Findings(root)
     published = layout == release.PUBLISHED_LAYOUT
-    boxes_of, polygons_of = layout.box_files(root, terrain), layout.polygon_files(root, terrain)
+    size = site.images.size
+    boxes_of, polygons_of = layout.box_files(root, terrain, site.key), layout.polygon_files(root, terrain, site.key)
     if not layout.polygons:
         boxes_of, polygons_of = _by_content(boxes_of)
-    stray = release.stray_files(root, terrain) if published else sorted([*boxes_of.stray, *polygons_of.stray])
-    for path in stray:
-        findings.add(path, _stray(path))
-    boxes = findings.read_all(boxes_of.files, _box_reader(detections=not published))
+    strays = sorted([*boxes_of.stray, *polygons_of.stray])
+    for path in release.stray_files(root, terrain, site.key) if published else strays:
+        findings.add(path, _stray(path, site))
+    boxes = findings.read_all(boxes_of.files, _box_reader(size, detections=not published))
+    polygons = findings.read_all(polygons_of.files, partial(yolo.read_polygons, size=size))
     content = {
-        **_lint_boxes(boxes_of.files, layout.box_folder(root, terrain), boxes, findings),
-        **_lint_polygons(polygons_of.files, findings.read_all(polygons_of.files, yolo.read_polygons), boxes, findings),
+        **_lint_boxes(boxes_of.files, layout.box_folder(root, terrain), boxes, findings, site),
+        **_lint_polygons(polygons_of.files, polygons, boxes, findings, size),
         **(_lint_scene(root, terrain, findings) if published else {}),
     }
     return sorted(findings.gathered), content
@@ -89,25 +104,25 @@ def _by_content(files: release.KeyFiles) -> tuple[release.KeyFiles, release.KeyF
     return release.KeyFiles(boxes, files.stray), release.KeyFiles(polygons)
 
 
-def _box_reader(detections: bool) -> Callable[[Path], Boxes]:
+def _box_reader(size: tuple[int, int], *, detections: bool) -> Callable[[Path], Boxes]:
     """Return a reader of box files with the class numbers of their folder's class list."""
     names = cache(class_lists.class_names)
-    return lambda path: yolo.read_boxes(path, names=names(path.parent), detections=detections)
+    return lambda path: yolo.read_boxes(path, size, names(path.parent), detections)
 
 
 def _lint_boxes(
-    files: Mapping[PhotoKey, Path], folder: Path, boxes: Mapping[PhotoKey, Boxes], findings: Findings
+    files: Mapping[PhotoKey, Path], folder: Path, boxes: Mapping[PhotoKey, Boxes], findings: Findings, site: Site
 ) -> dict[str, int]:
     for key, labels in boxes.items():
-        counts = count_defects(labels[0]) if key.azimuth in SUNS else ()
-        for defect in (*box_defects(*labels), *counts):
+        counts = count_defects(labels[0]) if key.has_sun else ()
+        for defect in (*box_defects(*labels, site.images.size), *counts):
             findings.add(files[key], defect)
     for keys in by_bracket(files).values():
-        for key in missing_exposures(set(keys)):
+        for key in missing_exposures(set(keys), site):
             findings.add(folder / f"{key}.txt", Defect("missing_file", f"{len(keys)} other exposures exist"))
         for key, defect in set_defects({key: boxes[key] for key in keys if key in boxes}):
             findings.add(files[key], defect)
-    for key, defect in (*sibling_defects(boxes), *view_defects(boxes)):
+    for key, defect in (*sibling_defects(boxes, site), *view_defects(boxes, site)):
         findings.add(files[key], defect)
     annotated = {
         f"{name}_boxes": sum(int((classes == number).sum()) for classes, _ in boxes.values())
@@ -121,11 +136,12 @@ def _lint_polygons(
     polygons: Mapping[PhotoKey, Polygons],
     boxes: Mapping[PhotoKey, Boxes],
     findings: Findings,
+    size: tuple[int, int],
 ) -> dict[str, int]:
     own_defects: dict[int, list[Defect]] = {}  # by content, because most exposures of a bracket have the same
     for key, annotated in polygons.items():
         if id(annotated) not in own_defects:
-            own_defects[id(annotated)] = [*ring_defects(annotated), *file_defects(annotated)]
+            own_defects[id(annotated)] = [*ring_defects(annotated, size), *file_defects(annotated, size)]
         mismatches = polygon_box_mismatches(annotated, boxes[key]) if key in boxes else ()
         for defect in (*own_defects[id(annotated)], *mismatches, *other_camera(annotated, key, boxes)):
             findings.add(files[key], defect)
@@ -142,17 +158,19 @@ def _lint_scene(root: Path, terrain: Terrain, findings: Findings) -> dict[str, i
     return {"meshes": len(meshes), "ground_meshes": int(ground is not None), "cover_photos": len(covers)}
 
 
-def _stray(path: Path) -> Defect:
+def _stray(path: Path, site: Site) -> Defect:
     """Return the reason why a file does not belong to the layout."""
-    if release.key_of(path.name) is not None:
+    if release.key_of_file(path.name, site.key) is not None:
         return Defect("wrong_folder", "the key is of another terrain")
     if path.name.startswith("."):
         return Defect("system_file")
-    exposure = _KEY_AT_START.fullmatch(path.stem)
-    if exposure and not is_exposure(int(exposure[1])):
-        return Defect("impossible_exposure", f"{int(exposure[1])} ms, expected 16, 32, 64 ... 8192")
-    twin = _KEY_AT_START.match(path.name)
-    if not twin or not (regular := path.with_name(f"{twin[0]}.txt")).is_file():
+    key = leading_key(path.name)
+    if key and path.stem == str(key) and key.terrain in site.terrains and key.azimuth in site.azimuths:
+        exposures = site.exposures_of(key.terrain, key.azimuth)
+        if key.exposure_ms not in exposures and release.key_of_file(f"{key.with_exposure(exposures[0])}.txt", site.key):
+            expected = ", ".join(map(str, exposures))
+            return Defect("impossible_exposure", f"{key.exposure_ms} ms, expected {expected}")
+    if not key or not (regular := path.with_name(f"{key}.txt")).is_file():
         return Defect("stray_name", "not a name of the layout")
     same = regular.read_bytes() == path.read_bytes()
     return Defect("stray_name", f"{'the same bytes as' if same else 'different content from'} {regular.name}")
@@ -204,32 +222,37 @@ def _by_stem(root: Path, files: Iterable[Path], names: tuple[str, ...]) -> dict[
     return {"/".join([*(part for part in folders[path] if part not in names), path.stem]): path for path in inside}
 
 
-def lint_folder(root: Path, names: Collection[str], *, workers: int = 1, fix: Path | None = None) -> Report:
+def lint_folder(
+    root: Path, names: Collection[str], *, site: Site | None = None, workers: int = 1, fix: Path | None = None
+) -> Report:
     """Return the findings of some rules in a folder of label files, see `layout_of`.
 
-    `fix` is the output folder of repaired label files; only for the published layout.
+    `site` is the site of the photos, NASA's POLAR by default; the folder of a run states its site. `fix` is the output
+    folder of repaired label files; only for the published layout.
     """
     root = existing_folder(root)
-    if release.RUN_LAYOUT.terrains(root / "labels"):  # the folder of a run
+    if release.RUN_LAYOUT.terrains(root / "labels", PhotoKey.parse):  # the folder of a run
+        site = site or Run(root).site
         root /= "labels"
-    layout = layout_of(root)
+    site = site or polar()
+    layout = layout_of(root, site)
     if fix is not None and layout != release.PUBLISHED_LAYOUT:
         raise FormatError(f"only the published layout can be repaired, with a folder {release.BOXES}", path=root)
-    report = lint_pictures(root) if layout is None else lint_release(root, workers, layout)
+    report = lint_pictures(root) if layout is None else lint_release(root, workers, layout, site)
     report = report.chosen(names)
-    return report if fix is None else replace(report, repairs=write_repaired(root, report.findings, fix, names))
+    return report if fix is None else replace(report, repairs=write_repaired(root, report.findings, fix, names, site))
 
 
-def layout_of(root: Path) -> Layout | None:
+def layout_of(root: Path, site: Site) -> Layout | None:
     """Return the layout of a folder of label files; None for label files with pictures."""
     if release.terrains(root):
         return release.PUBLISHED_LAYOUT
     for layout in (release.RUN_LAYOUT, release.TERRAIN_LAYOUT):
-        if layout.terrains(root):
+        if layout.terrains(root, site.key):
             return layout
     if _pictures(root):
         return None
-    if release.FLAT_LAYOUT.terrains(root):
+    if release.FLAT_LAYOUT.terrains(root, site.key):
         return release.FLAT_LAYOUT
     raise FormatError(
         f"no terrain and no picture with labels: found {suffix_counts(root)}; "

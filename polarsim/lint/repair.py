@@ -6,6 +6,7 @@ import itertools
 import shutil
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from polarsim.lint.files import (
     SHADOW_CLASS,
     Boxes,
     Polygons,
+    Size,
     box_defects,
     file_defects,
     ring_defects,
@@ -29,8 +31,9 @@ from polarsim.lint.files import (
 from polarsim.lint.findings import Finding, Report
 from polarsim.lint.rules import RULES, Defect
 from polarsim.lint.siblings import modal_file, of_class, set_defects, swapped_classes
-from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey, Terrain, by_bracket
+from polarsim.photo import BOX_CLASSES, PhotoKey, Terrain, by_bracket
 from polarsim.progress import track
+from polarsim.site import Site, polar
 
 REPAIR_TABLE = "changes.csv"
 _LABELS = (release.BOXES, release.POLYGONS)  # copied folders
@@ -45,12 +48,14 @@ _LOSSY = ("malformed", "near_duplicate")  # repairs that may remove a correct bo
 _ROUNDS = 8  # maximum number of repetitions for defects that repairs reveal; two or three are enough
 
 
-def write_repaired(root: Path, findings: Iterable[Finding], out: Path, names: Collection[str] = RULES) -> int:
+def write_repaired(
+    root: Path, findings: Iterable[Finding], out: Path, names: Collection[str] = RULES, site: Site | None = None
+) -> int:
     """Copy the label files of a published folder, repair its findings, and list the repairs in `changes.csv`.
 
     Return the number of repaired findings. Other files of the folder, such as photos, scans and meshes, are not copied.
     `names` are the rules that are also repaired if an earlier repair reveals their defects, such as a repeated box in a
-    file with a malformed line.
+    file with a malformed line. `site` is the site of the photos, NASA's POLAR by default.
     """
     if out.exists() or out.resolve().is_relative_to(root.resolve()):
         raise FormatError(f"a repaired copy needs a new folder outside {root}", path=out)
@@ -66,7 +71,7 @@ def write_repaired(root: Path, findings: Iterable[Finding], out: Path, names: Co
         for name in _LABELS:
             if (root / name).is_dir():
                 shutil.copytree(root / name, copy / name, ignore=shutil.ignore_patterns(release.SNAKEMAKE_FILE))
-        repairs = _Repairs(copy, by_file, {name for name in names if RULES[name].repair})
+        repairs = _Repairs(copy, site or polar(), by_file, {name for name in names if RULES[name].repair})
         repairs.files()
         for terrain in track(release.terrains(copy), "repairing terrains"):
             repairs.boxes(terrain)
@@ -81,6 +86,7 @@ class _Repairs:
     """Repairs of a copy, and the findings that they resolve."""
 
     copy: Path
+    site: Site
     by_file: Mapping[str, Sequence[Finding]]
     names: set[str]  # names of rules with a repair
     done: list[Finding] = field(default_factory=list)
@@ -93,12 +99,16 @@ class _Repairs:
                 if finding.defect in _LEFT_OUT:
                     path.unlink()
                 elif finding.defect == "impossible_exposure":
-                    stem, _, exposure_ms = path.stem.rpartition("_")
-                    regular = path.with_name(f"{stem}_{2 ** round(np.log2(max(int(exposure_ms), 1))):04d}{path.suffix}")
+                    regular = path.with_name(f"{self._possible(PhotoKey.parse(path.stem))}{path.suffix}")
                     path.unlink() if regular.exists() else path.rename(regular)
                 else:
                     continue
                 self.done.append(finding)
+
+    def _possible(self, key: PhotoKey) -> PhotoKey:
+        """Return the photo with the exposure of the site that is nearest to an impossible one, in stops."""
+        exposures = self.site.exposures_of(key.terrain, key.azimuth)
+        return key.with_exposure(min(exposures, key=lambda exposure: abs(np.log2(exposure / key.exposure_ms))))
 
     def boxes(self, terrain: Terrain) -> None:
         """Repair the label files of a terrain.
@@ -107,22 +117,24 @@ class _Repairs:
         a defect of most exposures does not spread. A file that may have lost a box has no vote if others have one.
         """
         folder = release.label_folder(self.copy, terrain)
-        paths = release.label_files(self.copy, terrain)
+        paths = release.label_files(self.copy, terrain, self.site.key)
+        read_boxes = partial(yolo.read_boxes, size=self.site.images.size)
         open_findings = self._open_findings(folder)
         doubtful = {
             key for key, separate in open_findings.items() if any(finding.defect in _LOSSY for finding in separate)
         }
         for key in paths:
             if any(finding.defect == "malformed" for finding in open_findings.get(key, ())):
-                _drop_malformed(paths[key], yolo.read_boxes)
-        labels = {key: yolo.read_boxes(path) for key, path in paths.items()}
+                _drop_malformed(paths[key], read_boxes)
+        labels = {key: read_boxes(path) for key, path in paths.items()}
         before, missing = dict(labels), set(open_findings) - set(labels)
         for number in range(_ROUNDS):
             separate = list(self._defects_of_files(labels))
             for key, defect in separate:
                 doubtful |= {key} if defect.name in _LOSSY else set()
             for key in {key for key, _ in separate}:
-                labels[key] = _repaired_boxes(labels[key], [defect for name, defect in separate if name == key])
+                defects = [defect for name, defect in separate if name == key]
+                labels[key] = _repaired_boxes(labels[key], defects, self.site.images.size)
             of_set = list(self._set_defects(labels, missing, set() if number else doubtful))
             self.done += self._revealed(folder, open_findings, [*separate, *of_set])
             if not separate and not of_set:
@@ -130,12 +142,13 @@ class _Repairs:
             missing = set()
         for key, content in labels.items():
             if key not in before or not _equal(content, before[key]):
-                yolo.write_boxes(folder / f"{key}.txt", *content)
+                yolo.write_boxes(folder / f"{key}.txt", *content, self.site.images.size)
         self.done += [finding for key in open_findings for finding in open_findings[key]]
 
     def _defects_of_files(self, labels: Mapping[PhotoKey, Boxes]) -> Iterator[tuple[PhotoKey, Defect]]:
         for key, content in labels.items():
-            yield from ((key, defect) for defect in box_defects(*content) if defect.name in self.names)
+            defects = box_defects(*content, self.site.images.size)
+            yield from ((key, defect) for defect in defects if defect.name in self.names)
         if "swapped_class" in self.names:
             for view in sorted({key.view for key in labels}):
                 yield from swapped_classes({key: content for key, content in labels.items() if key.view == view})
@@ -170,17 +183,20 @@ class _Repairs:
 
     def polygons(self, terrain: Terrain) -> None:
         """Repair the polygon files of a terrain."""
+        size = self.site.images.size
+        read_polygons = partial(yolo.read_polygons, size=size)
         for key, findings in self._open_findings(release.polygon_folder(self.copy, terrain)).items():
             path = release.polygon_folder(self.copy, terrain) / f"{key}.txt"
             if any(finding.defect == "malformed" for finding in findings):
-                _drop_malformed(path, yolo.read_polygons)
-            polygons = yolo.read_polygons(path)
+                _drop_malformed(path, read_polygons)
+            polygons = read_polygons(path)
             for _ in range(_ROUNDS):
-                defects = [*ring_defects(polygons), *file_defects(polygons)]
+                defects = [*ring_defects(polygons, size), *file_defects(polygons, size)]
                 if self.names.isdisjoint(defect.name for defect in defects):
                     break
-                polygons = _repaired_polygons(polygons, [defect for defect in defects if defect.name in self.names])
-            yolo.write_polygons(path, polygons)
+                repaired = [defect for defect in defects if defect.name in self.names]
+                polygons = _repaired_polygons(polygons, repaired, size)
+            yolo.write_polygons(path, polygons, size)
             self.done += findings
 
     def _open_findings(self, folder: Path) -> dict[PhotoKey, list[Finding]]:
@@ -188,7 +204,7 @@ class _Repairs:
         below = folder.relative_to(self.copy).as_posix()
         done = set(self.done)
         paths = {file: Path(file) for file in self.by_file if Path(file).parent.as_posix() == below}
-        keys = {file: release.key_of(path.name) for file, path in paths.items()}
+        keys = {file: release.key_of_file(path.name, self.site.key) for file, path in paths.items()}
         remaining = {
             key: [finding for finding in self.by_file[file] if finding not in done] for file, key in keys.items() if key
         }
@@ -217,13 +233,13 @@ def _equal(one: Boxes, other: Boxes) -> bool:
     return all(np.array_equal(first, second) for first, second in zip(one, other, strict=True))
 
 
-def _repaired_boxes(labels: Boxes, defects: Sequence[Defect]) -> Boxes:
+def _repaired_boxes(labels: Boxes, defects: Sequence[Defect], size: Size) -> Boxes:
     """Remove duplicates, change swapped classes, and clip boxes at the image border."""
     classes, boxes = labels[0].copy(), labels[1]
     rows = {defect.name: list(defect.rows) for defect in defects}
     classes[rows.get("swapped_class", [])] = ROCK_CLASS
     if "out_of_photo" in rows:
-        boxes = clip(boxes, WIDTH, HEIGHT)
+        boxes = clip(boxes, *size)
     kept = np.asarray((boxes[:, 2:] > boxes[:, :2]).all(axis=1))
     kept[rows.get("duplicate", []) + rows.get("near_duplicate", [])] = False
     return classes[kept], boxes[kept]
@@ -249,7 +265,7 @@ def _as_modal(labels: Boxes, key: PhotoKey, voters: Mapping[PhotoKey, Boxes], na
     return classes, boxes
 
 
-def _repaired_polygons(polygons: Polygons, defects: Sequence[Defect]) -> Polygons:
+def _repaired_polygons(polygons: Polygons, defects: Sequence[Defect], size: Size) -> Polygons:
     """Make outlines valid, clip them at the image border, omit small components, and paint ground first."""
     rows = {defect.name: set(defect.rows) for defect in defects}
     dropped = rows.get("tiny_polygon", set()) | rows.get("thin_polygon", set())
@@ -258,7 +274,7 @@ def _repaired_polygons(polygons: Polygons, defects: Sequence[Defect]) -> Polygon
     for number, (kind, vertices) in enumerate(polygons):
         if number in dropped:
             continue
-        ring = _valid(vertices) if number in reshaped else vertices
+        ring = _valid(vertices, size) if number in reshaped else vertices
         if ring is not None:
             repaired.append((GROUND if number in rows.get("ground_as_rock", ()) else kind, ring))
     if "paint_order" in rows:
@@ -268,11 +284,11 @@ def _repaired_polygons(polygons: Polygons, defects: Sequence[Defect]) -> Polygon
     return repaired
 
 
-def _valid(vertices: np.ndarray) -> np.ndarray | None:
+def _valid(vertices: np.ndarray, size: Size) -> np.ndarray | None:
     """Return the largest valid part (n, 2) of an outline inside the photo; None if nothing remains."""
     import shapely
 
-    clipped = shapely.intersection(shapely.make_valid(shapely.Polygon(vertices)), shapely.box(0, 0, WIDTH, HEIGHT))
+    clipped = shapely.intersection(shapely.make_valid(shapely.Polygon(vertices)), shapely.box(0, 0, *size))
     parts = [part for part in shapely.get_parts(clipped) if part.geom_type == "Polygon"]
     largest = max(parts, key=lambda part: part.area, default=None)
     return None if largest is None else np.array(largest.exterior.coords)[:-1]

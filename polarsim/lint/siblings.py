@@ -15,7 +15,8 @@ from polarsim.geometry.boxes import iou, largest_iou, match_by_summed_iou
 from polarsim.geometry.consensus import MIN_SAME_ROCK_IOU, find_rocks_labelled_shadow
 from polarsim.lint.files import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
-from polarsim.photo import BOX_CLASSES, SUNS, Bracket, PhotoKey, by_bracket, exposures
+from polarsim.photo import BOX_CLASSES, NO_SUN, Bracket, PhotoKey, by_bracket
+from polarsim.site import Site
 
 MIN_SAME_IOU, MIN_UNMOVED_IOU = 0.1, 0.9  # minimum IoU of the same box in another exposure, and of an unmoved box
 Defects = Iterator[tuple[PhotoKey, Defect]]
@@ -39,12 +40,12 @@ def set_defects(files: Mapping[PhotoKey, Boxes], voters: Mapping[PhotoKey, Boxes
             shortest_with_shadows = key
 
 
-def missing_exposures(existing: set[PhotoKey]) -> list[PhotoKey]:
+def missing_exposures(existing: set[PhotoKey], site: Site) -> list[PhotoKey]:
     """Return missing photos of a nearly complete exposure bracket with Sun; empty if most of the bracket is missing."""
     key = next(iter(existing))
-    complete = {key.with_exposure(exposure) for exposure in exposures(key.terrain, key.azimuth)}
+    complete = {key.with_exposure(exposure) for exposure in site.exposures_of(key.terrain, key.azimuth)}
     missing = complete - existing
-    return sorted(missing) if key.azimuth != "no" and len(missing) < len(complete) / 2 else []
+    return sorted(missing) if key.has_sun and len(missing) < len(complete) / 2 else []
 
 
 def of_class(files: Mapping[PhotoKey, Boxes], number: int) -> dict[PhotoKey, np.ndarray]:
@@ -117,13 +118,13 @@ def changed_boxes(before: np.ndarray, after: np.ndarray) -> Change:
     )
 
 
-def sibling_defects(files: Mapping[PhotoKey, Boxes]) -> Defects:
+def sibling_defects(files: Mapping[PhotoKey, Boxes], site: Site) -> Defects:
     """Yield defects of the files of a terrain, relative to files under other lamps."""
     yield from _copies(files)
     yield from _missing_right(files)
     for view in sorted({key.view for key in files}):
         mine = {key: boxes for key, boxes in files.items() if key.view == view}
-        yield from _across_azimuths(mine)
+        yield from _across_azimuths(mine, len(site.suns))
         yield from _across_lights(mine)
 
 
@@ -144,19 +145,22 @@ def _copies(files: Mapping[PhotoKey, Boxes]) -> Defects:
 def _missing_right(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Yield labelled left photos without Sun and without labels of the right photo, if the right set has labels."""
     right = {key for key in files if key.camera == "R"}
-    sets = {(key.position, key.light) for key in right if key.azimuth == "no"}
+    sets = {(key.position, key.light) for key in right if not key.has_sun}
     for key in sorted(files):
-        left = key.azimuth == "no" and key.camera == "L" and (key.position, key.light) in sets
+        left = not key.has_sun and key.camera == "L" and (key.position, key.light) in sets
         if left and key.other_camera not in right:
             yield key, Defect("missing_right", f"no {key.other_camera}")
 
 
-def _across_azimuths(files: Mapping[PhotoKey, Boxes]) -> Defects:
-    """Yield defects of a view relative to the best files of the other azimuths, rover light off."""
+def _across_azimuths(files: Mapping[PhotoKey, Boxes], suns: int) -> Defects:
+    """Yield defects of a view relative to the best files of the other azimuths, rover light off.
+
+    `suns` is the number of Sun lamps of the site. With fewer than three, no majority of lamps is possible.
+    """
     best, rocks = _dark_rocks(files)
     for azimuth, key in best.items():
         others = [rocks[other] for other in rocks if other != azimuth]
-        if len(others) < len(SUNS) - 1:
+        if len(others) < max(2, suns - 1):
             continue
         elsewhere = np.all([largest_iou(others[0], other) >= MIN_SAME_ROCK_IOU for other in others[1:]], axis=0)
         absent = int((elsewhere & (largest_iou(others[0], rocks[azimuth]) < MIN_SAME_ROCK_IOU)).sum())
@@ -182,7 +186,7 @@ def swapped_classes(files: Mapping[PhotoKey, Boxes]) -> Defects:
 
 def _dark_rocks(files: Mapping[PhotoKey, Boxes]) -> tuple[dict[str, PhotoKey], dict[str, np.ndarray]]:
     """Return the best file of a view with rover light off and its rocks (n, 4), by Sun azimuth."""
-    best: dict[str, PhotoKey] = {key.azimuth: key for key in _best(files) if key.light == "off" and key.azimuth in SUNS}
+    best: dict[str, PhotoKey] = {key.azimuth: key for key in _best(files) if key.light == "off" and key.has_sun}
     return best, {azimuth: files[key][1][files[key][0] == ROCK_CLASS] for azimuth, key in best.items()}
 
 
@@ -193,7 +197,7 @@ def _across_lights(files: Mapping[PhotoKey, Boxes]) -> Defects:
     for name, lit in sets.items():
         terrain, position, light, azimuth, camera = name
         dark = sets.get((terrain, position, "off", azimuth, camera))
-        if light != "on" or azimuth == "no" or dark is None:
+        if light != "on" or azimuth == NO_SUN or dark is None:
             continue
         for number, kind in ((ROCK_CLASS, "rock"), (SHADOW_CLASS, "shadow")):
             before, after = modal(of_class(dark, number)), modal(of_class(lit, number))

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from polarsim.formats.calibrations import stated_rig
 from polarsim.geometry.boxes import box_centres, iou, match_by_summed_iou
 from polarsim.geometry.consensus import consensus_boxes
-from polarsim.geometry.stereo import StereoRig
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import Pose
 from polarsim.lint.files import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
 from polarsim.lint.siblings import Defects, modals, of_class
-from polarsim.photo import CAMERAS, HEIGHT, SUNS, Bracket, PhotoKey
+from polarsim.photo import NO_SUN, Bracket, CameraSide, PhotoKey, Terrain
 from polarsim.run_files.survey import surveyed_pose
-from polarsim.site import polar
+from polarsim.site import Site
 
 MIN_BOXES_OF_A_VIEW = 3  # minimum number of boxes that identify a view
 MIN_VIEW_LEAD, MIN_VIEW_IOU = 0.25, 0.4  # minimum lead of another view in mean IoU, and minimum mean IoU
@@ -32,23 +33,23 @@ MAX_SHADOW_GAP = 0.12  # maximum distance on the ground between the boxes of a r
 AWAY, TOWARDS = 0.0, -0.7  # minimum cosine to the direction of light of a possible shadow, maximum of an impossible one
 
 
-def view_defects(files: Mapping[PhotoKey, Boxes]) -> Defects:
+def view_defects(files: Mapping[PhotoKey, Boxes], site: Site) -> Defects:
     """Yield defects of a terrain that need several views, or the positions of cameras and lamps."""
     yield from _other_views(files)
     yield from _other_azimuths(files)
-    yield from _off_epipolar(files)
-    yield from _sunward_shadows(files)
+    yield from _off_epipolar(files, site.images.height)
+    yield from _sunward_shadows(files, site)
 
 
 def _other_views(files: Mapping[PhotoKey, Boxes]) -> Defects:
     """Yield files with rocks of another view, by the median fit over exposure brackets except that of the file."""
     rocks = of_class(files, ROCK_CLASS)
     sets = modals(rocks)
-    fits: dict[tuple[object, ...], dict[tuple[int, str, str], float]] = {}
+    fits: dict[tuple[object, ...], dict[tuple[Terrain, str, str], float]] = {}
     for key, boxes in sorted(rocks.items()):
         content = (key.bracket, boxes.tobytes())
         if content not in fits:  # most exposures have the same content
-            by_view: dict[tuple[int, str, str], list[float]] = {}
+            by_view: dict[tuple[Terrain, str, str], list[float]] = {}
             for name, annotated in sets.items():
                 if name != key.bracket:
                     by_view.setdefault(_view(name), []).append(_fit(boxes, annotated))
@@ -63,11 +64,11 @@ def _other_azimuths(files: Mapping[PhotoKey, Boxes]) -> Defects:
     shadows = of_class(files, SHADOW_CLASS)
     sets = modals(shadows)
     for key, boxes in sorted(shadows.items()):
-        if key.azimuth in SUNS:
+        if key.has_sun:
             fits = {
                 name[3]: _fit(boxes, annotated)
                 for name, annotated in sets.items()
-                if _view(name) == key.view and name[3] in SUNS and name[2] != key.light
+                if _view(name) == key.view and name[3] != NO_SUN and name[2] != key.light
             }
             best, detail = _better_fit(boxes, fits, key.azimuth)
             if best is not None:
@@ -83,7 +84,7 @@ def _better_fit(boxes: np.ndarray, fits: Mapping[Any, float], own: Any) -> tuple
     return best if better else None, f"mean IoU {fits[best]:.2f}, own {fits[own]:.2f}"
 
 
-def _view(bracket: Bracket) -> tuple[int, str, str]:
+def _view(bracket: Bracket) -> tuple[Terrain, str, str]:
     terrain, position, _, _, camera = bracket
     return terrain, position, camera
 
@@ -94,16 +95,16 @@ def _fit(boxes: np.ndarray, known: np.ndarray) -> float:
     return float(overlap[match_by_summed_iou(overlap)].sum() / max(1, len(boxes)))
 
 
-def _off_epipolar(files: Mapping[PhotoKey, Boxes]) -> Defects:
+def _off_epipolar(files: Mapping[PhotoKey, Boxes], height: int) -> Defects:
     """Yield right files with rocks above or below their position predicted from the left file."""
     rocks = of_class(files, ROCK_CLASS)
     sets = modals(rocks)
     for station in sorted({key.station for key in rocks}):
         consensus = {
             camera: consensus_boxes([boxes for name, boxes in sets.items() if _view(name) == (*station, camera)])
-            for camera in CAMERAS
+            for camera in get_args(CameraSide)
         }
-        plane = _right_from_left(consensus["L"], consensus["R"])
+        plane = _right_from_left(consensus["L"], consensus["R"], height)
         if plane is None:
             continue
         for key in sorted(key for key in rocks if (key.station, key.camera) == (station, "R")):
@@ -113,11 +114,11 @@ def _off_epipolar(files: Mapping[PhotoKey, Boxes]) -> Defects:
                     yield key, Defect("off_epipolar", f"{len(rows)} rocks, first box {rows[0] + 1} of the rocks")
 
 
-def _right_from_left(left: np.ndarray, right: np.ndarray) -> np.ndarray | None:
+def _right_from_left(left: np.ndarray, right: np.ndarray, height: int) -> np.ndarray | None:
     """Fit the offset (3, 2) of a box's centre as a plane over the left photo; None with too few pairs."""
     if min(len(left), len(right)) < MIN_PAIRS:
         return None
-    starts = [np.array([[a - SLOPE * HEIGHT / 2, DROP_PX], [0, 0], [SLOPE, 0]]) for a in OFFSETS_PX]
+    starts = [np.array([[a - SLOPE * height / 2, DROP_PX], [0, 0], [SLOPE, 0]]) for a in OFFSETS_PX]
     plane = max(starts, key=lambda start: _fit(_moved(left, start), right))
     for _ in range(PLANE_FITS):
         moved = _moved(left, plane)
@@ -160,28 +161,34 @@ def _off_line(expected: np.ndarray, right: np.ndarray) -> list[int]:
     return rows
 
 
-def _sunward_shadows(files: Mapping[PhotoKey, Boxes]) -> Defects:
-    """Yield shadows next to a rock on the side of the Sun lamp without a rock on the opposite side."""
-    rig = stated_rig(polar())
+def _sunward_shadows(files: Mapping[PhotoKey, Boxes], site: Site) -> Defects:
+    """Yield shadows next to a rock on the side of the Sun lamp without a rock on the opposite side.
+
+    Positions without an approximate pose are skipped, and all of a site without a calibration.
+    """
+    if site.cameras.calibration is None:
+        return
+    rig = stated_rig(site)
     for key, (classes, boxes) in sorted(files.items()):
-        if key.azimuth not in polar().lamps or key.position not in polar().tripods:
+        tripod = site.tripods_of(key.terrain).get(key.position)
+        if not key.has_sun or tripod is None:
             continue
         rocks, shadows = boxes[classes == ROCK_CLASS], boxes[classes == SHADOW_CLASS]
-        feet = _feet(rocks, key, rig, ROCK_FOOT), _feet(shadows, key, rig, SHADOW_FOOT)
-        wrong = _on_sunny_side(*feet, np.array(polar().lamps[key.azimuth].point)[:2])
+        pose = surveyed_pose(tripod) if key.camera == "L" else surveyed_pose(tripod) @ rig.left_from_right
+        lens = rig.lens(key.camera)
+        feet = _feet(rocks, pose, lens, ROCK_FOOT), _feet(shadows, pose, lens, SHADOW_FOOT)
+        wrong = _on_sunny_side(*feet, np.array(site.lamps[key.azimuth].point)[:2])
         if wrong.any():
             numbers = np.flatnonzero(classes == SHADOW_CLASS)[wrong]
             detail = f"{len(numbers)} of {len(shadows)} shadows, first box {numbers[0] + 1}"
             yield key, Defect("sunward_shadow", detail, tuple(numbers.tolist()))
 
 
-def _feet(boxes: np.ndarray, key: PhotoKey, rig: StereoRig, foot: float) -> np.ndarray:
+def _feet(boxes: np.ndarray, pose: Pose, lens: Lens, foot: float) -> np.ndarray:
     """Return ground points (n, 3, 2), metres, of boxes' centres at a share of their height and of lower corners."""
-    left = surveyed_pose(polar().tripods[key.position])
-    pose = left if key.camera == "L" else left @ rig.left_from_right
     columns = np.stack([(boxes[:, 0] + boxes[:, 2]) / 2, boxes[:, 0], boxes[:, 2]], axis=1)
     rows = np.stack([boxes[:, 1] + foot * (boxes[:, 3] - boxes[:, 1]), boxes[:, 3], boxes[:, 3]], axis=1)
-    rays = pose.rotate(rig.lens(key.camera).directions(np.stack([columns, rows], axis=-1).reshape(-1, 2)))
+    rays = pose.rotate(lens.directions(np.stack([columns, rows], axis=-1).reshape(-1, 2)))
     with np.errstate(divide="ignore", invalid="ignore"):
         away = np.where(rays[:, 2] < 0, -pose.translation[2] / rays[:, 2], np.nan)
     return np.asarray((pose.translation + away[:, None] * rays)[:, :2].reshape(-1, 3, 2))

@@ -28,7 +28,7 @@ from polarsim.run_files import lamps, rigs, scene
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.rigs import SURVEYED, LocalisedRig
 from polarsim.run_files.run import CONFIG, PHOTO, Run
-from polarsim.site import polar
+from polarsim.site import Site, polar
 
 Origin = Literal["measured", "fitted", "synthetic"]
 # Origin of raw data by source: all data of the analog are synthetic.
@@ -110,6 +110,7 @@ class Catalogue:
     """Data of a run that can be published."""
 
     run: Path
+    site: Site
     kind: str  # of the source: analog, files or release
     terrains: Mapping[int, CatalogueTerrain]
     pictures: tuple[CatalogueImage, ...]  # in the order of domains and keys
@@ -207,7 +208,7 @@ class Catalogue:
 
 @lru_cache(maxsize=4)  # images are processed by terrain, in at most three domains
 def _coco(path: Path, size: tuple[int, int]) -> dict[PhotoKey, list[Annotation]]:
-    return read_coco(path, size)
+    return read_coco(path, size, PhotoKey.parse)
 
 
 def read_catalogue(run: Path, split: str = "") -> Catalogue:
@@ -224,6 +225,7 @@ def read_catalogue(run: Path, split: str = "") -> Catalogue:
         raise ConfigError("no images: expected photos below acquire/ or twins below renders/", path=run)
     return Catalogue(
         run=run,
+        site=Run(run).site,
         kind=kind,
         terrains=terrains,
         pictures=pictures,

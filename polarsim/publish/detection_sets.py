@@ -42,7 +42,7 @@ def write_coco_set(catalogue: Catalogue, bundle: Bundle) -> None:
 def _image(catalogue: Catalogue, picture: CatalogueImage) -> dict[str, object]:
     file = {"file_name": f"{picture.name}.png", "width": picture.width, "height": picture.height}
     source = {"domain": picture.domain, "origin": catalogue.picture_origin(picture), "part": picture.part}
-    return {"id": coco.image_id(picture.key), **file, **key_columns(picture.key), **source}
+    return {"id": catalogue.site.image_id(picture.key), **file, **key_columns(picture.key), **source}
 
 
 def write_yolo(catalogue: Catalogue, bundle: Bundle) -> None:

@@ -72,7 +72,7 @@ def annotate_ids(
     for kind, rock, box in boxes_of_ids(ids, options):
         left, top, right, bottom = box.astype(int).tolist()
         number = rock + (ROCK_IDS if kind == ROCK else SHADOW_IDS)
-        mask = rle.encode_rle(ids[top:bottom, left:right] == number, left, top, ids.shape[::-1])
+        mask = rle.encode_rle(ids[top:bottom, left:right] == number, ids.shape[::-1], left, top)
         amodal = None
         if occluded is not None and kind == ROCK:
             amodal = occluded.get(rock, coco.Amodal(mask, box))
@@ -96,7 +96,7 @@ def amodal_masks(ids: np.ndarray, hidden: Mapping[int, np.ndarray], options: Ren
         box = box_of_parts(mask, options.min_rock_area_px, options.min_part_area_px)
         if box is not None:
             x0, y0, x1, y1 = box.astype(int).tolist()
-            runs = rle.encode_rle(mask[y0:y1, x0:x1], left + x0, top + y0, ids.shape[::-1])
+            runs = rle.encode_rle(mask[y0:y1, x0:x1], ids.shape[::-1], left + x0, top + y0)
             amodal[rock] = coco.Amodal(runs, box + np.tile([left, top], 2))
     return amodal
 

@@ -209,17 +209,18 @@ def render_twins(
                 write_view_maps(labels.maps, chosen, surfaces, camera, active_lamps, group.options, threads)
     images = next(iter(twins.values()))
     sizes = {(rig.rig.left.width, rig.rig.left.height) for rig in rigs.values()} or {site.images.size}
-    _write_labels(labels, all_labels, max(sizes), {key: images / f"{key}.png" for key in all_labels})
+    _write_labels(site, labels, all_labels, max(sizes), {key: images / f"{key}.png" for key in all_labels})
 
 
 def _write_labels(
+    site: Site,
     labels: LabelPaths,
     all_labels: Mapping[PhotoKey, Sequence[coco.Annotation]],
     size: tuple[int, int],
     images: Mapping[PhotoKey, Path],
 ) -> None:
     """Write the labels of all twins as a COCO file, with the image paths of one model, and as a table."""
-    coco.write_coco(labels.annotations, all_labels, size=size, pictures=images)
+    coco.write_coco(labels.annotations, all_labels, site, size, pictures=images)
     in_order = sorted(all_labels, key=lambda key: (key.position, key.camera, key))
     rows = [label_row(key, label) for key in in_order for label in all_labels[key]]
     tables.write_parquet(labels.table, tables.label_table(rows))

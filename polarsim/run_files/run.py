@@ -13,10 +13,11 @@ import pandas as pd
 from polarsim.errors import ConfigError
 from polarsim.formats.tables import LABEL_COLUMNS, label_table, read_csv, read_parquet
 from polarsim.formats.yaml_files import read_yaml
-from polarsim.photo import TERRAINS, PhotoKey, Terrain, terrain_text
+from polarsim.photo import PhotoKey, Terrain, terrain_text
 from polarsim.run_files.instances import instance_map_name
 from polarsim.run_files.pictures import pictures_at
 from polarsim.schemas.detect import PREDICTIONS
+from polarsim.site import DEFAULT, Site, site_of
 
 PHOTO = "photo"  # domain of photos; the other domains are models of twins
 TRACE = "trace.parquet"  # in the folder of each drive
@@ -51,12 +52,17 @@ class Run:
         return self.folder.resolve().name
 
     @cached_property
-    def terrains(self) -> tuple[int, ...]:
-        """Terrains with photos, labels or meshes."""
+    def site(self) -> Site:
+        """Site of the stored configuration of the run; NASA's POLAR without a configuration."""
+        return Site.model_validate(site_of(self._configuration.get("site", DEFAULT)))
+
+    @cached_property
+    def terrains(self) -> tuple[Terrain, ...]:
+        """Terrains with photos, labels or meshes, in the order of the site."""
         paths = ("acquire/{}/photos.parquet", "labels/tables/{}.parquet", "meshes/{}")
         return tuple(
             terrain
-            for terrain in TERRAINS
+            for terrain in self.site.terrains
             if any((self.folder / path.format(f"Terrain{terrain_text(terrain)}")).exists() for path in paths)
         )
 
@@ -64,7 +70,7 @@ class Run:
     def models(self) -> tuple[str, ...]:
         """Reflectance models of the twins."""
         folders = sorted(path for path in (self.folder / "renders").glob("*") if path.is_dir())
-        return tuple(path.name for path in folders if path.name not in _NO_MODELS and any(path.glob("Terrain??/*.png")))
+        return tuple(path.name for path in folders if path.name not in _NO_MODELS and any(path.glob("Terrain*/*.png")))
 
     @property
     def domains(self) -> tuple[str, ...]:
@@ -140,7 +146,12 @@ class Run:
 
     def configured(self, section: str) -> Mapping[str, Any]:
         """Return a section of the merged configuration of the run; empty if it does not exist."""
+        options = self._configuration.get(section)
+        return options if isinstance(options, Mapping) else {}
+
+    @property
+    def _configuration(self) -> Mapping[str, Any]:
+        """Stored configuration; empty if it does not exist."""
         path = self.folder / CONFIG
         content = read_yaml(path) if path.is_file() else None
-        options = content.get(section) if isinstance(content, Mapping) else None
-        return options if isinstance(options, Mapping) else {}
+        return content if isinstance(content, Mapping) else {}

@@ -100,9 +100,9 @@ def _check_seeds(config: Config) -> None:
     if not isinstance(seeds, SeedOptions) or (seeds.root is None and not _is_local(config)):
         return
     for terrain in config.terrains:
-        files, folder = find_labels(seeds.root or config.source.root, terrain)
+        files, folder = find_labels(seeds.root or config.source.root, terrain, config.site.key)
         if not any(seeds.allow(key) and key.position in config.positions for key in files):
-            raise no_seed_error(terrain, seeds, files, folder)
+            raise no_seed_error(terrain, seeds, files, folder, config.site.key)
 
 
 def _check_annotated(config: Config) -> None:
@@ -122,7 +122,7 @@ def _checked_corrections(config: Config) -> set[PhotoKey]:
         return set()
     from polarsim.labels.seeds import read_all_corrections  # imports pandas, which a plan needs only here
 
-    found = set(read_all_corrections(folder))
+    found = set(read_all_corrections(folder, config.site))
     if not found:
         raise ConfigError(
             "labels.corrections: no KEY.txt or COCO file with labels; omit the key to run without corrections",
@@ -149,6 +149,6 @@ def _check_excluded(config: Config, corrections: set[PhotoKey]) -> None:
                 f"labels.excluded_annotations: {key} is not a correction, and labels.seeds is {NO_SEEDS!r}"
             )
         root = seeds.root or config.source.root
-        files, folder = find_labels(root, key.terrain) if root.is_dir() else ({}, root)
+        files, folder = find_labels(root, key.terrain, config.site.key) if root.is_dir() else ({}, root)
         if files and key not in dict(choose_seed_files(files, config.positions, seeds, config.site.usual_exposure_ms)):
             raise ConfigError(f"labels.excluded_annotations: {key} is neither a seed nor a correction", path=folder)

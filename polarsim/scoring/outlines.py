@@ -17,6 +17,7 @@ from polarsim.scoring.labels import box_metrics, read_sound_boxes
 from polarsim.scoring.metrics import write_metrics
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.score import MatchCounts, PhotoLabels, count_boxes, count_overlaps, read_sound
+from polarsim.site import Site
 
 TASKS: dict[CameraSide, str] = {"L": "seeds' camera", "R": "Left to Right"}
 
@@ -27,6 +28,7 @@ Item = TypeVar("Item")  # a polygon or an annotation
 
 def score_outlines(
     *,
+    site: Site,
     terrain: Terrain,
     keys: Sequence[PhotoKey],
     annotations: Path,
@@ -43,7 +45,7 @@ def score_outlines(
     COCO file of the terrain, and `root` the root of a release; a terrain without polygons has no metrics.
     """
     annotated = _of_brackets(read_polygon_files(root, terrain), keys)
-    predicted = _of_brackets(read_coco(annotations), keys)
+    predicted = _of_brackets(read_coco(annotations, site.images.size, PhotoKey.parse), keys)
     boxes = read_sound_boxes(release.label_folder(root, terrain), terrain)
     total: dict[str, MatchCounts] = {}
     for bracket in sorted(set(annotated) & set(predicted)):

@@ -60,7 +60,7 @@ class ReleaseSource:
             raise FormatError(
                 f"no data of terrain {terrain_text(terrain)}, expected {self.expected(site, terrain)}", path=root
             )
-        stray = release.stray_files(root, terrain)
+        stray = release.stray_files(root, terrain, site.key)
         release.log_strays(stray, f"{root}, terrain {terrain_text(terrain)}")
         ground = release.ground_file(root, terrain)
         inventory = Inventory(

@@ -14,6 +14,7 @@ from polarsim.formats import png, yolo
 from polarsim.formats.release import read_annotated_boxes
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, write_parquet
 from polarsim.photo import BOX_CLASSES, PhotoKey
+from polarsim.site import polar
 
 KEYS = [PhotoKey.parse(f"{terrain}_A_off_30_{camera}_0256") for terrain in ("01", "03") for camera in "LR"]
 PIXELS = np.full((38, 60), 500, np.uint16)  # a small image, because only the path is tested
@@ -66,7 +67,7 @@ def test_the_export_for_labelimg_has_images_boxes_and_classes(tmp_path, run):
 def test_exported_boxes_read_back_with_an_error_below_a_hundredth_of_a_pixel(tmp_path_factory, drawn):
     folder = tmp_path_factory.mktemp("export")
     export_photos(folder=folder / "out", run=make_run(folder / "demo", {KEYS[0]: drawn, KEYS[1]: []}), tool="labelimg")
-    found = read_annotated_boxes(folder / "out")
+    found = read_annotated_boxes(folder / "out", polar().images.size, PhotoKey.parse)
     assert list(found) == KEYS[:2]
     assert len(found[KEYS[1]][0]) == 0
     classes, boxes = found[KEYS[0]]
@@ -80,9 +81,9 @@ def test_exported_boxes_read_back_with_an_error_below_a_hundredth_of_a_pixel(tmp
 
 def test_terrains_are_selected_by_number_and_photos_by_pattern(tmp_path, run):
     export_photos(folder=tmp_path / "one", run=run, terrains=[3], tool="labelimg")
-    assert {key.terrain for key in read_annotated_boxes(tmp_path / "one")} == {3}
+    assert {key.terrain for key in read_annotated_boxes(tmp_path / "one", polar().images.size, PhotoKey.parse)} == {3}
     export_photos(folder=tmp_path / "two", run=run, pattern="*_L_*", tool="labelimg")
-    assert {key.camera for key in read_annotated_boxes(tmp_path / "two")} == {"L"}
+    assert {key.camera for key in read_annotated_boxes(tmp_path / "two", polar().images.size, PhotoKey.parse)} == {"L"}
     with pytest.raises(LabelError, match="13_"):
         export_photos(folder=tmp_path / "three", run=run, pattern="13_*", tool="labelimg")
     assert not (tmp_path / "three").exists()

@@ -15,6 +15,10 @@ from polarsim.formats import coco, yolo
 from polarsim.formats.files import write_json
 from polarsim.formats.tables import key_columns, label_table
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey
+from polarsim.site import polar
+
+POLAR = polar()
+SIZE = POLAR.images.size
 
 KEY, OTHER = PhotoKey.parse("01_A_off_30_L_0256"), PhotoKey.parse("01_A_off_180_L_0256")
 BOX = np.array([500.0, 300, 600, 340])
@@ -73,7 +77,7 @@ def cvat(*shapes, name=f"{KEY}.png"):
     ],
 )
 def test_every_shape_of_cvat_with_an_area_becomes_a_box(tmp_path, shape, box, form):
-    done = import_labels(write(tmp_path / "a.xml", cvat(shape)), tmp_path / "out")
+    done = import_labels(write(tmp_path / "a.xml", cvat(shape)), tmp_path / "out", site=POLAR)
     assert read_back(tmp_path / "out") == [("rock", box)]
     assert (done.read, done.skipped) == ({form: 1}, {})
 
@@ -90,12 +94,12 @@ def test_every_shape_of_cvat_with_an_area_becomes_a_box(tmp_path, shape, box, fo
 )
 def test_a_shape_without_box_is_counted_and_the_photo_is_not_empty(tmp_path, shape, form):
     content = cvat(shape).replace("</annotations>", cvat(SOUND, name=f"{OTHER}.png").removeprefix("<annotations>"))
-    done = import_labels(write(tmp_path / "a.xml", content), tmp_path / "out", keep_empty=True)
+    done = import_labels(write(tmp_path / "a.xml", content), tmp_path / "out", keep_empty=True, site=POLAR)
     assert (done.skipped, done.empty, done.unread) == ({form: 1}, [], [str(KEY)])
     assert [path.stem for path in (tmp_path / "out").iterdir()] == [str(OTHER)]
     assert f"skipped: {form} (1)" in done.report()[-1]
     with pytest.raises(FormatError, match=form):
-        import_labels(write(tmp_path / "b.xml", cvat(shape)), tmp_path / "alone")
+        import_labels(write(tmp_path / "b.xml", cvat(shape)), tmp_path / "alone", site=POLAR)
 
 
 SOUND = '<box label="rock" xtl="900" ytl="590" xbr="1000" ybr="610"/>'
@@ -118,7 +122,7 @@ SOUND = '<box label="rock" xtl="900" ytl="590" xbr="1000" ybr="610"/>'
 )
 def test_invalid_xml_is_an_error_with_the_element(tmp_path, content):
     with pytest.raises(FormatError):
-        import_labels(write(tmp_path / "a.xml", content), tmp_path / "out", form="cvat")
+        import_labels(write(tmp_path / "a.xml", content), tmp_path / "out", form="cvat", site=POLAR)
     assert not (tmp_path / "out").exists()
 
 
@@ -158,7 +162,7 @@ ELLIPSE = {"x": 700 / WIDTH * 100, "y": 500 / HEIGHT * 100, "radiusX": 40 / WIDT
     ],
 )
 def test_every_region_of_label_studio_with_an_area_becomes_a_box(tmp_path, results, box):
-    done = import_labels(write(tmp_path / "a.json", [studio(*results)]), tmp_path / "out")
+    done = import_labels(write(tmp_path / "a.json", [studio(*results)]), tmp_path / "out", site=POLAR)
     assert read_back(tmp_path / "out") == [("rock", [round(value, 1) for value in box])]
     assert (done.boxes, done.skipped) == (1, {})
 
@@ -192,7 +196,7 @@ def test_the_box_of_a_brush_on_a_resized_image_is_in_pixels_of_the_photo(tmp_pat
     mask[10:14, 30:36] = True
     brush = result("brushlabels", {"format": "rle", "rle": packed(mask), "brushlabels": ["shadow"]},
                    original_width=121, original_height=76)  # fmt: skip
-    done = import_labels(write(tmp_path / "a.json", [studio(brush)]), tmp_path / "out")
+    done = import_labels(write(tmp_path / "a.json", [studio(brush)]), tmp_path / "out", site=POLAR)
     assert read_back(tmp_path / "out") == [("shadow", [480, 160, 576, 224])]
     assert done.read == {"brush": 1}
 
@@ -211,7 +215,9 @@ def test_the_box_of_a_brush_on_a_resized_image_is_in_pixels_of_the_photo(tmp_pat
 )
 def test_a_region_without_a_box_is_counted(tmp_path, results, form):
     sound = studio(result("rectanglelabels", {**percent(BOX), "rectanglelabels": ["rock"]}), name=f"{OTHER}.png")
-    done = import_labels(write(tmp_path / "a.json", [studio(*results), sound]), tmp_path / "out", keep_empty=True)
+    done = import_labels(
+        write(tmp_path / "a.json", [studio(*results), sound]), tmp_path / "out", keep_empty=True, site=polar()
+    )
     assert (done.boxes, done.skipped, done.unread) == (1, {form: 1}, [str(KEY)])
 
 
@@ -227,7 +233,7 @@ def test_json_min_may_have_any_names_of_controls_and_images(tmp_path, control, f
         control: [rectangle],
         "more": [ellipse],
     }
-    done = import_labels(write(tmp_path / "a.json", [row]), tmp_path / "out")
+    done = import_labels(write(tmp_path / "a.json", [row]), tmp_path / "out", site=POLAR)
     assert sorted(read_back(tmp_path / "out")) == [("rock", BOX.tolist()), ("shadow", [660, 490, 740, 510])]
     assert done.read == {"rectangle": 1, "ellipse": 1}
 
@@ -235,11 +241,11 @@ def test_json_min_may_have_any_names_of_controls_and_images(tmp_path, control, f
 def test_predictions_are_used_only_without_annotations(tmp_path):
     rectangle = result("rectanglelabels", {**percent(BOX), "rectanglelabels": ["rock"]})
     predicted = {"data": {"image": f"{KEY}.png"}, "predictions": [{"result": [rectangle]}]}
-    done = import_labels(write(tmp_path / "a.json", [predicted]), tmp_path / "alone")
+    done = import_labels(write(tmp_path / "a.json", [predicted]), tmp_path / "alone", site=POLAR)
     assert done.boxes == 1
     assert any("predictions" in line for line in done.report())
     tasks = [predicted | {"annotations": []}, studio(rectangle, name=f"{OTHER}.png")]
-    done = import_labels(write(tmp_path / "b.json", tasks), tmp_path / "out", keep_empty=True)
+    done = import_labels(write(tmp_path / "b.json", tasks), tmp_path / "out", keep_empty=True, site=POLAR)
     assert (done.photos, done.unread, done.skipped.total()) == (1, [str(KEY)], 1)
 
 
@@ -258,7 +264,7 @@ def test_predictions_are_used_only_without_annotations(tmp_path):
 )
 def test_invalid_json_is_an_error_without_internal_names(tmp_path, content):
     with pytest.raises(FormatError) as caught:
-        import_labels(write(tmp_path / "a.json", content), tmp_path / "out")
+        import_labels(write(tmp_path / "a.json", content), tmp_path / "out", site=POLAR)
     assert not any(word in str(caught.value) for word in ("KeyError", "AttributeError", "_Runs", "TypeError"))
 
 
@@ -289,18 +295,18 @@ def coco_file(*annotations, name=f"{KEY}.png", width=WIDTH, height=HEIGHT):
 def test_every_annotation_of_coco_becomes_a_box(tmp_path, annotation, box, form):
     if form == "crowd region":
         annotation["segmentation"]["counts"][2] = WIDTH * HEIGHT - 12184
-    done = import_labels(write(tmp_path / "a.json", coco_file(annotation)), tmp_path / "out")
+    done = import_labels(write(tmp_path / "a.json", coco_file(annotation)), tmp_path / "out", site=POLAR)
     assert read_back(tmp_path / "out") == [("rock", box)]
     assert done.read == {form: 1}
 
 
 def test_boxes_of_resized_images_are_scaled_and_other_aspects_are_errors(tmp_path):
     content = coco_file({"bbox": [250, 150, 50, 20]}, width=968, height=608)
-    import_labels(write(tmp_path / "a.json", content), tmp_path / "out")
+    import_labels(write(tmp_path / "a.json", content), tmp_path / "out", site=POLAR)
     assert read_back(tmp_path / "out") == [("rock", BOX.tolist())]
     content["images"][0]["height"] = 968
     with pytest.raises(FormatError):
-        import_labels(write(tmp_path / "b.json", content), tmp_path / "square")
+        import_labels(write(tmp_path / "b.json", content), tmp_path / "square", site=POLAR)
 
 
 @pytest.mark.parametrize(
@@ -317,7 +323,7 @@ def test_boxes_of_resized_images_are_scaled_and_other_aspects_are_errors(tmp_pat
 )
 def test_implausible_boxes_of_coco_are_errors_with_the_annotation(tmp_path, annotations):
     with pytest.raises(FormatError) as caught:
-        import_labels(write(tmp_path / "a.json", coco_file(*annotations)), tmp_path / "out")
+        import_labels(write(tmp_path / "a.json", coco_file(*annotations)), tmp_path / "out", site=POLAR)
     assert "_Runs" not in str(caught.value)
 
 
@@ -340,7 +346,7 @@ LINES = "1 0.5 0.5 0.05 0.05\n0 0.42 0.51 0.48 0.51 0.48 0.53 0.42 0.53\n"  # th
 def test_class_lists_of_any_form_are_used_from_the_folder_or_up_to_two_above(tmp_path, file, content, handed):
     write(tmp_path / f"set/labels/train/{KEY}.txt", LINES)
     write(tmp_path / "set" / file, content)
-    done = import_labels(tmp_path / "set" / handed, tmp_path / "out")
+    done = import_labels(tmp_path / "set" / handed, tmp_path / "out", site=POLAR)
     assert [kind for kind, _ in read_back(tmp_path / "out")] == ["rock", "shadow"]
     assert any(file.rsplit("/", 1)[-1] in line for line in done.notes)
 
@@ -348,7 +354,7 @@ def test_class_lists_of_any_form_are_used_from_the_folder_or_up_to_two_above(tmp
 def test_a_class_list_in_another_folder_of_the_data_set_is_used(tmp_path):
     write(tmp_path / f"set/labels/train/{KEY}.txt", LINES)
     write(tmp_path / "set/meta/data.yaml", "names: [shadow, rock]\n")
-    import_labels(tmp_path / "set", tmp_path / "out")
+    import_labels(tmp_path / "set", tmp_path / "out", site=POLAR)
     assert [kind for kind, _ in read_back(tmp_path / "out")] == ["rock", "shadow"]
 
 
@@ -378,7 +384,7 @@ def test_an_ambiguous_class_list_is_an_error(tmp_path, files):
     for name, content in files.items():
         write(tmp_path / "set" / name, content)
     with pytest.raises(FormatError):
-        import_labels(tmp_path / "set", tmp_path / "out")
+        import_labels(tmp_path / "set", tmp_path / "out", site=POLAR)
 
 
 def test_names_of_roboflow_are_read_and_other_files_counted(tmp_path):
@@ -386,14 +392,14 @@ def test_names_of_roboflow_are_read_and_other_files_counted(tmp_path):
     write(tmp_path / f"set/valid/labels/{OTHER}_jpg.rf.AbC9.txt", LINES)
     write(tmp_path / "set/README.roboflow.txt", "made by a tool")
     write(tmp_path / "set/data.yaml", "names: [shadow, rock]")
-    done = import_labels(tmp_path / "set", tmp_path / "out")
+    done = import_labels(tmp_path / "set", tmp_path / "out", site=POLAR)
     assert (done.photos, done.boxes, done.skipped.total()) == (2, 4, 1)
     write(tmp_path / f"set/train/labels/{KEY}_png.rf.ffff.txt", LINES)  # an augmented copy
     with pytest.raises(FormatError, match=str(KEY)):
-        import_labels(tmp_path / "set", tmp_path / "again")
+        import_labels(tmp_path / "set", tmp_path / "again", site=POLAR)
     write(tmp_path / "none/holiday.txt", LINES)
     with pytest.raises(FormatError, match=r"holiday\.txt"):
-        import_labels(tmp_path / "none", tmp_path / "again")
+        import_labels(tmp_path / "none", tmp_path / "again", site=POLAR)
 
 
 @pytest.mark.parametrize(
@@ -411,7 +417,7 @@ def test_names_of_roboflow_are_read_and_other_files_counted(tmp_path):
 def test_invalid_yolo_lines_are_errors_with_the_line(tmp_path, lines):
     path = write(tmp_path / f"set/{KEY}.txt", lines + "\n")
     with pytest.raises(FormatError):
-        import_labels(tmp_path / "set", tmp_path / "out")
+        import_labels(tmp_path / "set", tmp_path / "out", site=POLAR)
     for read in (yolo.read_boxes, yolo.read_detections, yolo.read_boxes_or_polygons,
                  yolo.read_polygons, yolo.read_shapes):  # fmt: skip
         with pytest.raises(FormatError):
@@ -442,7 +448,7 @@ def test_exports_are_read_as_they_were_downloaded(tmp_path, form, how):
     source = tmp_path / "set"
     if how != "folder":
         source = zipped(source, tmp_path / "set.zip", "\\" if "Windows" in how else "/")
-    done = import_labels(source, tmp_path / "out", form or "auto")
+    done = import_labels(source, tmp_path / "out", form or "auto", site=POLAR)
     assert done.boxes == 1
     ((kind, box),) = read_back(tmp_path / "out")
     np.testing.assert_allclose(box, [900, 590, 1000, 610], atol=0.1)
@@ -453,17 +459,17 @@ def test_exports_are_read_as_they_were_downloaded(tmp_path, form, how):
 def test_an_archive_without_labels_is_an_error_with_the_files(tmp_path):
     write(tmp_path / "set/images/one.png", "no picture")
     with pytest.raises(FormatError, match=r"set\.zip"):
-        import_labels(zipped(tmp_path / "set", tmp_path / "set.zip"), tmp_path / "out")
+        import_labels(zipped(tmp_path / "set", tmp_path / "set.zip"), tmp_path / "out", site=POLAR)
 
 
 def test_a_folder_of_two_formats_or_of_none_is_an_error_with_the_files(tmp_path):
     write(tmp_path / "set/annotations.xml", cvat(SOUND))
     write(tmp_path / "set/instances.json", coco_file({"bbox": [900, 590, 100, 20]}))
     with pytest.raises(FormatError, match=r"annotations\.xml.*instances\.json"):
-        import_labels(tmp_path / "set", tmp_path / "out")
-    assert import_labels(tmp_path / "set", tmp_path / "out", "coco").boxes == 1
+        import_labels(tmp_path / "set", tmp_path / "out", site=POLAR)
+    assert import_labels(tmp_path / "set", tmp_path / "out", "coco", site=POLAR).boxes == 1
     with pytest.raises(FormatError, match=r"annotations\.xml"):
-        import_labels(tmp_path / "set", tmp_path / "more", "yolo")
+        import_labels(tmp_path / "set", tmp_path / "more", "yolo", site=POLAR)
 
 
 @pytest.mark.parametrize("tool", ["cvat", "label-studio"])
@@ -471,7 +477,7 @@ def test_exports_of_polarsim_read_back(tmp_path, tool):
     drawn = [("rock", [0, 0, 40, 9]), ("shadow", [1800, 1100, 1930, 1216]), ("rock", [701, 303, 705, 311])]
     if tool == "cvat":
         labels = [coco.Annotation(kind, number, np.array(box, float)) for number, (kind, box) in enumerate(drawn)]
-        coco.write_coco(tmp_path / "set/annotations/instances_default.json", {KEY: labels, OTHER: []})
+        coco.write_coco(tmp_path / "set/annotations/instances_default.json", {KEY: labels, OTHER: []}, polar(), SIZE)
         write_json(tmp_path / "set/labels.json", cvat_labels())
     else:
         rows = [
@@ -479,9 +485,9 @@ def test_exports_of_polarsim_read_back(tmp_path, tool):
             | dict(zip(("x0", "y0", "x1", "y1"), map(float, box), strict=True))
             for number, (kind, box) in enumerate(drawn)
         ]  # fmt: skip
-        write(tmp_path / "set/tasks.json", label_studio_tasks(label_table(rows), [KEY, OTHER], "set/images"))
+        write(tmp_path / "set/tasks.json", label_studio_tasks(label_table(rows), [KEY, OTHER], "set/images", SIZE))
         write(tmp_path / "set/interface.xml", "<View/>")
-    done = import_labels(tmp_path / "set", tmp_path / "out")
+    done = import_labels(tmp_path / "set", tmp_path / "out", site=POLAR)
     assert sorted(read_back(tmp_path / "out")) == sorted(drawn)
     assert (done.boxes, done.skipped, done.empty) == (len(drawn), {}, [str(OTHER)])
 
@@ -494,13 +500,13 @@ def test_detections_read_back_from_coco_and_label_files(tmp_path, size):
     coco.write_coco_images(tmp_path / "found/coco.json", [(image, [found])], "Found by a detector")
     yolo.write_boxes(tmp_path / f"found/labels/{KEY}.txt", np.array([1]), box[None], size, np.array([0.7312]))
     for source in ("coco.json", "labels"):
-        done = import_labels(tmp_path / "found" / source, tmp_path / f"from {source}")
+        done = import_labels(tmp_path / "found" / source, tmp_path / f"from {source}", site=POLAR)
         ((kind, back),) = read_back(tmp_path / f"from {source}")
         np.testing.assert_allclose(back, box * WIDTH / size[0], atol=0.1)
         assert (kind, done.skipped) == ("shadow", {})
     with pytest.raises(FormatError, match="--format"):
-        import_labels(tmp_path / "found", tmp_path / "both")
+        import_labels(tmp_path / "found", tmp_path / "both", site=POLAR)
     image["file_name"] = "holiday.png"
     coco.write_coco_images(tmp_path / "other.json", [(image, [found])], "Found by a detector")
     with pytest.raises(FormatError, match=r"holiday\.png"):
-        import_labels(tmp_path / "other.json", tmp_path / "other")
+        import_labels(tmp_path / "other.json", tmp_path / "other", site=POLAR)

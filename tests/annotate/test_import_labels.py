@@ -9,6 +9,7 @@ from polarsim.annotate.import_labels import import_labels
 from polarsim.errors import ConfigError, FormatError
 from polarsim.labels.seeds import read_corrections
 from polarsim.photo import PhotoKey
+from polarsim.site import polar
 
 KEY = PhotoKey.parse("01_A_off_30_L_0256")
 OTHER = PhotoKey.parse("01_A_off_180_L_0256")
@@ -33,25 +34,25 @@ def source(tmp_path):
 
 
 def test_an_export_becomes_corrections_that_the_labels_stage_reads(tmp_path, source):
-    done = import_labels(source, tmp_path / "corrections")
+    done = import_labels(source, tmp_path / "corrections", site=polar())
     assert (done.photos, done.boxes) == (1, 2)
-    found = read_corrections(tmp_path / "corrections", 1)
+    found = read_corrections(tmp_path / "corrections", polar(), 1)
     assert list(found) == [KEY]
     np.testing.assert_allclose(found[KEY].rocks, [ROCK], atol=0.01)
     np.testing.assert_allclose(found[KEY].shadows, [SHADOW], atol=0.01)
 
 
 def test_an_export_becomes_seeds_that_the_acquire_stage_chooses(tmp_path, source):
-    import_labels(source, tmp_path / "seeds")
+    import_labels(source, tmp_path / "seeds", site=polar())
     files, _ = find_labels(tmp_path / "seeds", 1)
-    assert [key for key, _ in choose_seed_files(files, ["A"], SeedOptions())] == [KEY]
+    assert [key for key, _ in choose_seed_files(files, ["A"], SeedOptions(), 256)] == [KEY]
 
 
 def test_a_photo_without_a_box_is_skipped_unless_empty_photos_are_kept(tmp_path, source):
-    done = import_labels(source, tmp_path / "out")
+    done = import_labels(source, tmp_path / "out", site=polar())
     assert (done.photos, done.boxes, done.empty) == (1, 2, [str(OTHER)])
     assert not (tmp_path / f"out/{OTHER}.txt").exists()
-    done = import_labels(source, tmp_path / "all", keep_empty=True)
+    done = import_labels(source, tmp_path / "all", keep_empty=True, site=polar())
     assert (done.photos, done.boxes, done.empty) == (2, 2, [])
     assert (tmp_path / f"all/{OTHER}.txt").read_text() == ""
 
@@ -59,8 +60,8 @@ def test_a_photo_without_a_box_is_skipped_unless_empty_photos_are_kept(tmp_path,
 def test_other_names_of_classes_are_mapped(tmp_path, source):
     source.write_text(CVAT.replace('label="rock"', 'label="boulder"').replace('label="shadow"', 'label="dog"'))
     with pytest.raises(FormatError):
-        import_labels(source, tmp_path / "out")
-    done = import_labels(source, tmp_path / "out", names={"boulder": "rock", "dog": ""})
+        import_labels(source, tmp_path / "out", site=polar())
+    done = import_labels(source, tmp_path / "out", names={"boulder": "rock", "dog": ""}, site=polar())
     assert (done.photos, done.boxes, done.named_out) == (1, 1, {"dog": 1})
 
 
@@ -83,13 +84,13 @@ def test_other_names_of_classes_are_mapped(tmp_path, source):
 def test_a_file_that_is_no_export_is_a_one_line_error(tmp_path, name, text):
     (tmp_path / name).write_text(text)
     with pytest.raises(FormatError):
-        import_labels(tmp_path / name, tmp_path / "out")
+        import_labels(tmp_path / name, tmp_path / "out", site=polar())
     assert not (tmp_path / "out").exists()
 
 
 def test_a_folder_with_files_is_an_error(tmp_path, source):
     with pytest.raises(ConfigError):
-        import_labels(source, tmp_path / "export")
+        import_labels(source, tmp_path / "export", site=polar())
 
 
 def test_the_command_prints_the_configuration_of_the_seeds(tmp_path, polarsim, source):

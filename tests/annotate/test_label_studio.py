@@ -5,6 +5,7 @@ import pytest
 from polarsim.annotate.export import label_studio_interface, label_studio_tasks
 from polarsim.formats.tables import key_columns, label_table
 from polarsim.photo import NO_ROCK, PhotoKey
+from polarsim.site import polar
 
 KEY = PhotoKey.parse("01_A_off_30_L_0256")
 
@@ -16,7 +17,7 @@ def label(kind, rock, box, confidence=1.0):
 
 def results(rows):
     """Rectangles and relations of the only task."""
-    (task,) = label_studio_tasks(label_table(rows), [KEY], "out/images")
+    (task,) = label_studio_tasks(label_table(rows), [KEY], "out/images", polar().images.size)
     (prediction,) = task["predictions"]
     parts = prediction["result"]
     return [part for part in parts if part["type"] != "relation"], [

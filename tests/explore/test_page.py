@@ -23,6 +23,7 @@ from polarsim.formats.yaml_files import read_yaml
 from polarsim.labels.seeds import read_corrections
 from polarsim.photo import HEIGHT, PhotoKey
 from polarsim.run_files.run import Run
+from polarsim.site import polar
 
 from .made_run import KEYS, MODELS, SEED, boxes_of
 
@@ -397,7 +398,7 @@ def put_right(page, address):
 
 
 def is_put_right(folder):
-    found = read_corrections(folder, 3)
+    found = read_corrections(folder, polar(), 3)
     assert set(found) == {SEED}
     was = boxes_of(SEED)
     wanted = was["rock", 1] + [2, 0, 2, 1]
@@ -445,7 +446,7 @@ def test_corrections_are_downloaded_and_persist_until_they_are_discarded(page, a
         page.locator("#undo").click()
         until(page, lambda: len(list(kept.glob("*.txt"))) == 2)
         page.goto("about:blank")
-    assert set(read_corrections(kept, 3)) == {SEED, KEYS[1]}
+    assert set(read_corrections(kept, polar(), 3)) == {SEED, KEYS[1]}
 
 
 def test_undo_reverts_an_edit_and_survives_a_reload(page, address, corrected):
@@ -546,7 +547,7 @@ def test_boxes_cannot_be_dragged_out_of_the_photo(page, address, corrected):
     page.mouse.move(3, 790, steps=3)
     page.mouse.up()
     until(page, "document.querySelector('#save-status').textContent.startsWith('saved in ')")
-    moved = read_corrections(corrected / "corrections", 3)[SEED].rocks[0]
+    moved = read_corrections(corrected / "corrections", polar(), 3)[SEED].rocks[0]
     size = boxes_of(SEED)["rock", 1][2:] - boxes_of(SEED)["rock", 1][:2]
     np.testing.assert_allclose(moved, [0, HEIGHT - size[1], size[0], HEIGHT], atol=2e-3)
 

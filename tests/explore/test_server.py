@@ -29,6 +29,7 @@ from polarsim.formats.files import write_text
 from polarsim.labels.seeds import read_corrections
 from polarsim.photo import HEIGHT, WIDTH
 from polarsim.run_files.run import Run
+from polarsim.site import polar
 
 from .made_run import KEYS, SEED, boxes_of
 
@@ -203,7 +204,7 @@ def test_a_saved_correction_is_read_by_the_next_run_and_the_next_server(run):
         assert corrections_of(running)["photos"] == {}
         assert change(running, boxes=sent)[0].status == 200
         assert change(running, KEYS[1], boxes=[])[0].status == 200  # no rocks and shadows
-    found = read_corrections(run.folder / "corrections", 3)
+    found = read_corrections(run.folder / "corrections", polar(), 3)
     assert set(found) == {SEED, KEYS[1]}
     np.testing.assert_allclose(found[SEED].rocks, [rock, [0, 0, WIDTH, HEIGHT], [5, 6, 7.5, 9]], atol=2e-3)
     np.testing.assert_allclose(found[SEED].shadows, [shadow], atol=2e-3)
@@ -289,7 +290,7 @@ def test_class_numbers_follow_the_class_list_of_the_folder(run):
     write_text(run.folder / "corrections/classes.txt", "shadow\nboulder\nrock\n")
     with correcting(run) as running:
         change(running, boxes=[box("rock"), box("shadow", 100, 100, 200, 200)])
-    found = read_corrections(run.folder / "corrections", 3)[SEED]
+    found = read_corrections(run.folder / "corrections", polar(), 3)[SEED]
     np.testing.assert_allclose(found.rocks, [[10, 20, 40, 60]], atol=2e-3)
     np.testing.assert_allclose(found.shadows, [[100, 100, 200, 200]], atol=2e-3)
     write_text(run.folder / "corrections/classes.txt", "rock\n")
@@ -300,14 +301,14 @@ def test_class_numbers_follow_the_class_list_of_the_folder(run):
 def test_other_files_in_the_folder_are_kept_and_read(run):
     below = run.folder / f"corrections/Terrain03/{SEED}.txt"
     yolo.write_boxes(below, np.array([0]), np.array([[10.0, 20, 40, 60]]))
-    write_coco(run.folder / "corrections/cvat.json", {KEYS[1]: []})
+    write_coco(run.folder / "corrections/cvat.json", {KEYS[1]: []}, polar(), polar().images.size)
     with correcting(run) as running:
         assert set(corrections_of(running)["photos"]) == {str(SEED), str(KEYS[1])}
         assert change(running, boxes=[])[0].status == 200
         assert below.read_text() == ""  # no second file of the photo, which would be an error
         assert change(running, KEYS[1], boxes=[box()])[0].status == 422
         assert change(running, KEYS[1], "DELETE")[0].status == 422
-    assert set(read_corrections(run.folder / "corrections", 3)) == {SEED, KEYS[1]}
+    assert set(read_corrections(run.folder / "corrections", polar(), 3)) == {SEED, KEYS[1]}
 
 
 def test_errors_name_an_invalid_file_in_the_folder(run):

@@ -7,6 +7,7 @@ from polarsim.errors import FormatError
 from polarsim.formats import class_lists, yolo
 from polarsim.formats.release import read_annotated_boxes
 from polarsim.photo import BOX_CLASSES, PhotoKey
+from polarsim.site import polar
 
 KEY = PhotoKey.parse("01_A_off_30_L_0256")
 # Boxes: class name, x, y, width, height in pixels of the photo.
@@ -35,7 +36,7 @@ def test_classes_are_identified_by_name_for_any_order_and_line_ends(tmp_path_fac
     (folder / "classes.txt").write_bytes("".join(name + newline for name in names).encode())
     lines = [line(names.index(name), *box) for name, *box in drawn]
     (folder / f"{KEY}.txt").write_bytes("".join(text + newline for text in lines).encode())
-    classes, boxes = read_annotated_boxes(folder)[KEY]
+    classes, boxes = read_annotated_boxes(folder, polar().images.size, PhotoKey.parse)[KEY]
     assert [BOX_CLASSES[number] for number in classes] == [name for name, *_ in drawn]
     wanted = np.array([[x, y, x + width, y + height] for _, x, y, width, height in drawn]).reshape(-1, 4)
     np.testing.assert_allclose(boxes, wanted, atol=0.01)
@@ -43,7 +44,7 @@ def test_classes_are_identified_by_name_for_any_order_and_line_ends(tmp_path_fac
 
 def test_without_a_class_list_the_order_of_the_release_is_used(tmp_path):
     yolo.write_boxes(tmp_path / f"{KEY}.txt", np.array([0, 1]), np.array([[5, 5, 50, 60]] * 2, float))
-    assert read_annotated_boxes(tmp_path)[KEY][0].tolist() == [0, 1]
+    assert read_annotated_boxes(tmp_path, polar().images.size, PhotoKey.parse)[KEY][0].tolist() == [0, 1]
 
 
 def test_images_and_copies_are_skipped_and_terrain_folders_have_separate_class_lists(tmp_path, caplog):
@@ -54,7 +55,7 @@ def test_images_and_copies_are_skipped_and_terrain_folders_have_separate_class_l
     other.mkdir()
     (other / "classes.txt").write_text("shadow\nrock")
     (other / "03_A_off_30_L_0256.txt").write_text("0 0.5 0.5 0.1 0.1\n")
-    found = read_annotated_boxes(tmp_path)
+    found = read_annotated_boxes(tmp_path, polar().images.size, PhotoKey.parse)
     assert {str(key): classes.tolist() for key, (classes, _) in found.items()} == {
         "01_A_off_30_L_0256": [0],
         "03_A_off_30_L_0256": [1],
@@ -79,10 +80,10 @@ def test_an_invalid_file_is_a_one_line_error(tmp_path, names, text):
     (tmp_path / "classes.txt").write_text(names)
     (tmp_path / f"{KEY}.txt").write_text(text)
     with pytest.raises(FormatError) as caught:
-        read_annotated_boxes(tmp_path)
+        read_annotated_boxes(tmp_path, polar().images.size, PhotoKey.parse)
     assert len(str(caught.value).splitlines()) == 1
     with pytest.raises(FormatError):
-        read_annotated_boxes(tmp_path / "nowhere")
+        read_annotated_boxes(tmp_path / "nowhere", polar().images.size, PhotoKey.parse)
 
 
 def test_an_empty_line_between_names_is_a_class_without_a_name(tmp_path):

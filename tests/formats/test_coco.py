@@ -1,6 +1,7 @@
 import contextlib
 import io
 import json
+from functools import partial
 
 import cv2
 import hypothesis.extra.numpy as arrays
@@ -9,18 +10,27 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pycocotools.coco import COCO
+from pydantic import ValidationError
 
 from polarsim.errors import FormatError
-from polarsim.formats import rle
-from polarsim.formats.coco import Amodal, Annotation, image_id, read_coco, write_coco
-from polarsim.photo import NO_ROCK, ROCK, SHADOW, TERRAINS, PhotoKey, photo_grid
+from polarsim.formats import coco, rle
+from polarsim.formats.coco import Amodal, Annotation
+from polarsim.photo import NO_ROCK, ROCK, SHADOW, PhotoKey
+from polarsim.site import polar
+from tests.support.other_site import CONTENT, one_camera, other_site
 
-GRID = [key for terrain in TERRAINS for key in photo_grid(terrain)]
+POLAR = polar()
+SIZE = POLAR.images.size
+GRID = [key for terrain in POLAR.terrains for key in POLAR.photos_of(terrain)]
+read_coco = partial(coco.read_coco, size=SIZE, key_of=POLAR.key_of_picture)
+write_coco = partial(coco.write_coco, site=POLAR, size=SIZE)
 KEY, OTHER = PhotoKey.parse("01_A_off_30_L_0256"), PhotoKey.parse("01_A_off_30_R_0256")
 
 
 def block(left: int, top: int, width: int, height: int) -> tuple[np.ndarray, rle.Rle]:
-    return np.array([left, top, left + width, top + height], float), rle.encode_rle(np.ones((height, width)), left, top)
+    return np.array([left, top, left + width, top + height], float), rle.encode_rle(
+        np.ones((height, width)), SIZE, left, top
+    )
 
 
 PHOTOS = {
@@ -34,6 +44,53 @@ PHOTOS = {
         Annotation(SHADOW, NO_ROCK, *block(900, 210, 50, 10), "seed", 1.0),
     ],
 }
+
+
+def all_photos(site):
+    return [key for terrain in site.terrains for key in site.photos_of(terrain)]
+
+
+def test_images_of_a_site_keep_their_ids_when_the_site_grows():
+    site = other_site()
+    ids = {key: site.image_id(key) for key in all_photos(site)}
+    assert len(set(ids.values())) == len(ids) == 2 * 2 * 2 * 2 * (2 * 3 + 1)
+    assert list(ids.values()) == sorted(ids.values())  # in the order of the site
+    assert min(ids.values()) > 0
+    assert max(ids.values()) * coco.PER_PHOTO < 2**53  # annotation ids are exact in JavaScript, too
+    grown = other_site(
+        terrains=[*CONTENT["terrains"], "yard-c"],
+        positions=[*CONTENT["positions"], "roof"],
+        lamps={**CONTENT["lamps"], "7": {"position_m": [3, 0, 1]}},
+        exposures_ms=[5, 10, 20, 40, 160],
+    )
+    assert {key: grown.image_id(key) for key in ids} == ids
+    assert len({grown.image_id(key) for key in all_photos(grown)}) == len(all_photos(grown)) > len(ids)
+    assert {key: one_camera().image_id(key) for key in all_photos(one_camera())}.items() <= ids.items()
+
+
+@pytest.mark.parametrize("field", ["positions", "lamps", "exposures_ms"])
+def test_a_site_with_too_little_room_for_ids_is_refused(field):
+    room = {"positions": 1, "lamps": 2, "exposures_ms": [10, 40, 160]}
+    with pytest.raises(ValidationError, match=rf"image_ids\.{field}"):
+        other_site(image_ids={field: room[field]})
+
+
+def test_files_of_another_site_have_its_keys_and_size(tmp_path):
+    site = other_site()
+    key = site.key("yard-a_gate_off_45_L_0040")
+    label = Annotation(ROCK, 3, np.array([600.0, 10, 630, 40]))
+    coco.write_coco(tmp_path / "a.json", {key: [label]}, site, site.images.size)
+    content = json.loads((tmp_path / "a.json").read_text())
+    assert content["images"][0] | {"id": 0} == {
+        "id": 0, "file_name": f"{key}.png", "width": 640, "height": 480, "key": str(key), "terrain": "yard-a",
+        "position": "gate", "light": "off", "azimuth": "45", "camera": "L", "exposure_ms": 40,
+    }  # fmt: skip
+    assert "yard" in content["info"]["description"]
+    for key_of in (PhotoKey.parse, site.key_of_picture):
+        ((found,),) = coco.read_coco(tmp_path / "a.json", site.images.size, key_of).values()
+        assert same(found, label)
+    with pytest.raises(FormatError, match="site polar"):
+        read_coco(tmp_path / "a.json", size=site.images.size)
 
 
 @pytest.fixture
@@ -81,7 +138,7 @@ def test_a_shadow_refers_to_the_rock_in_the_same_photo(written):
 
 
 def test_every_photo_has_a_unique_id():
-    ids = [image_id(key) for key in GRID]
+    ids = [POLAR.image_id(key) for key in GRID]
     assert len(set(ids)) == len(GRID)
     assert min(ids) > 0
     assert max(ids) * 10_000 < 2**31  # ids of annotations fit in 32 bits
@@ -94,12 +151,12 @@ def annotations(draw):
     box = np.array([left, top, left + draw(st.floats(2, 6)), top + draw(st.floats(2, 6))])
     known = draw(st.booleans())
     whole = np.pad(mask, ((0, 0), (0, 1)), constant_values=True)  # a column more is hidden
-    amodal = Amodal(rle.encode_rle(whole, left, top), box + np.eye(4)[2]) if draw(st.booleans()) else None
+    amodal = Amodal(rle.encode_rle(whole, SIZE, left, top), box + np.eye(4)[2]) if draw(st.booleans()) else None
     return Annotation(
         draw(st.sampled_from([ROCK, SHADOW])),
         draw(st.integers(-1, 2000)),
         box,
-        rle.encode_rle(mask, left, top) if known else None,
+        rle.encode_rle(mask, SIZE, left, top) if known else None,
         draw(st.sampled_from(["seed", "fused", "projected", "cast", ""])),
         draw(st.floats(0, 1)),
         amodal,
@@ -122,7 +179,7 @@ def test_annotations_read_back(tmp_path_factory, photos):
 
 
 def test_amodal_fields_are_written_only_if_known(tmp_path):
-    seen, whole = rle.encode_rle(np.ones((20, 30)), 100, 200), rle.encode_rle(np.ones((20, 40)), 100, 200)
+    seen, whole = rle.encode_rle(np.ones((20, 30)), SIZE, 100, 200), rle.encode_rle(np.ones((20, 40)), SIZE, 100, 200)
     box, whole_box = np.array([100.0, 200, 130, 220]), np.array([100.0, 200, 140, 220])
     labels = [Annotation(ROCK, 7, box, seen, amodal=Amodal(whole, whole_box)), Annotation(ROCK, 8, box, seen)]
     write_coco(tmp_path / "a.json", {KEY: labels})
@@ -131,7 +188,7 @@ def test_amodal_fields_are_written_only_if_known(tmp_path):
     assert first["amodal_bbox"] == [100, 200, 40, 20]
     assert first["amodal_segmentation"] == {"size": [1216, 1936], "counts": whole.counts}
     assert set(first) - set(second) == {"visible_share", "amodal_bbox", "amodal_segmentation"}
-    write_coco(tmp_path / "b.json", {KEY: labels}, 0.6)
+    write_coco(tmp_path / "b.json", {KEY: labels}, simplify_px=0.6)
     assert np.array(json.loads((tmp_path / "b.json").read_text())["annotations"][0]["amodal_segmentation"]).shape == (
         1,
         8,
@@ -142,7 +199,11 @@ def test_masks_may_be_written_as_polygons(tmp_path):
     y, x = np.mgrid[:60, :80] + 0.5
     ring = ((x - 40) / 38) ** 2 + ((y - 30) / 28) ** 2 < 1  # with a hole, less a corner
     ring &= ~((np.abs(x - 40) < 9) & (np.abs(y - 30) < 7)) & (x + y > 40)
-    write_coco(tmp_path / "a.json", {KEY: [Annotation(ROCK, 3, np.array([0.0, 0, 80, 60]), rle.encode_rle(ring))]}, 0.6)
+    write_coco(
+        tmp_path / "a.json",
+        {KEY: [Annotation(ROCK, 3, np.array([0.0, 0, 80, 60]), rle.encode_rle(ring, SIZE))]},
+        simplify_px=0.6,
+    )
     (row,) = opened(tmp_path / "a.json").dataset["annotations"]
     areas = [cv2.contourArea(np.array(points, np.float32).reshape(-1, 2)) for points in row["segmentation"]]
     assert areas == sorted(areas, reverse=True)

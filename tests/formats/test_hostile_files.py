@@ -10,6 +10,7 @@ import shutil
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -181,7 +182,7 @@ def unpacked(path: Path) -> list[bytes]:
 def imported(source: Path) -> dict[PhotoKey, Any]:
     out = source.parent / f"{source.name}.out"
     try:
-        import_labels(source, out)
+        import_labels(source, out, site=polar())
         return {PhotoKey.parse(path.stem): yolo.read_boxes(path) for path in out.glob("*.txt")}
     finally:
         shutil.rmtree(out, ignore_errors=True)
@@ -224,7 +225,10 @@ KEY = PhotoKey.parse("01_A_off_30_L_0256")
 PIXELS = RNG.integers(0, 4096, (12, 16)).astype(np.uint16)
 POINTS = np.abs(RNG.normal(1.5, 0.1, (12, 16, 3))).astype(np.float32)
 TETRAHEDRON = Mesh(np.eye(4, 3), np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]))
-MASK = rle.encode_rle(np.ones((15, 20)), 100, 100)
+SIZE = polar().images.size
+MASK = rle.encode_rle(np.ones((15, 20)), SIZE, 100, 100)
+read_coco = partial(coco.read_coco, size=SIZE, key_of=polar().key_of_picture)
+write_polygons = partial(coco.write_coco, site=polar(), size=SIZE, simplify_px=0.5)
 BOXES = np.array([[100.0, 200, 150, 230], [60, 210, 105, 230]])
 LABELS = {KEY: [coco.Annotation("rock", 4, BOXES[0], MASK), coco.Annotation("shadow", 4, BOXES[1])]}
 ROW = {"kind": "rock", "rock": 4, "source": "seed", "confidence": 1.0, "x0": 1.0, "y0": 2.0, "x1": 3.0, "y1": 4.0}
@@ -265,8 +269,8 @@ CASES = {
         nasa.read_cloud,
         lambda found: shaped(len(found), 3)(found),
     ),
-    "COCO": Case(written("a.json", coco.write_coco, LABELS), coco.read_coco, valid_coco),
-    "COCO polygons": Case(written("a.json", coco.write_coco, LABELS, 0.5), coco.read_coco, valid_coco),
+    "COCO": Case(written("a.json", coco.write_coco, LABELS, polar(), SIZE), read_coco, valid_coco),
+    "COCO polygons": Case(written("a.json", write_polygons, LABELS), read_coco, valid_coco),
     "CSV": Case(written("a.csv", tables.write_csv, TABLE), lambda path: tables.read_csv(path, tables.LABEL_COLUMNS)),
     "detector": Case(make_detector, detectors.read_detector),
     "GeoTIFF": Case(make_geotiff, lambda path: geotiff.read_elevation(path, 2.0, 3.0)),
@@ -316,7 +320,7 @@ CASES = {
     ),
     "runs": Case(
         text("a.txt", MASK.counts),
-        lambda path: rle.from_text(path.read_text("latin-1")).mask(),
+        lambda path: rle.from_text(path.read_text("latin-1"), SIZE).mask(),
         shaped(HEIGHT, WIDTH),
         named=False,
     ),
@@ -330,7 +334,7 @@ CASES = {
     "YOLO polygons": Case(text("a.txt", YOLO_RING * 2), yolo.read_boxes_or_polygons, valid_boxes),
     "YOLO folder": Case(
         folder_of(text(f"{KEY}.txt", YOLO_BOXES), text(class_lists.CLASS_FILE, "rock\nshadow\n")),
-        release.read_annotated_boxes,
+        partial(release.read_annotated_boxes, size=SIZE, key_of=polar().key),
         valid_all,
     ),
     "zip": Case(

@@ -28,7 +28,7 @@ def test_runs_equal_those_of_pycocotools(mask):
 def test_a_part_of_a_photo_has_the_same_runs_as_the_photo(mask, left, top):
     whole = np.zeros((1216, 1936), bool)
     whole[top : top + mask.shape[0], left : left + mask.shape[1]] = mask
-    assert rle.encode_rle(mask, left, top).counts == of_coco(whole)
+    assert rle.encode_rle(mask, whole.shape[::-1], left, top).counts == of_coco(whole)
 
 
 @settings(deadline=None, max_examples=40)
@@ -42,7 +42,7 @@ def test_runs_of_pycocotools_decode_to_the_mask(mask):
 def test_long_runs_need_several_characters():
     mask = np.zeros((1216, 1936), bool)
     mask[:, 300:1700] = True
-    found = rle.encode_rle(mask)
+    found = rle.encode_rle(mask, mask.shape[::-1])
     assert found.counts == of_coco(mask)
     assert found.area == 1216 * 1400
 

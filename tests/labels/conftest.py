@@ -17,6 +17,7 @@ from polarsim.labels.propagate import PropagationInputs
 from polarsim.photo import NO_ROCK, PhotoKey
 from polarsim.run_files import inventory, rigs
 from polarsim.run_files.scene import TerrainMesh
+from polarsim.site import polar
 from tests.support.polar_rig import default_rig
 
 TERRAIN = 3
@@ -81,7 +82,7 @@ class SceneFiles:
     def inputs(self, keys: Sequence[PhotoKey], annotator: Annotator | None = None) -> PropagationInputs:
         """Return the input of the propagation to some photos."""
         files = (self.photos, self.inventory, self.seeds, self.cameras, self.meshes)
-        return PropagationInputs(TERRAIN, keys, *files, annotator)
+        return PropagationInputs(polar(), TERRAIN, keys, *files, annotator)
 
     def expected_box(self, position: str, camera: str, rock: int) -> np.ndarray:
         """Return the bounding box (4,) of the projected corners of a block."""

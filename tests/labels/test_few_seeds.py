@@ -61,7 +61,7 @@ def labels(release_root, tmp_path_factory):
     keys = [key for key in sorted(files) if key.azimuth in SUNS and key.exposure_ms in EXPOSURES]
     names = ("photos.parquet", "inventory.json", "seeds", "cameras", "meshes")
     propagate_labels(
-        PropagationInputs(TERRAIN, keys, *(folder / name for name in names)),
+        PropagationInputs(polar(), TERRAIN, keys, *(folder / name for name in names)),
         boxes=folder / "boxes",
         table=folder / "labels.parquet",
         options=LabelsOptions(visibility="annotator", ray_step_px=4),

@@ -42,11 +42,12 @@ def test_coco_contains_paths_relative_to_its_folder(annotated):
     *there, missing = KEYS
     assert all(images[str(key)] == f"photos/Sun_{key.azimuth}/Cam_{key}.png" for key in there)
     assert images[str(missing)] == f"{missing}.png"
-    assert set(read_coco(annotated / "coco.json")) == set(KEYS)
+    assert set(read_coco(annotated / "coco.json", polar().images.size, PhotoKey.parse)) == set(KEYS)
 
 
 def draw_table(scene, out, keys):
     draw_masks(
+        site=polar(),
         terrain=TERRAIN,
         keys=keys,
         photos=photo_table(out, keys),
@@ -126,7 +127,7 @@ def test_labels_of_a_rock_without_mesh_still_get_outlines(scene, tmp_path):
 
 @pytest.fixture(scope="module")
 def coco_file(annotated):
-    return read_coco(annotated / "coco.json")
+    return read_coco(annotated / "coco.json", polar().images.size, PhotoKey.parse)
 
 
 def key_of(name: str) -> PhotoKey:
@@ -169,7 +170,7 @@ def relabelled(untouched_scene, out, labels, keys):
     ]
     tables.write_parquet(out / "labels.parquet", tables.label_table(rows))
     draw_table(untouched_scene, out, keys)
-    return read_coco(out / "coco.json")
+    return read_coco(out / "coco.json", polar().images.size, PhotoKey.parse)
 
 
 DIM, LIT = key_of("03_A_off_30_L_0064"), key_of("03_A_off_30_L_0128")

@@ -22,6 +22,9 @@ from tests.support.polar_survey import SANDBOX
 
 from .conftest import BLOCKS, TERRAIN, block, localised
 
+POLAR = polar()
+SIZE = POLAR.images.size
+
 KEYS = [
     key
     for key in photo_grid(TERRAIN)
@@ -247,7 +250,12 @@ def test_a_correction_overrides_its_photo_and_is_propagated(scene, tmp_path):
 def test_corrections_may_be_a_coco_file(scene, tmp_path):
     photo = key("A_off_30_L_0128")
     box = np.array([300.0, 500, 360, 560])
-    write_coco(tmp_path / "edited" / "instances_default.json", {photo: [Annotation("rock", 9, box)]})
+    write_coco(
+        tmp_path / "edited" / "instances_default.json",
+        {photo: [Annotation("rock", 9, box)]},
+        POLAR,
+        SIZE,
+    )
     found = propagate(scene, tmp_path / "out", corrections=tmp_path / "edited")
     np.testing.assert_allclose(rocks(found, "A_off_30_L_0128"), [box], atol=2e-3)
     assert len(shadows(found, "A_off_30_L_0128")) == 0

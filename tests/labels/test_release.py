@@ -12,6 +12,7 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import PropagationInputs, propagate_labels
 from polarsim.photo import PhotoKey
 from polarsim.run_files import inventory, rigs
+from polarsim.site import polar
 from tests.support.polar_rig import default_rig
 
 from .conftest import flat_ground
@@ -68,7 +69,7 @@ def labels(request, release_root, tmp_path_factory):
     tables.write_parquet(folder / "photos.parquet", pd.DataFrame({name: [] for name in tables.PHOTO_COLUMNS}))
     names = ("photos.parquet", "inventory.json", "seeds", "cameras", "meshes")
     propagate_labels(
-        PropagationInputs(terrain, list(files), *(folder / name for name in names)),
+        PropagationInputs(polar(), terrain, list(files), *(folder / name for name in names)),
         boxes=folder / "boxes",
         table=folder / "labels.parquet",
         options=LabelsOptions(visibility="annotator", min_shadow_exposure_ms_by_terrain={1: 32}, ray_step_px=4),

@@ -9,6 +9,7 @@ from polarsim.labels.seeds import (
     sort_by_camera,
 )
 from polarsim.photo import PhotoKey
+from polarsim.site import polar
 
 ROCK, SHADOW = np.array([100.0, 100, 160, 150]), np.array([60.0, 90, 110, 140])
 
@@ -19,7 +20,7 @@ def write(folder, name, shadows=1, offset=0):
 
 
 def chosen_seeds(folder, corrections=None, shadow_start_ms=0):
-    return choose_seeds(read_seeds(folder, 3), corrections or {}, MinExposures(shadow_start_ms))
+    return choose_seeds(read_seeds(folder, 3, polar().images.size), corrections or {}, MinExposures(shadow_start_ms))
 
 
 def test_seeds_of_both_cameras_are_kept_by_position_and_lamp(tmp_path):
@@ -63,7 +64,7 @@ def test_cameras_are_sorted_by_number_of_annotations():
 
 
 def starts_of(folder, key):
-    return MinExposures.of(read_seeds(folder, 3), 128).of_shadows(PhotoKey.parse(key))
+    return MinExposures.of(read_seeds(folder, 3, polar().images.size), 128).of_shadows(PhotoKey.parse(key))
 
 
 def test_the_minimum_shadow_exposure_follows_the_annotation_or_the_default(tmp_path):

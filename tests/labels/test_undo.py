@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from polarsim.errors import LabelError
+from polarsim.config import parse_config
+from polarsim.errors import ConfigError, LabelError
 from polarsim.formats.tables import read_parquet
 from polarsim.labels.label import Label
 from polarsim.labels.options import LabelsOptions
@@ -72,8 +73,10 @@ def test_only_annotated_photos_can_be_excluded(scene, tmp_path):
 
 
 def test_an_invalid_photo_key_cannot_be_excluded():
-    with pytest.raises(ValidationError, match="03_A_off_99_L_0256"):
-        LabelsOptions(excluded_annotations=("03_A_off_99_L_0256",))
+    with pytest.raises(ValidationError, match="03_A_off_30_L_256"):
+        LabelsOptions(excluded_annotations=("03_A_off_30_L_256",))
+    with pytest.raises(ConfigError, match=r"03_A_off_99_L_0256.* azimuth '99'"):  # not a lamp of the site
+        parse_config({"source": {"kind": "analog"}, "labels": {"excluded_annotations": ["03_A_off_99_L_0256"]}})
 
 
 def test_undo_reports_a_photo_without_annotation(polarsim, tmp_path, monkeypatch):

@@ -4,6 +4,7 @@ import pytest
 from polarsim.lint.files import box_defects, count_defects
 
 ROCK, SHADOW = 0, 1
+SIZE = (1936, 1216)
 
 
 def box(x, y, width=40, height=30):
@@ -32,19 +33,19 @@ SOUND = [(ROCK, box(100, 100)), (SHADOW, box(140, 110)), (ROCK, box(500, 600))]
     ],
 )
 def test_a_defect_of_a_single_file_is_reported(row, defect):
-    (found,) = box_defects(*labels(*SOUND, row))
+    (found,) = box_defects(*labels(*SOUND, row), SIZE)
     assert (found.name, found.rows) == (defect, (3,))
 
 
 def test_sound_boxes_and_no_boxes_have_no_defect():
     at_the_border = [(ROCK, box(0, 0)), (ROCK, box(1896, 1186))]
-    assert list(box_defects(*labels(*SOUND, *at_the_border))) == []
-    assert list(box_defects(*labels())) == []
+    assert list(box_defects(*labels(*SOUND, *at_the_border), SIZE)) == []
+    assert list(box_defects(*labels(), SIZE)) == []
 
 
 def test_limits_depend_on_the_size_of_the_photo():
     small = labels((ROCK, box(10, 10, 400, 30)))
-    assert list(box_defects(*small)) == []
+    assert list(box_defects(*small, SIZE)) == []
     assert [found.name for found in box_defects(*small, (640, 480))] == ["giant"]
 
 

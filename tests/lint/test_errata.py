@@ -5,6 +5,7 @@ import numpy as np
 from polarsim.formats import png, tables, yolo
 from polarsim.lint.errata import lint_and_draw
 from polarsim.photo import HEIGHT, WIDTH
+from polarsim.site import polar
 from tests.lint.conftest import BOXES, CLASSES, KEY, path
 
 
@@ -21,7 +22,9 @@ class Counted(HTMLParser):
 
 
 def annotated(root, tmp_path, twins=()):
-    lint_and_draw(root=root, twins=twins, page=tmp_path / "errata.html", table=tmp_path / "defects.csv", workers=1)
+    lint_and_draw(
+        site=polar(), root=root, twins=twins, page=tmp_path / "errata.html", table=tmp_path / "defects.csv", workers=1
+    )
     page = Counted()
     page.feed((tmp_path / "errata.html").read_text())
     return page.seen, tables.read_csv(tmp_path / "defects.csv", ["code", "severity", "file", "line"])

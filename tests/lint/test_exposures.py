@@ -1,7 +1,8 @@
 import pytest
 
 from polarsim.lint.siblings import missing_exposures, set_defects
-from polarsim.photo import PhotoKey, exposures
+from polarsim.photo import PhotoKey
+from polarsim.site import polar
 from tests.lint.test_boxes import ROCK, SHADOW, SOUND, box, labels
 
 KEY = PhotoKey.parse("03_A_off_180_L_0256")
@@ -57,12 +58,12 @@ def test_brackets_without_any_box_have_no_defect():
 
 
 def test_a_missing_file_of_a_nearly_complete_bracket_is_reported():
-    whole = {KEY.with_exposure(exposure) for exposure in exposures(3, "180")}
-    assert missing_exposures(whole) == []
-    assert missing_exposures(whole - {KEY}) == [KEY]
-    assert missing_exposures({KEY}) == []  # folders of seeds have a single file per exposure bracket
+    whole = {KEY.with_exposure(exposure) for exposure in polar().exposures_of(3, "180")}
+    assert missing_exposures(whole, polar()) == []
+    assert missing_exposures(whole - {KEY}, polar()) == [KEY]
+    assert missing_exposures({KEY}, polar()) == []  # folders of seeds have a single file per exposure bracket
 
 
 def test_brackets_without_sun_are_never_complete():
     key = PhotoKey.parse("03_A_on_no_L_4096")
-    assert missing_exposures({key.with_exposure(e) for e in exposures(3, "no") if e != 4096}) == []
+    assert missing_exposures({key.with_exposure(e) for e in polar().exposures_of(3, "no") if e != 4096}, polar()) == []

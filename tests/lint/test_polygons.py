@@ -5,6 +5,7 @@ from polarsim.lint.files import file_defects, other_camera, polygon_box_mismatch
 from polarsim.photo import PhotoKey
 
 BACKGROUND, GROUND, ROCK, SHADOW = range(4)
+SIZE = (1936, 1216)
 KEY = PhotoKey.parse("11_A_off_30_L_2048")
 
 
@@ -28,13 +29,13 @@ SOUND = [(GROUND, PHOTO), (ROCK, square(100, 100)), (SHADOW, square(160, 110))]
     ],
 )
 def test_defects_of_polygons_are_found(ring, defects):
-    found = list(ring_defects([*SOUND, (ROCK, np.array(ring, float))]))
+    found = list(ring_defects([*SOUND, (ROCK, np.array(ring, float))], SIZE))
     assert [defect.name for defect in found] == defects
     assert all(defect.rows == (3,) for defect in found)
 
 
 def names(polygons):
-    return [defect.name for defect in file_defects(polygons)]
+    return [defect.name for defect in file_defects(polygons, SIZE)]
 
 
 @pytest.mark.parametrize(

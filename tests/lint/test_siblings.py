@@ -7,6 +7,7 @@ from polarsim.lint.rules import RULES
 from polarsim.lint.siblings import sibling_defects
 from polarsim.lint.views import view_defects
 from polarsim.photo import SUNS, PhotoKey
+from polarsim.site import polar
 from tests.lint.test_boxes import ROCK, SHADOW
 from tests.support.polar_rig import default_rig
 from tests.support.polar_survey import lamp_position, surveyed_pose
@@ -55,7 +56,9 @@ def files():
 
 
 def names(files):
-    return {(str(key), defect.name) for key, defect in (*sibling_defects(files), *view_defects(files))}
+    return {
+        (str(key), defect.name) for key, defect in (*sibling_defects(files, polar()), *view_defects(files, polar()))
+    }
 
 
 KEY = PhotoKey.parse("03_A_off_180_L_0256")
@@ -97,7 +100,9 @@ def test_rocks_that_differ_between_azimuths_are_reported(files):
 def test_a_rock_annotated_as_a_shadow_is_reported_with_its_row(files):
     classes, boxes = files[KEY]
     swapped = np.array([SHADOW, *classes[1:]])
-    found = [one for key, one in sibling_defects(changed(files, KEY, swapped, boxes)) if one.name == "swapped_class"]
+    found = [
+        one for key, one in sibling_defects(changed(files, KEY, swapped, boxes), polar()) if one.name == "swapped_class"
+    ]
     assert [one.rows for one in found] == [(0,)]
 
 
@@ -123,7 +128,9 @@ def test_a_shadow_on_the_suns_side_is_found_with_its_row(files):
     classes, boxes = files[KEY]
     boxes = boxes.copy()
     boxes[8] = annotated(KEY, PLACES[:1], -0.18)[0]
-    found = [one for key, one in view_defects(changed(files, KEY, classes, boxes)) if one.name == "sunward_shadow"]
+    found = [
+        one for key, one in view_defects(changed(files, KEY, classes, boxes), polar()) if one.name == "sunward_shadow"
+    ]
     assert [one.rows for one in found] == [(8,)]
 
 

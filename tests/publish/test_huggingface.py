@@ -5,6 +5,7 @@ from polarsim.formats import coco, png, rle
 from polarsim.photo import BOX_CLASSES
 from polarsim.publish import huggingface, records
 from polarsim.publish.run import publish_forms
+from polarsim.site import polar
 from tests.publish.tiny import KEYS, PARTS, SIZE, make_run, photo_labels
 
 datasets = pytest.importorskip("datasets")
@@ -48,7 +49,7 @@ def test_a_split_without_labels_has_the_same_column_types(tmp_path, monkeypatch)
     monkeypatch.setattr(datasets.config, "HF_HUB_OFFLINE", True)
     run = make_run(tmp_path)
     dark = {key: [] if PARTS[key] == "test" else photo_labels(key) for key in KEYS}
-    coco.write_coco(run / "labels/coco/Terrain01.json", dark, size=SIZE)
+    coco.write_coco(run / "labels/coco/Terrain01.json", dark, polar(), SIZE)
     for form in ("hf", "parquet"):
         publish_forms(run, tmp_path / "out", [form])
         parts = datasets.load_dataset(str(tmp_path / "out" / form), "analog", cache_dir=str(tmp_path / "cache"))

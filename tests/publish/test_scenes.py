@@ -61,6 +61,8 @@ def test_gltf_cameras_project_points_correctly_and_lamps_have_the_true_positions
         lens = Lens(
             *(stated[name] for name in ("fx_px", "fy_px", "cx_px", "cy_px")),
             tuple(stated[name] for name in ("k1", "k2", "p1", "p2", "k3")),
+            width=stated["width_px"],
+            height=stated["height_px"],
         )
         np.testing.assert_allclose(lens.project(local), terrain.rigs["A"].project(side, PLACES), atol=1e-3)
     np.testing.assert_allclose(nodes["sun_180"]["translation"], Y_UP @ terrain.suns["180"], atol=1e-9)

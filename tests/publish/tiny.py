@@ -17,6 +17,7 @@ from polarsim.run_files import lamps, rigs
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.walls import level_walls, write_walls
 from polarsim.schemas.stages import ROCKS
+from polarsim.site import polar
 from tests.support.polar_rig import default_rig
 
 SIZE = (484, 304)  # a quarter of the rig's
@@ -83,7 +84,7 @@ def make_run(root: Path, kind: str = "analog") -> Path:
     labels = {key: photo_labels(key) for key in KEYS}
     for stage, source in (("labels", "fused"), ("renders", "rendered")):
         of_stage = {key: [replace(label, source=source) for label in labels[key]] for key in KEYS}
-        coco.write_coco(run / stage / "coco" / f"{terrain}.json", of_stage, size=SIZE)
+        coco.write_coco(run / stage / "coco" / f"{terrain}.json", of_stage, polar(), SIZE)
     localised = rigs.LocalisedRig(
         small_rig(), camera_pose(np.array([3.0, 0.0, 1.2]), np.pi, 0.4), "scans, photos", {"sd_mm": 1.5}
     )

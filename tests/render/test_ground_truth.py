@@ -118,7 +118,7 @@ def test_table_and_boxes_agree(labelled, lens):
 
 
 def test_coco_has_the_boxes_and_masks_of_the_instances(labelled, lens):
-    photos = coco.read_coco(labelled / "coco.json", (lens.width, lens.height))
+    photos = coco.read_coco(labelled / "coco.json", (lens.width, lens.height), PhotoKey.parse)
     assert sorted(photos) == sorted(KEYS)
     rows = tables.read_parquet(labelled / "table.parquet", tables.LABEL_COLUMNS)
     assert sum(map(len, photos.values())) == len(rows)

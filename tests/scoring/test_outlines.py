@@ -8,6 +8,10 @@ from polarsim.photo import HEIGHT, WIDTH, PhotoKey
 from polarsim.scoring.metrics import COLUMNS
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.outlines import overlaps, score_outlines
+from polarsim.site import polar
+
+POLAR = polar()
+SIZE = POLAR.images.size
 
 ROCK_POLYGON, SHADOW_POLYGON = 2, 3
 LEFT, RIGHT = (PhotoKey.parse(f"03_A_off_30_{camera}_0256") for camera in "LR")
@@ -21,7 +25,9 @@ def ring(box):
 
 def annotation(kind, box, rock=4):
     left, top, right, bottom = box.astype(int)
-    return coco.Annotation(kind, rock, box, rle.encode_rle(np.ones((bottom - top, right - left), bool), left, top))
+    return coco.Annotation(
+        kind, rock, box, rle.encode_rle(np.ones((bottom - top, right - left), bool), SIZE, left, top)
+    )
 
 
 @pytest.fixture
@@ -33,8 +39,9 @@ def scores(tmp_path):
             yolo.write_polygons(polygon_folder(tmp_path, 3) / f"{key}.txt", annotated)
         for key, (classes, annotated) in (boxes or {}).items():
             yolo.write_boxes(label_folder(tmp_path, 3) / f"{key}.txt", np.array(classes), np.array(annotated))
-        coco.write_coco(tmp_path / "coco.json", annotations)
+        coco.write_coco(tmp_path / "coco.json", annotations, POLAR, SIZE)
         score_outlines(
+            site=POLAR,
             terrain=3,
             keys=[LEFT, RIGHT],
             annotations=tmp_path / "coco.json",

@@ -25,6 +25,7 @@ from polarsim.geometry.boxes import area, clip, iou, match_by_iou
 from polarsim.labels.seeds import read_corrections
 from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey
 from polarsim.run_files.run import Run
+from polarsim.site import polar
 from tests.rover.drives import SMALL as SMALL_DRIVE
 from tests.rover.drives import configured
 
@@ -116,7 +117,7 @@ def in_coco(*paths: Path) -> pd.DataFrame:
     rows = [
         (str(key), label.kind, *label.box)
         for path in paths
-        for key, labels in coco.read_coco(path).items()
+        for key, labels in coco.read_coco(path, polar().images.size, PhotoKey.parse).items()
         for label in labels
     ]
     return pd.DataFrame(rows, columns=["key", "kind", *EDGES])
@@ -185,8 +186,8 @@ def test_labels_of_the_run_are_imported_and_outlined(call, here, labels, tmp_pat
     assert len(shown) > 0.9 * len(labels)  # labels that are hidden whole are left out
     printed = call("outline", source, tmp_path / "outlined.json")
     assert printed.startswith(f"{len(shown)} outlines on 8 photos")
-    outlined = coco.read_coco(tmp_path / "outlined.json")
-    for key, rows in coco.read_coco(source).items():
+    outlined = coco.read_coco(tmp_path / "outlined.json", polar().images.size, PhotoKey.parse)
+    for key, rows in coco.read_coco(source, polar().images.size, PhotoKey.parse).items():
         pixels = sum(one.mask.area for one in rows)
         assert sum(one.mask.area for one in outlined[key]) == pytest.approx(pixels, rel=0.05)
     call("import", tmp_path / "outlined.json", tmp_path / "outlines")
@@ -307,7 +308,7 @@ def test_published_sets_are_read(call, here, labels, tmp_path):
 def test_an_import_is_corrections_of_the_run(call, exported, labels, place, here, tmp_path):
     """`labels.corrections` reads imported labels and the corrections of the explorer."""
     call("import", exported("labelimg"), tmp_path / "corrections")
-    assert set(map(str, read_corrections(tmp_path / "corrections", 1))) == set(of_keys(labels)["key"])
+    assert set(map(str, read_corrections(tmp_path / "corrections", polar(), 1))) == set(of_keys(labels)["key"])
     corrections = Corrections(Run.at(here))
     rows = labels[labels["key"] == KEY]
     corrections.save(KEY, rows[["kind", *EDGES]].to_dict("records"))

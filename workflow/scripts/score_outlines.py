@@ -11,6 +11,7 @@ from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     score_outlines(
+        site=Site(**snakemake.params.site),
         terrain=parse_terrain(snakemake.wildcards.terrain),
         keys=selected_grid(
             site=Site(**snakemake.params.site),

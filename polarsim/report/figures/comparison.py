@@ -136,7 +136,7 @@ def _cover_panel(
     if shown is None:
         return Panel("Published photo\nwith ids of the authors", draw_labels(cover, table[:0], width))
     only_rocks = replace(marks, kinds=(ROCK,))  # no shadows: the azimuth is not known
-    rocks = draw_labels(cover, rows_of(table, shown), width, only_rocks)
+    rocks = draw_labels(cover, rows_of(table, shown), width, only_rocks, photo_width=WIDTH)
     return Panel(f"Published photo, red: ids of the authors\nyellow: rocks of {shown}", rocks)
 
 

@@ -127,4 +127,4 @@ def _with_boxes(pixels: np.ndarray, labels: pd.DataFrame, predicted: pd.DataFram
     margin = np.array([-1, -1, 1, 1]) * (line + 1)  # keeps the box of a perfect prediction visible around the label
     for box in predicted[["x0", "y0", "x1", "y1"]].to_numpy(float) * scale + margin:
         pen.rectangle([float(edge) for edge in box], outline=rgb(PREDICTED), width=line)
-    return draw_labels(np.asarray(image), labels, width, OverlayStyle((ROCK,), stated_below=0))
+    return draw_labels(np.asarray(image), labels, width, OverlayStyle((ROCK,), stated_below=0), photo_width=WIDTH)
