@@ -40,6 +40,7 @@ _ROTATION = ("rotation_matrix", "rotation", "r")
 _TRANSLATION = ("translation_vector", "translation", "t")
 _WIDTH, _HEIGHT = ("image_width", "width"), ("image_height", "height")
 _SIZE = ("image_size", "resolution", "size")
+_SECTIONS = ("cam", "stereo", "extrinsics", "extrinsic", "calibration")  # words of keys without a meaning here
 _SIDES = {"left": 0, "l": 0, "right": 1, "r": 1}
 
 
@@ -47,9 +48,8 @@ class _Loader(yaml.SafeLoader):
     """YAML loader that also reads OpenCV's matrices."""
 
 
-_Loader.add_constructor(
-    "tag:yaml.org,2002:opencv-matrix", lambda loader, node: loader.construct_mapping(node, deep=True)
-)
+for _tag in ("opencv-matrix", "opencv-nd-matrix"):
+    _Loader.add_constructor(f"tag:yaml.org,2002:{_tag}", lambda loader, node: loader.construct_mapping(node, deep=True))
 
 
 @reader("calibration", largest_mb=1)
@@ -217,16 +217,16 @@ def _flat(content: Mapping[str, Any], above: str = "") -> list[tuple[str, Any]]:
 def _key_of(name: str) -> tuple[str | None, int | None]:
     """Return the quantity of a key, such as `matrix` or `rotation`, and the number of its camera."""
     snake = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
-    words = [word for word in re.split(r"[_\W]+|(?<=[a-z])(?=\d)", snake) if word]
+    words = [word for word in re.split(r"[_\W]+|(?<=[a-z])(?=\d)", snake) if word and word not in _SECTIONS]
     side = None
     if len(words) > 1:
-        named = next((word for word in words if word in _SIDES and len(words) > 1), None)
+        named = next((word for word in words if word in _SIDES), None)
         number = next((word for word in words if word.isdigit()), None)
         if named is not None:
             side, words = _SIDES[named], [word for word in words if word != named]
         elif number is not None:
             side, words = int(number), [word for word in words if word != number]
-    bare = "_".join(word for word in words if word not in ("cam", "stereo")) or "_".join(words)
+    bare = "_".join(words)
     for quantity, names in (
         ("matrix", _MATRIX), ("distortion", _DISTORTION), ("rotation", _ROTATION), ("translation", _TRANSLATION),
         ("width", _WIDTH), ("height", _HEIGHT), ("size", _SIZE),
