@@ -19,7 +19,7 @@ from polarsim.explore.tables import facts_of_rocks, picture_table, shown_labels,
 from polarsim.explore.terrain import terrain_setup, thinned_terrain
 from polarsim.formats import arrow
 from polarsim.formats.files import check_new_folder, writing_folder
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import HEIGHT, WIDTH, PhotoKey, terrain_text
 from polarsim.progress import track
 from polarsim.run_files.run import PHOTO, Run
 
@@ -62,7 +62,7 @@ def overview(run: Run) -> dict[str, Any]:
         "domains": list(run.domains),
         "width": WIDTH,
         "height": HEIGHT,
-        "meshes": [terrain for terrain in run.terrains if any(run.folder.glob(f"meshes/Terrain{terrain:02d}/*.obj"))],
+        "meshes": [terrain for terrain in run.terrains if any(run.folder.glob(f"meshes/Terrain{terrain_text(terrain)}/*.obj"))],
         "predictions": list(run.predictions),
         "drives": [folder.name for folder in run.drives],
         "seeds": sorted(path.stem for path in run.folder.glob("acquire/Terrain*/seeds/??_*.txt")),
@@ -107,7 +107,7 @@ def _terrains(run: Run) -> Files:
     files: Files = {}
     for terrain in run.terrains:
         files[f"data/terrain/{terrain}.json"] = partial(_json, terrain_setup, run, terrain)
-        if (run.folder / f"meshes/Terrain{terrain:02d}").exists():
+        if (run.folder / f"meshes/Terrain{terrain_text(terrain)}").exists():
             for part, name in enumerate(("vertices", "faces")):
                 files[f"data/terrain/{terrain}/{name}.arrow"] = partial(_arrow, _mesh, run, terrain, part)
     return files

@@ -15,7 +15,7 @@ from polarsim.formats import png
 from polarsim.formats.files import write_bytes, writing, writing_folder
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.vectors import normalise
-from polarsim.photo import PhotoKey
+from polarsim.photo import PhotoKey, terrain_text
 from polarsim.render.hits import between_deg, cast_strip, for_strips
 from polarsim.render.lamps import Lamp, lamps_on
 from polarsim.render.lighting import visible_lamp_share
@@ -133,7 +133,7 @@ def write_view_maps(
     brackets = {str(key).rpartition("_")[0]: lamps_on(key)[0] for key in keys if lamps_on(key)}
     needed = sorted(set(brackets.values())) if selected & set(_OF_LAMP) else []
     maps = compute_maps(surfaces, camera, {name: lamps[name] for name in needed}, options, threads)
-    view = f"{keys[0].terrain:02d}_{keys[0].position}_{keys[0].camera}"
+    view = f"{terrain_text(keys[0].terrain)}_{keys[0].position}_{keys[0].camera}"
     if "depth_float" in selected:
         _write_floats(folder / "depth_float" / f"{view}.tif", maps.depth_m)
     for name in sorted(selected & set(_OF_VIEW)):

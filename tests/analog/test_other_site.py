@@ -38,15 +38,15 @@ def made(tmp_path_factory):
 
 def photo(root, light, azimuth, exposure):
     return cv2.imread(
-        str(root / f"yard-a/gate/lamp{azimuth}-{light}/left_{exposure:04d}.png"), cv2.IMREAD_UNCHANGED
+        str(root / f"yard-a/gate/lamp{azimuth}-{light}/left_{exposure}.png"), cv2.IMREAD_UNCHANGED
     ).astype(float)
 
 
 def test_photos_have_the_names_the_size_and_the_bits_of_the_site(made):
     assert {path.relative_to(made).as_posix() for path in made.rglob("*.png")} == {
-        "yard-a/gate/lamp45-off/left_0040.png",
-        "yard-a/gate/lamp45-off/left_0160.png",
-        "yard-a/gate/lamp135-on/left_0040.png",
+        "yard-a/gate/lamp45-off/left_40.png",
+        "yard-a/gate/lamp45-off/left_160.png",
+        "yard-a/gate/lamp135-on/left_40.png",
     }
     for light, azimuth, exposure in (("off", 45, 40), ("on", 135, 40)):
         values = photo(made, light, azimuth, exposure)
