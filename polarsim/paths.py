@@ -115,6 +115,21 @@ class RunPaths:
         """Return the positions of the run that a terrain has."""
         return self._positions(parse_terrain(wildcards.terrain))
 
+    @property
+    def positions_to_draw(self) -> list[tuple[list[str], list[str]]]:
+        """Two lists of positions, each with the terrains that have these positions; the second is often empty."""
+        found: dict[tuple[str, ...], list[str]] = {}
+        for terrain in self.config.terrains:
+            found.setdefault(tuple(self._positions(terrain)), []).append(terrain_text(terrain))
+        if len(found) > 2:
+            others = ", ".join(next(iter(terrains)) for terrains in found.values())
+            raise ConfigError(
+                f"positions: {len(found)} different lists of positions (terrains {others}), expected at most two in a "
+                "run: process the other terrains in a run of their own"
+            )
+        listed = [(list(names), terrains) for names, terrains in found.items()]
+        return [*listed, ([self.config.positions[0]], [])][:2]
+
     def raw_data(self, wildcards: Wildcards) -> list[str]:
         """Return the receipt of a generated or fetched terrain, or the files of a local one."""
         config = self.config

@@ -62,7 +62,7 @@ def overview(run: Run) -> dict[str, Any]:
         "domains": list(run.domains),
         "width": WIDTH,
         "height": HEIGHT,
-        "meshes": [terrain for terrain in run.terrains if any(run.folder.glob(f"meshes/Terrain{terrain_text(terrain)}/*.obj"))],
+        "meshes": [name for name in run.terrains if any(run.folder.glob(f"meshes/Terrain{terrain_text(name)}/*.obj"))],
         "predictions": list(run.predictions),
         "drives": [folder.name for folder in run.drives],
         "seeds": sorted(path.stem for path in run.folder.glob("acquire/Terrain*/seeds/??_*.txt")),

@@ -177,7 +177,7 @@ def test_benchmarks_of_a_run_replace_shipped_durations(tmp_path):
 def test_shipped_durations_are_of_rules_of_the_workflow():
     stages = stages_of_rules(CHECKOUT)
     assert list(dict.fromkeys(stages.values()))[:4] == ["acquire", "cameras", "rocks", "labels"]
-    assert {"mesh_rocks", "draw_photos_of_terrain_13", "merge_twin_labels"} <= set(stages)
+    assert {"mesh_rocks", "draw_photos_of_other_terrains", "merge_twin_labels"} <= set(stages)
     assert not {"all", "labels", "tables"} & set(stages)
     found = expected_durations(CHECKOUT / "results/none", stages)
     known = [rule for rule, seconds in found.items() if seconds != UNKNOWN_S]

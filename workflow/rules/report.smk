@@ -1,7 +1,5 @@
 """Stage 8: tables, figures and the results page."""
 
-from polarsim.photo import positions
-
 
 rule geometry:
     """Tables of cameras, alignments, rocks and meshes with evaluation, without labels and twins."""
@@ -190,10 +188,8 @@ rule tabulate_stereo:
         "../scripts/tabulate_stereo.py"
 
 
-# Positions of terrains 1 to 12, and those of terrain 13: the number of outputs of a rule is fixed, so each has a rule.
-USUAL_POSITIONS, MANY_POSITIONS = (
-    [position for position in positions(terrain) if position in CONFIG.positions] for terrain in (1, 13)
-)
+# The number of outputs of a rule is fixed, so terrains with other positions than the first have a rule of their own.
+(USUAL_POSITIONS, USUAL_TERRAINS), (OTHER_POSITIONS, OTHER_TERRAINS) = PATHS.positions_to_draw
 
 
 rule draw_photos:
@@ -207,7 +203,7 @@ rule draw_photos:
     output:
         **position_figures(USUAL_POSITIONS),
     wildcard_constraints:
-        terrain=one_of(TERRAINS, but=["13"]),
+        terrain=one_of(USUAL_TERRAINS),
     resources:
         mem_mb=memory_per_attempt(1000),
         runtime=5,
@@ -220,11 +216,11 @@ rule draw_photos:
         "../scripts/draw_photos.py"
 
 
-use rule draw_photos as draw_photos_of_terrain_13 with:
+use rule draw_photos as draw_photos_of_other_terrains with:
     output:
-        **position_figures(MANY_POSITIONS),
+        **position_figures(OTHER_POSITIONS),
     wildcard_constraints:
-        terrain="13",
+        terrain=one_of(OTHER_TERRAINS),
 
 
 rule draw_reflectance:
