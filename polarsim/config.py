@@ -157,9 +157,10 @@ class Config(BaseModel, extra="forbid", frozen=True):
                 f"labels.seeds: {NO_SEEDS} requires scans for the localisation of cameras; source "
                 f"{self.source.kind!r} has no scans"
             )
-        if self.labels.seeds == NO_SEEDS and not self.source.scans:
+        if self.labels.seeds == NO_SEEDS and not self.has_scans:
             raise ValueError(
-                f"labels.seeds: {NO_SEEDS} requires scans for the detection of rocks, expected source.scans: true"
+                f"labels.seeds: {NO_SEEDS} requires scans for the detection of rocks, expected source.scans: true and "
+                "files.clouds or files.range_maps of the site"
             )
         return self
 
@@ -271,6 +272,17 @@ class Config(BaseModel, extra="forbid", frozen=True):
     def data_source(self) -> DataSource:
         """The source of the raw data."""
         return SOURCES[self.source.kind]
+
+    @property
+    def has_scans(self) -> bool:
+        """Whether scans are read: the source has scans, and `source.scans` and `files` of the site select them."""
+        files = self.site.files
+        return self.data_source.has_scans and self.source.scans and bool(files.clouds or files.range_maps)
+
+    @property
+    def measures_ranges(self) -> bool:
+        """Whether ranges are measured in stereo photos, because scans are not read."""
+        return self.data_source.has_scans and not self.has_scans
 
     @property
     def photo_domain(self) -> str:

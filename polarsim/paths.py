@@ -157,7 +157,7 @@ class RunPaths:
     @property
     def measures_ranges(self) -> bool:
         """Whether range maps are measured in stereo photos, because scans are not read."""
-        return not self.config.source.scans
+        return self.config.measures_ranges
 
     @property
     def inventory_of_ranges(self) -> str:

@@ -38,6 +38,7 @@ Point = tuple[float, float, float]  # x, y, z
 Side = Literal["-x", "+x", "-y", "+y"]  # of the sandbox
 
 DEFAULT = "polar"
+FILL_IN = "FILL_IN"  # start of a value in the draft of a site file that a person must replace
 FOLDER = Path("config/sites")  # of the sites that polarsim ships
 FAR_M = 1000.0  # distance at which a directional lamp is placed; over 6 m its direction varies by 0.3 degrees
 

@@ -41,6 +41,7 @@ def check_paths(config: Config) -> None:
     for key, path in _used_paths(config):
         _check_kind(key, path)
     _check_source(config)
+    _check_ranges(config)
     _check_seeds(config)
     _check_annotated(config)
     _check_excluded(config, _checked_corrections(config))
@@ -93,6 +94,14 @@ def _check_source(config: Config) -> None:
     for drive in config.rover.fine_tuning.drives if config.rover.run else ():
         if not any(drive.glob("*/poses.parquet")):
             raise ConfigError("rover.fine_tuning.drives: no pictures of a drive, expected */poses.parquet", path=drive)
+
+
+def _check_ranges(config: Config) -> None:
+    if config.measures_ranges and not config.site.cameras.stereo:
+        raise ConfigError(
+            f"source: without scans, ranges are measured in stereo photos, but the site {config.site.name} has one "
+            "camera: expected files.clouds or files.range_maps of the site, and source.scans: true"
+        )
 
 
 def _check_seeds(config: Config) -> None:

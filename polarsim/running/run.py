@@ -32,6 +32,7 @@ from polarsim.running.durations import expected_durations
 from polarsim.running.first_page import FirstPage, is_first_page
 from polarsim.running.inputs import check_paths
 from polarsim.running.jobs import LOGS, WorkflowJob, jobs_of, latest_log, log_text, logs_in
+from polarsim.running.site_stages import plan_lines
 from polarsim.running.stages import RunProgress
 from polarsim.running.summary import result_lines, warning_lines
 from polarsim.running.targets import refuse_unknown, stages_of_rules, targets_of
@@ -114,6 +115,8 @@ def run_workflow(call: Call, min_free_bytes: int | None = None) -> int:
         return min(1, subprocess.run(_snakemake(*call.words()), check=False).returncode)
     if any(word.partition("=")[0] in _QUIET for word in call.rest):
         raise ConfigError("--quiet: removes the jobs from Snakemake's log, which the progress is read from; omit it")
+    for line in plan_lines(config):
+        _print_line(line)
     results, data = Path("results") / config.run, config.data_source
     made = (results, *([config.source.root] if data.is_generated else []))
     for place in (Path("results"), *made, Path(".snakemake")):

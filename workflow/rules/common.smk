@@ -19,6 +19,7 @@ from polarsim.formats.yaml_files import read_yaml
 from polarsim.paths import CoverPaths, GapPaths, RoverPaths, RunPaths, memory_per_attempt
 from polarsim.running.configuration import base_configuration, check_config, config_of_module, store_config
 from polarsim.running.inputs import check_paths
+from polarsim.running.site_stages import plan_lines
 
 IS_MODULE = not workflow.modifier.is_main_snakefile()
 CONFIG_FILES = workflow.config_settings.configfiles  # in a module: of the other workflow
@@ -45,6 +46,8 @@ try:
         CONFIG = check_config(config, [*BASE_FILES, *CONFIG_FILES], workflow.config_settings.config)
     if workflow.is_main_process:  # not repeated by jobs
         check_paths(CONFIG)
+        for line in plan_lines(CONFIG):
+            print(line, file=sys.stderr)
 except PolarsimError as error:
     sys.exit(f"error: {error}")
 

@@ -1,0 +1,48 @@
+"""Commands for sandboxes and test yards other than NASA's: check-site."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from polarsim.cli.application import commands_of, print_table
+
+command = commands_of("Own sandboxes")
+
+
+@command()
+def check_site(
+    site: Annotated[
+        str,
+        typer.Argument(metavar="SITE|CONFIG", help="Name of a site that polarsim ships, site file, or configuration."),
+    ] = "polar",
+    root: Annotated[
+        Path | None, typer.Option(help="Folder of the photos and scans; default: source.root of a configuration.")
+    ] = None,
+) -> None:
+    """Print the stages that are possible with a site, and the reasons why others are not.
+
+    With a folder, also counts the photos, scans and calibrations of each terrain.
+
+    Exit code 0: valid; 1: invalid, or values are to be filled in.
+    """
+    from polarsim.running.checked_site import checked_config, is_configuration, values_to_fill_in
+    from polarsim.running.site_stages import stage_states
+    from polarsim.running.terrain_files import terrain_files
+
+    if missing := values_to_fill_in(site):
+        print_table(("key", "to be filled in"), missing, f"{site}: values that a person must enter")
+        raise typer.Exit(1)
+    config = checked_config(site, root)
+    states = stage_states(config)
+    rows = [(state.stage, "yes" if state.possible else "no", state.reason) for state in states]
+    print_table(("stage", "possible", "how, or why not"), rows, f"Site {config.site.name}")
+    if config.data_source.has_scans and config.source.root.is_dir() and (root or is_configuration(site)):
+        found = terrain_files(config)
+        files = [
+            (one.terrain, f"{one.photos} of {one.expected}", one.stray, ", ".join(one.scans) or "none", one.calibration)
+            for one in found
+        ]
+        print_table(("terrain", "photos", "stray files", "scans", "calibration"), files, str(config.source.root))

@@ -1,0 +1,110 @@
+"""What a run can do at its site."""
+
+import pytest
+import yaml
+
+from polarsim.config import parse_config
+from polarsim.errors import ConfigError
+from polarsim.running.inputs import check_paths
+from polarsim.running.site_stages import plan_lines, stage_states
+from tests.support.other_site import CONTENT
+
+
+def config(source=None, **changes):
+    site = CONTENT | changes if changes else CONTENT
+    return parse_config({"site": site, "source": {"kind": "files", "root": "data"} | (source or {})})
+
+
+def states(chosen):
+    return {state.stage: state for state in stage_states(chosen)}
+
+
+WITHOUT_SCANS = {"files": CONTENT["files"] | {"clouds": None}}
+ONE_CAMERA = {"cameras": {"stereo": False, "calibration": "lens.yaml"}}
+
+
+def test_a_stereo_site_with_scans_does_all_stages():
+    assert all(state.possible for state in states(config()).values())
+
+
+@pytest.mark.parametrize(
+    ("changes", "source", "impossible", "words"),
+    [
+        (ONE_CAMERA, {}, {"stereo"}, {"stereo": "one camera", "cameras": "from scans"}),
+        (WITHOUT_SCANS, {}, set(), {"cameras": "measured in stereo photos"}),
+        ({}, {"scans": False}, set(), {"cameras": "measured in stereo photos"}),
+        (
+            WITHOUT_SCANS | ONE_CAMERA, {}, {"cameras", "rocks", "labels", "render", "detect", "stereo", "rover"},
+            {"cameras": "no scans and one camera"},
+        ),
+        ({"sandbox": {"half_width_m": [2, 2]}}, {}, set(), {"cameras": "no walls: origin and heading from tripods"}),
+        ({"tripods": {}}, {}, set(), {"cameras": "no tripods"}),
+        (
+            {"tripods": {}, "sandbox": {"half_width_m": [2, 2]}}, {}, set(),
+            {"cameras": "neither walls nor tripods", "labels": "no shadows"},
+        ),
+        ({"files": CONTENT["files"] | {"calibration": None}}, {}, {"acquire"}, {"acquire": "cameras.calibration"}),
+        (
+            {"terrains": {"yard-a": {"surveyed": False}, "yard-b": {}}}, {}, set(),
+            {"labels": "no places of lamps in terrain yard-a"},
+        ),
+    ],
+)  # fmt: skip
+def test_what_a_site_lacks_is_the_reason(changes, source, impossible, words):
+    found = states(config(source, **changes))
+    assert {name for name, state in found.items() if not state.possible} == impossible
+    for name, text in words.items():
+        assert text in found[name].reason
+
+
+def test_the_plan_of_another_site_states_what_is_not_possible_and_that_of_polar_nothing():
+    lines = plan_lines(config(**ONE_CAMERA))
+    assert lines == [
+        "site yard: possible stages acquire, cameras, rocks, labels, render, detect, rover",
+        "site yard: stereo: not possible, one camera",
+    ]
+    assert plan_lines(parse_config({"source": {"kind": "analog", "root": "data"}})) == []
+
+
+def test_a_run_without_scans_and_with_one_camera_is_refused_with_the_remedy(tmp_path):
+    with pytest.raises(ConfigError, match=r"files\.clouds"):
+        check_paths(config({"root": str(tmp_path)}, **WITHOUT_SCANS | {"cameras": {"stereo": False}}))
+
+
+@pytest.mark.parametrize("name", ["polar", "yard"])
+def test_shipped_sites_are_checked_by_name(polarsim, name):
+    result = polarsim("check-site", name)
+    assert result.returncode == 0
+    assert f"Site {name}" in result.stdout
+    assert "cameras" in result.stdout
+
+
+def test_files_below_a_folder_are_counted(polarsim, tmp_path):
+    (tmp_path / "site.yaml").write_text(yaml.safe_dump(CONTENT))
+    photo = tmp_path / "raw/yard-b/gate/dark-on/left_0640.png"
+    photo.parent.mkdir(parents=True)
+    photo.touch()
+    (photo.parent / "other.png").touch()
+    result = polarsim("check-site", tmp_path / "site.yaml", "--root", tmp_path / "raw")
+    assert result.returncode == 0
+    rows = [line.replace("│", " ").split() for line in result.stdout.splitlines() if "yard-b" in line]
+    assert rows == [["yard-b", "1", "of", "56", "1", "none", "none"]]
+
+
+def test_marked_values_are_listed_with_exit_code_1(polarsim, tmp_path):
+    marked = CONTENT | {"sandbox": {"half_width_m": ["FILL_IN: half the width, m", 2]}}
+    (tmp_path / "site.yaml").write_text(yaml.safe_dump(marked))
+    result = polarsim("check-site", tmp_path / "site.yaml")
+    assert result.returncode == 1
+    assert "sandbox.half_width_m" in result.stdout
+    assert "half the width, m" in result.stdout
+
+
+@pytest.mark.parametrize("argument", ["nowhere", "nowhere.yaml", "list.yaml", "wrong.yaml"])
+def test_an_invalid_site_is_a_one_line_error(polarsim, tmp_path, monkeypatch, argument):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "list.yaml").write_text("[1]\n")
+    (tmp_path / "wrong.yaml").write_text(yaml.safe_dump(CONTENT | {"lamps": 3}))
+    result = polarsim("check-site", argument)
+    assert result.returncode == 1
+    assert len(result.stderr.strip().splitlines()) == 1
