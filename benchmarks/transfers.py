@@ -47,11 +47,10 @@ from polarsim.labels.fit_annotator import (
 )
 from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.label import COEFFICIENTS, REFERENCE_PX
-from polarsim.labels.options import LabelsOptions
+from polarsim.labels.options import LabelsOptions, rig_lamp_ms
 from polarsim.labels.projection import move_rocks
 from polarsim.labels.propagate import PropagationInputs, propagate_labels
 from polarsim.labels.seeds import AnnotatedBoxes, AnnotationKey, Seeds
-from polarsim.labels.visibility import MIN_ROVER_LIGHT_EXPOSURE_MS
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, PhotoKey
 from polarsim.rocks.adopt import adopt_rocks
 from polarsim.run_files import lamps, rigs
@@ -271,7 +270,11 @@ def both_cameras(run: Run, truth: Truth) -> TerrainRocks:
             seeds.setdefault(key.position, {})[key.camera, key.azimuth] = AnnotatedBoxes(truth[key][ROCK], None)
     suns = lamps.read_suns(run.folder / "cameras", localised, polar(), run.terrain)
     return associate_rocks(
-        read_terrain(run.folder / "meshes", run.terrain, polar().sandbox_of(run.terrain)), localised, suns, seeds
+        read_terrain(run.folder / "meshes", run.terrain, polar().sandbox_of(run.terrain)),
+        localised,
+        suns,
+        polar().rig_lamp,
+        seeds,
     )
 
 
@@ -312,7 +315,7 @@ def score_ceilings(run: Run, truth: Truth, options: LabelsOptions, scores: Score
         chosen = {"presence known": best.shown}
         if key.azimuth == "no":
             task = task_of(key)
-            seen = best.shown & (key.light == "off" or key.exposure_ms >= MIN_ROVER_LIGHT_EXPOSURE_MS)
+            seen = best.shown & (key.light == "off" or key.exposure_ms >= rig_lamp_ms(polar()))
             chosen["presence known from the usual exposure on"] = seen
             chosen["in half of the Left drawings"] = best.under(("L", azimuth) for azimuth in SUNS) >= 2
         elif key.camera == "R":
@@ -382,9 +385,9 @@ def main() -> None:
     edges, rover_light = {}, {}
     for terrain, run in runs.items() if args.fit else ():
         run.localise()
-        files = TerrainFiles(terrain, run.folder / "seeds", run.folder / "cameras", run.folder / "meshes")
+        files = TerrainFiles(polar(), terrain, run.folder / "seeds", run.folder / "cameras", run.folder / "meshes")
         edges[terrain] = shadow_edge_samples(files, options)
-        rover_light[terrain] = rover_light_samples(files, read_published(args.release, terrain), options)
+        rover_light[terrain] = rover_light_samples(files, read_published(args.release, polar(), terrain), options)
     for terrain, run in runs.items():
         annotator = None
         if args.fit:  # fitted to the other terrains

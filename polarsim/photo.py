@@ -32,7 +32,7 @@ WHITE_LEVEL = 4095  # DN, 12 bits in a 16-bit file
 ELECTRONS_PER_DN = 8  # not published; value of similar sensors (Sony IMX249: 33,000 electrons at 12 bits)
 READ_NOISE_ELECTRONS = 7  # standard deviation, of similar sensors
 REFERENCE_EXPOSURE_MS = 256  # median exposure with a Sun lamp, at which most labels were annotated
-CENTRE_DN_PER_MS = 3.0  # DN per ms of level sand at the centre under Sun lamp 30; makes the usual exposure optimal
+CENTRE_DN = 768.0  # DN above black of level sand at the centre, a fifth of white: makes the usual exposure optimal
 
 ROCK, SHADOW = "rock", "shadow"
 BOX_CLASSES = (ROCK, SHADOW)  # index: class number of a box

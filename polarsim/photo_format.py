@@ -18,7 +18,7 @@ def in_photo_format(values: np.ndarray, form: Images) -> np.ndarray:
     """
     if _is_photo_format(form) and values.ndim != 3:
         return values
-    signal = _linear(values.astype(np.float32) - np.float32(form.black), form) * np.float32(_step(form))
+    signal = _linear(values.astype(np.float32) - np.float32(form.black), form) * np.float32(step_dn(form))
     scaled = (signal @ _GREY_OF_RGB if values.ndim == 3 else signal) + np.float32(BLACK_LEVEL)
     return np.clip(np.rint(scaled), 0, WHITE_LEVEL).astype(np.uint16)
 
@@ -28,7 +28,7 @@ def as_stored(photo: np.ndarray, form: Images) -> np.ndarray:
     if _is_photo_format(form):
         return photo
     signal = np.arange(WHITE_LEVEL + 1, dtype=np.float32) - np.float32(BLACK_LEVEL)
-    coded = _coded(signal / np.float32(_step(form)), form)
+    coded = _coded(signal / np.float32(step_dn(form)), form)
     values = np.clip(np.rint(coded) + np.float32(form.black), 0, form.white_level)
     return in_photo_format(values, form)[photo]
 
@@ -37,7 +37,7 @@ def _is_photo_format(form: Images) -> bool:
     return (form.black, form.white_level, form.curve) == (BLACK_LEVEL, WHITE_LEVEL, "linear")
 
 
-def _step(form: Images) -> float:
+def step_dn(form: Images) -> float:
     """Return the difference in polarsim's photo format of two adjacent values of a site."""
     return (WHITE_LEVEL - BLACK_LEVEL) / (form.white_level - form.black)
 

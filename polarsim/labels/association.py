@@ -21,6 +21,7 @@ from polarsim.labels.seeds import AnnotatedBoxes, AnnotationKey, Seeds, sort_by_
 from polarsim.photo import FIRST_ID_WITHOUT_MESH, NO_ROCK, Azimuth, CameraSide
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
+from polarsim.site import RigLamp
 
 SAME_ROCK_IOU = 0.3  # minimum IoU of boxes of the same rock in two azimuths
 SAME_DOME_M = 0.06  # metres: two domes closer than this, or than the larger radius, are the same rock
@@ -161,6 +162,7 @@ def associate_rocks(
     terrain: TerrainMesh,
     localised: dict[str, LocalisedRig],
     suns: Mapping[str, np.ndarray],
+    rig_lamp: RigLamp | None,
     seeds: Seeds,
 ) -> TerrainRocks:
     """Assign an id to every annotated rock: the id of the projected mesh, or the number of a dome.
@@ -168,7 +170,7 @@ def associate_rocks(
     With an unverified pose, meshes project onto wrong rocks. The rocks of such a position are domes on the bare
     ground behind the boxes of the position, and are not used at other positions.
     """
-    world, bare = build_worlds(terrain, localised, suns)
+    world, bare = build_worlds(terrain, localised, suns, rig_lamp)
     located = {position: rig for position, rig in localised.items() if not rig.unproven}
     terrain_rocks = _gathered(terrain, world, located, seeds, FIRST_ID_WITHOUT_MESH)
     separate: dict[str, TerrainRocks] = {}

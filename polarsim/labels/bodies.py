@@ -11,10 +11,11 @@ import numpy as np
 from polarsim.geometry.casters import make_caster
 from polarsim.geometry.outlines import TRIM, TRIM_SHARE
 from polarsim.geometry.rays import Caster, CompositeScene
-from polarsim.photo import NO_ROCK
+from polarsim.photo import NO_ROCK, NO_SUN, Azimuth, Light
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.run_files.walls import WALL_FOOT_M, Walls
+from polarsim.site import RigLamp
 
 HIGH = 10.0  # metres: above all objects in the sandbox
 CONTACT = 1e-3  # metres: maximum depth below the ground at which a vertex belongs to the visible foot of a rock
@@ -82,6 +83,7 @@ class TerrainCasters:
     sandbox: Walls | None  # walls around the ground
     walls: Caster | None  # the same walls
     suns: Mapping[str, np.ndarray]  # azimuth -> (3,) position of the Sun lamp
+    rig_lamp: RigLamp | None  # lamp that moves with the rig
 
     @property
     def everything(self) -> CompositeScene:
@@ -134,6 +136,13 @@ class TerrainCasters:
         return passes
 
 
+def active_lamp(world: TerrainCasters, localised: LocalisedRig, light: Light, azimuth: Azimuth) -> np.ndarray | None:
+    """Return the position (3,) of the brightest lamp, sandbox frame; None without any lamp."""
+    if azimuth != NO_SUN:
+        return world.suns[azimuth]
+    return localised.rover_light(world.rig_lamp) if light == "on" and world.rig_lamp else None
+
+
 def _angle(a: np.ndarray, b: np.ndarray) -> float:
     """Return the angle between two directions (3,), radians."""
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
@@ -146,7 +155,10 @@ def _half_angle(towards: np.ndarray, radius: float) -> float:
 
 
 def build_worlds(
-    terrain: TerrainMesh, localised: Mapping[str, LocalisedRig], suns: Mapping[str, np.ndarray]
+    terrain: TerrainMesh,
+    localised: Mapping[str, LocalisedRig],
+    suns: Mapping[str, np.ndarray],
+    rig_lamp: RigLamp | None,
 ) -> tuple[TerrainCasters, TerrainCasters]:
     """Return the world of the terrain, and a world without rocks for positions with unverified poses.
 
@@ -154,13 +166,15 @@ def build_worlds(
     """
 
     def built(terrain: TerrainMesh) -> TerrainCasters:
-        return build_world(terrain, TRIM, suns)
+        return build_world(terrain, TRIM, suns, rig_lamp)
 
     world = built(terrain)
     return world, built(terrain.ground()) if any(rig.unproven for rig in localised.values()) else world
 
 
-def build_world(terrain: TerrainMesh, trim: float, suns: Mapping[str, np.ndarray]) -> TerrainCasters:
+def build_world(
+    terrain: TerrainMesh, trim: float, suns: Mapping[str, np.ndarray], rig_lamp: RigLamp | None
+) -> TerrainCasters:
     """Build the casters of the meshes of a terrain.
 
     `trim`: rock surface below this height above the ground counts as ground, metres.
@@ -197,6 +211,7 @@ def build_world(terrain: TerrainMesh, trim: float, suns: Mapping[str, np.ndarray
         terrain.walls,
         None if terrain.walls is None else make_caster(*terrain.walls.mesh(level - WALL_FOOT_M)[:2]),
         suns,
+        rig_lamp,
     )
 
 

@@ -11,12 +11,10 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.masks import SMALL_PART, Window, without_small_components
 from polarsim.geometry.polygons import thick_parts, without_thin_parts
 from polarsim.labels.bodies import TerrainCasters
-from polarsim.labels.brightness import Brightness, noise_dn
+from polarsim.labels.brightness import Brightness
 from polarsim.labels.projection import sightlines
-from polarsim.photo import NO_ROCK, Azimuth, Light
-from polarsim.run_files.rigs import LocalisedRig
+from polarsim.photo import NO_ROCK
 from polarsim.run_files.walls import Walls
-from polarsim.site import polar
 
 THIN_PX = 4.0  # parts of a shadow thinner than this, such as rims at the foot of a mesh, do not extend its box
 ROCK_ELLIPSE = 0.8  # diameter relative to the rock box of the ellipse that annotators regard as rock, not shadow
@@ -30,16 +28,6 @@ STREAK_PX = 5  # dark streaks thinner than this are relief of the ground
 SMOOTH_PX = 3  # side of the window over which brightness is averaged
 MAX_AREA_RATIO = 2.5  # maximum ratio of the areas of the dark region and the cast shadow
 MIN_COVERED_SHARE = 0.15  # minimum share of a dark region covered by the cast shadow
-
-
-def active_lamp(world: TerrainCasters, localised: LocalisedRig, light: Light, azimuth: Azimuth) -> np.ndarray | None:
-    """Return the position (3,) of the brightest lamp, sandbox frame; None without any lamp."""
-    if azimuth != "no":
-        return world.suns[azimuth]
-    if light == "on":
-        rig_lamp = polar().rig_lamp
-        return localised.rover_light(rig_lamp) if rig_lamp else None
-    return None
 
 
 class VisibleIds:
@@ -137,7 +125,7 @@ def fit_to_dark_region(
     if cast.sum() < 12 or lit.sum() < 12:
         return None
     dark_level, lit_level = float(np.percentile(rate[cast], 25)), float(np.median(rate[lit]))
-    clear = (lit_level - dark_level) * longest >= CLEAR * float(noise_dn(lit_level * longest))
+    clear = (lit_level - dark_level) * longest >= CLEAR * float(brightness.noise_dn(lit_level * longest))
     if not clear or dark_level > DEEP * lit_level:
         return None
     reach = round(REACH_PX + REACH * float(np.sqrt(np.prod(box[2:] - box[:2]))))

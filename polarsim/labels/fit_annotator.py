@@ -33,14 +33,14 @@ from polarsim.labels.annotator import (
 )
 from polarsim.labels.association import TerrainRocks, associate_rocks
 from polarsim.labels.fusion import PositionRocks
-from polarsim.labels.options import LabelsOptions
+from polarsim.labels.options import LabelsOptions, rig_lamp_ms
 from polarsim.labels.propagate import PositionLabels
 from polarsim.labels.seeds import AnnotatedBoxes, MinExposures, choose_seeds, read_seeds
-from polarsim.labels.visibility import MIN_ROVER_LIGHT_EXPOSURE_MS
-from polarsim.photo import ROCK, SHADOW, SUNS, CameraSide, PhotoKey, Terrain, terrain_text
+from polarsim.photo import ROCK, SHADOW, CameraSide, PhotoKey, Terrain, parse_terrain, terrain_text
 from polarsim.run_files import lamps, rigs
+from polarsim.run_files.run import Run
 from polarsim.run_files.scene import read_terrain
-from polarsim.site import polar
+from polarsim.site import Site
 
 log = logging.getLogger(__name__)
 
@@ -51,6 +51,7 @@ ROUNDS, SCALE = 20, 1.5  # robust fit: number of reweightings, Cauchy scale in r
 class TerrainFiles:
     """Output files of a run for one terrain."""
 
+    site: Site
     terrain: Terrain
     seeds: Path
     cameras: Path
@@ -59,25 +60,29 @@ class TerrainFiles:
     @classmethod
     def of_run(cls, run: Path, terrain: Terrain) -> TerrainFiles:
         name = f"Terrain{terrain_text(terrain)}"
-        return cls(terrain, run / "acquire" / name / "seeds", run / "cameras" / name, run / "meshes" / name)
+        return cls(
+            Run(run).site, terrain, run / "acquire" / name / "seeds", run / "cameras" / name, run / "meshes" / name
+        )
 
     def known(self, options: LabelsOptions) -> TerrainRocks:
         """Return the bodies, poses and annotated rocks of the terrain."""
         localised = rigs.read_all_localised(self.cameras)
-        drawings = read_seeds(self.seeds, self.terrain, polar().images.size)
-        seeds = choose_seeds(drawings, {}, MinExposures.of(drawings, options.shadow_start(self.terrain)))
-        suns = lamps.read_suns(self.cameras, localised, polar(), self.terrain)
-        sandbox = polar().sandbox_of(self.terrain)
+        site = self.site
+        drawings = read_seeds(self.seeds, self.terrain, site.images.size)
+        shadows_ms = options.shadow_start(self.terrain, site.usual_exposure_ms)
+        seeds = choose_seeds(drawings, {}, MinExposures.of(drawings, shadows_ms, rig_lamp_ms(site)))
+        suns = lamps.read_suns(self.cameras, localised, site, self.terrain)
+        sandbox = site.sandbox_of(self.terrain)
         scene = read_terrain(self.meshes, self.terrain, sandbox, cameras=self.cameras)
-        return associate_rocks(scene, localised, suns, seeds)
+        return associate_rocks(scene, localised, suns, site.rig_lamp, seeds)
 
 
-def read_published(root: Path, terrain: Terrain) -> dict[PhotoKey, AnnotatedBoxes]:
+def read_published(root: Path, site: Site, terrain: Terrain) -> dict[PhotoKey, AnnotatedBoxes]:
     """Read the published label files of a terrain. Invalid files are skipped with a warning."""
     annotated = {}
-    for key, path in release.label_files(root, terrain).items():
+    for key, path in release.label_files(root, terrain, site.key).items():
         try:
-            annotated[key] = AnnotatedBoxes.of(*yolo.read_boxes(path, polar().images.size))
+            annotated[key] = AnnotatedBoxes.of(*yolo.read_boxes(path, site.images.size))
         except FormatError as error:
             log.warning("skipped: %s", error)
     return annotated
@@ -102,7 +107,7 @@ def shadow_edge_samples(files: TerrainFiles, options: LabelsOptions) -> Annotato
     terms, moves = [np.zeros((0, len(EDGE_TERMS)))], [np.zeros(0)]
     for position in terrain_rocks.seeds:
         position_labels = PositionLabels(terrain_rocks, position, options, annotator=NO_HABITS)
-        for azimuth in SUNS:
+        for azimuth in files.site.suns:
             labels = position_labels.labels("L", "off", azimuth)
             rocks = {label.rock: label.box for label in labels if label.kind == ROCK}
             cast = position_labels.shadows.cast("L", "off", azimuth, rocks)
@@ -126,7 +131,7 @@ def rover_light_samples(
     terrain_rocks = files.known(options)
     brackets: dict[tuple[str, CameraSide], list[np.ndarray]] = {}
     for key, boxes in annotated.items():
-        if (key.azimuth, key.light) == ("no", "on") and key.exposure_ms >= MIN_ROVER_LIGHT_EXPOSURE_MS:
+        if (key.has_sun, key.light) == (False, "on") and key.exposure_ms >= rig_lamp_ms(files.site):
             brackets.setdefault((key.position, key.camera), []).append(boxes.rocks)
     terms, hit = [np.zeros((0, len(ROVER_LIGHT_TERMS)))], [np.zeros(0)]
     for (position, camera), drawings in brackets.items():
@@ -181,7 +186,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("run", type=Path)
     parser.add_argument("release", type=Path)
-    parser.add_argument("--terrains", type=int, nargs="+", default=[1, 3, 4, 8, 11, 12])
+    parser.add_argument("--terrains", type=parse_terrain, nargs="+", default=[1, 3, 4, 8, 11, 12])
     parser.add_argument("--out", type=Path, default=Path("annotator.json"))
     args = parser.parse_args()
     section = read_yaml(args.run / "config.yaml").get("labels", {})
@@ -190,7 +195,7 @@ def main() -> None:
     for terrain in args.terrains:
         files = TerrainFiles.of_run(args.run, terrain)
         edges.append(shadow_edge_samples(files, options))
-        rover_light.append(rover_light_samples(files, read_published(args.release, terrain), options))
+        rover_light.append(rover_light_samples(files, read_published(args.release, files.site, terrain), options))
         print(
             f"terrain {terrain_text(terrain)}: {len(edges[-1].terms)} edges, {len(rover_light[-1].terms)} rocks",
             flush=True,

@@ -18,7 +18,7 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import ProjectedRock, at_border, move_rocks, project_rock
 from polarsim.labels.seeds import sort_by_camera
 from polarsim.labels.visibility import lit_rock_share
-from polarsim.photo import ROCK, SUNS, Azimuth, CameraSide
+from polarsim.photo import NO_SUN, ROCK, Azimuth, CameraSide
 
 # Fitted to the published labels; `benchmarks/transfers.py` measures the transfer to terrains left out of the fit.
 # A rock gets labels at azimuths without seeds if it is annotated in this share of the seeded azimuths that light it.
@@ -74,7 +74,7 @@ class PositionRocks:
                 row for row, track in enumerate(self.tracks) if azimuth in track.azimuths and not self._is_doubtful(row)
             ]
             share = np.ones(len(self.tracks))
-        elif azimuth in SUNS:
+        elif azimuth != NO_SUN:
             annotated = np.array([len(track.azimuths) for track in self.tracks])
             possible = np.array([len(self._possible_azimuths(row)) for row in range(len(self.tracks))])
             chosen = np.flatnonzero(annotated >= ANNOTATED_SHARE * possible).tolist()
@@ -86,7 +86,7 @@ class PositionRocks:
 
     def rover_light_terms(self, camera: CameraSide, row: int) -> np.ndarray:
         """Return the `rover_light_terms` (t,) of a track in photos without a Sun lamp."""
-        rock, suns = int(self.ids[row]), self.azimuths & set(SUNS)
+        rock, suns = int(self.ids[row]), self.azimuths - {NO_SUN}
         share = len(self.tracks[row].azimuths & suns) / max(len(suns), 1)
         share_elsewhere = self._share_elsewhere(rock)
         size = float(np.sqrt(area(clip(self.fused(camera)[row], *self.view(camera).size))))
@@ -112,8 +112,8 @@ class PositionRocks:
         return {azimuth for azimuth in self.azimuths if self._is_lit(rock, azimuth)}
 
     def _is_lit(self, rock: int, azimuth: Azimuth) -> bool:
-        if azimuth not in SUNS or self.in_image:  # occluders of the lamp are unknown for an unverified pose
-            return azimuth in SUNS
+        if azimuth == NO_SUN or self.in_image:  # occluders of the lamp are unknown for an unverified pose
+            return azimuth != NO_SUN
         if (rock, azimuth) not in self._lit:
             self._lit[rock, azimuth] = lit_rock_share(self.world, rock, azimuth) > MIN_LIT_SHARE
         return self._lit[rock, azimuth]
@@ -131,7 +131,7 @@ class PositionRocks:
                 tracks = self._terrain_rocks.tracks[position]
                 annotated = {azimuth for row in np.flatnonzero(ids == rock) for azimuth in tracks[row].azimuths}
                 if annotated or self._in_view(position, rock):
-                    suns = {azimuth for _, azimuth in self._terrain_rocks.seeds[position]} & set(SUNS)
+                    suns = {azimuth for _, azimuth in self._terrain_rocks.seeds[position]} - {NO_SUN}
                     shares.append(len(annotated & suns) / max(len(suns), 1))
         return float(np.mean(shares)) if shares else None
 
@@ -146,7 +146,7 @@ class PositionRocks:
     def _beyond_border(self, camera: CameraSide, azimuth: Azimuth, fused: np.ndarray) -> list[Label]:
         """Return lit projected rocks that are outside all annotated photos of this position."""
         labels = []
-        for label in self._projected_rocks(camera) if azimuth in SUNS else []:
+        for label in self._projected_rocks(camera) if azimuth != NO_SUN else []:
             rock = label.rock
             outside = all(self.projected(side, rock) is None for side, _ in self.annotated)
             annotated_as_another = iou(label.box[None], fused).max(initial=0.0) >= SAME_ROCK_IOU

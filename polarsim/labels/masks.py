@@ -26,8 +26,8 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.polygons import paint, paint_on
 from polarsim.labels.association import fit_dome
-from polarsim.labels.bodies import Dome, TerrainCasters, build_worlds, with_domes
-from polarsim.labels.casting import VisibleIds, active_lamp
+from polarsim.labels.bodies import Dome, TerrainCasters, active_lamp, build_worlds, with_domes
+from polarsim.labels.casting import VisibleIds
 from polarsim.labels.shapes import MaskShape, backdrop, convex_shape, fit_shape, mask_shapes, visible_parts
 from polarsim.photo import NO_ROCK, POLYGON_CLASSES, ROCK, Azimuth, Light, PhotoKey, Terrain, terrain_text
 from polarsim.run_files import lamps, rigs
@@ -189,7 +189,7 @@ def draw_masks(
         log.warning("terrain %s, position %s: no camera pose, no outlines", terrain_text(terrain), position)
     suns = lamps.read_suns(cameras, localised, site, terrain)
     scene = read_terrain(meshes, terrain, site.sandbox_of(terrain), cameras=cameras)
-    world, bare = build_worlds(scene, localised, suns)
+    world, bare = build_worlds(scene, localised, suns, site.rig_lamp)
     annotated: dict[PhotoKey, list[coco.Annotation]] = {}
     tiles: dict[str, np.ndarray] = {}
     with writing_folder(polygons) as polygon_folder, writing_folder(masks) as mask_folder:

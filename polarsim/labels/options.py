@@ -7,8 +7,13 @@ from typing import Literal
 from pydantic import BaseModel, Field, field_validator
 
 from polarsim.errors import LabelError
-from polarsim.photo import SHADOWS_ANNOTATED_FROM_MS, PhotoKey, Terrain
+from polarsim.photo import PhotoKey, Terrain
+from polarsim.site import Site, TerrainName
 from polarsim.user_path import UserPath
+
+# Annotators of the release draw shadows from 128 ms upwards, and under the rover light alone all labels from 2048 ms
+# upwards; the usual exposure is 256 ms.
+SHADOWS_FROM_USUAL, RIG_LAMP_FROM_USUAL = 0.5, 8
 
 
 class LabelsOptions(BaseModel, extra="forbid", frozen=True):
@@ -45,10 +50,10 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         "labels.",
     )
 
-    min_shadow_exposure_ms_by_terrain: dict[int, int] = Field(
+    min_shadow_exposure_ms_by_terrain: dict[TerrainName, int] = Field(
         default_factory=dict,
-        description="Minimum exposure with shadow labels under a Sun lamp, ms, by terrain number. Default of unlisted "
-        "terrains: 128.",
+        description="Minimum exposure with shadow labels under a Sun lamp, ms, by terrain. Default: half the "
+        "usual exposure of the site, 128 ms for POLAR.",
     )
     min_rock_side_px: float = Field(
         12.0, gt=0, description="Minimum projected size of a labelled rock, square root of the area, px."
@@ -69,6 +74,11 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         """Return the photos of a terrain whose annotations are excluded."""
         return tuple(key for key in map(PhotoKey.parse, self.excluded_annotations) if key.terrain == terrain)
 
-    def shadow_start(self, terrain: Terrain) -> int:
-        """Return the minimum exposure with shadow labels under a Sun lamp, ms."""
-        return self.min_shadow_exposure_ms_by_terrain.get(terrain, SHADOWS_ANNOTATED_FROM_MS)
+    def shadow_start(self, terrain: Terrain, usual_exposure_ms: int) -> int:
+        """Return the minimum exposure with shadow labels under a Sun lamp, ms; `usual_exposure_ms` is the site's."""
+        return self.min_shadow_exposure_ms_by_terrain.get(terrain, round(SHADOWS_FROM_USUAL * usual_exposure_ms))
+
+
+def rig_lamp_ms(site: Site) -> int:
+    """Return the minimum exposure with labels if only the rig's lamp is on, ms."""
+    return RIG_LAMP_FROM_USUAL * site.usual_exposure_ms

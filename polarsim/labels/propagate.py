@@ -18,11 +18,11 @@ from polarsim.formats.files import writing_folder
 from polarsim.geometry.boxes import area
 from polarsim.labels.annotator import Annotator
 from polarsim.labels.association import TerrainRocks, associate_rocks
+from polarsim.labels.bodies import active_lamp
 from polarsim.labels.brightness import Brightness, OlatBrightness, PhotoBrightness
-from polarsim.labels.casting import active_lamp
 from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.label import Label
-from polarsim.labels.options import LabelsOptions
+from polarsim.labels.options import LabelsOptions, rig_lamp_ms
 from polarsim.labels.seeds import (
     MinExposures,
     PhotoAnnotations,
@@ -47,6 +47,7 @@ from polarsim.photo import (
     by_bracket,
     terrain_text,
 )
+from polarsim.photo_format import step_dn
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.scene import read_terrain
@@ -104,8 +105,11 @@ def labels_of_terrain(inputs: PropagationInputs, options: LabelsOptions) -> dict
     corrections = _left(corrected, options)
     drawings = _left(drop_mislabelled(seeded, scene, localised), options)
     by_people = {**drawings, **corrections}
-    min_exposures = MinExposures.of(by_people, options.shadow_start(terrain))
-    terrain_rocks = associate_rocks(scene, localised, suns, choose_seeds(drawings, corrections, min_exposures))
+    usual_ms = inputs.site.usual_exposure_ms
+    min_exposures = MinExposures.of(by_people, options.shadow_start(terrain, usual_ms), rig_lamp_ms(inputs.site))
+    terrain_rocks = associate_rocks(
+        scene, localised, suns, inputs.site.rig_lamp, choose_seeds(drawings, corrections, min_exposures)
+    )
     return grid_labels(terrain_rocks, inputs, options, min_exposures, drawings, corrections)
 
 
@@ -127,9 +131,9 @@ def grid_labels(
     With `visibility: annotator`, only photos without any lamp are read. An annotated photo keeps its boxes unchanged.
     Propagated boxes are added to seeds, but not to corrections.
     """
-    keys, photos = inputs.keys, PhotoBrightness(inputs.photos, inputs.terrain)
+    keys, photos = inputs.keys, PhotoBrightness(inputs.photos, inputs.terrain, step_dn(inputs.site.images))
     by_people = options.visibility == "annotator"
-    readable, olat_images = (None, None) if by_people else (photos, OlatBrightness(terrain_rocks))
+    readable, olat_images = (None, None) if by_people else (photos, OlatBrightness(terrain_rocks, inputs.site))
     positions = {
         position: PositionLabels(terrain_rocks, position, options, readable, inputs.annotator)
         for position in terrain_rocks.localised

@@ -86,11 +86,12 @@ class MinExposures:
     """
 
     usual_ms: int  # of shadows, without annotated shadows
+    rig_lamp_ms: int  # of all labels if only the rig's lamp is on
     shadows_ms: Mapping[Bracket, int] = field(default_factory=dict)
     unlit_ms: Mapping[str, int] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, drawings: PhotoAnnotations, usual_ms: int) -> MinExposures:
+    def of(cls, drawings: PhotoAnnotations, usual_ms: int, rig_lamp_ms: int) -> MinExposures:
         """Return the shortest annotated exposures, for shadows at most `usual_ms`."""
         shadows_ms: dict[Bracket, int] = {}
         unlit_ms: dict[str, int] = {}
@@ -99,7 +100,7 @@ class MinExposures:
                 shadows_ms[key.bracket] = min(shadows_ms.get(key.bracket, usual_ms), key.exposure_ms)
             if is_unlit(key.light, key.azimuth) and len(annotated.rocks):
                 unlit_ms[key.position] = min(unlit_ms.get(key.position, key.exposure_ms), key.exposure_ms)
-        return cls(usual_ms, shadows_ms, unlit_ms)
+        return cls(usual_ms, rig_lamp_ms, shadows_ms, unlit_ms)
 
     def of_shadows(self, key: PhotoKey) -> int:
         """Return the minimum for the exposure bracket of a photo, else the median of the position, else of the terrain.

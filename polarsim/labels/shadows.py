@@ -10,13 +10,14 @@ import numpy as np
 from polarsim.geometry.boxes import MATCH_GATE_PX, area, iou
 from polarsim.geometry.masks import Window, windows_of
 from polarsim.labels.association import match_ids
+from polarsim.labels.bodies import active_lamp
 from polarsim.labels.brightness import Brightness
-from polarsim.labels.casting import VisibleIds, active_lamp, fit_to_dark_region, shadow_box
+from polarsim.labels.casting import VisibleIds, fit_to_dark_region, shadow_box
 from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.label import Label, make_label
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import at_border, move_flat
-from polarsim.photo import NO_ROCK, SHADOW, Azimuth, CameraSide, Light
+from polarsim.photo import NO_ROCK, NO_SUN, SHADOW, Azimuth, CameraSide, Light
 
 CAST_WEIGHT = 0.3  # weight of a cast shadow relative to an annotation in the other camera
 MIN_SHADOW_PX = 12.0  # minimum size of a labelled cast shadow, sqrt(area)
@@ -109,7 +110,7 @@ class PositionShadows:
         ]
 
     def _cast_labels(self, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
-        by_rover_light = azimuth == "no"
+        by_rover_light = azimuth == NO_SUN
         min_px = MIN_ROVER_SHADOW_PX if by_rover_light else MIN_SHADOW_PX
         large = {rock: shadow.box for rock, shadow in cast.items() if np.sqrt(area(shadow.box)) >= min_px}
         return [make_label(SHADOW, rock, "cast", box, by_rover_light=by_rover_light) for rock, box in large.items()]
@@ -145,7 +146,7 @@ class PositionShadows:
             windows = windows_of(shadow)
         shadows = {}
         for rock, rock_box in sorted(rock_boxes.items()):
-            slivers = azimuth != "no" or rock_box is None  # annotators omit slivers under the rover light
+            slivers = azimuth != NO_SUN or rock_box is None  # annotators omit slivers under the rover light
             box = shadow_box(shadow, rock, rock_box, step, windows, slivers=slivers)
             if box is None:
                 continue

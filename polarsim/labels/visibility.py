@@ -10,13 +10,12 @@ import numpy as np
 from polarsim.geometry.boxes import pixel_window
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.labels.bodies import TerrainCasters
-from polarsim.labels.brightness import Brightness, noise_dn
+from polarsim.labels.brightness import Brightness
 from polarsim.labels.label import Label
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.seeds import MinExposures, is_unlit
 from polarsim.photo import SHADOW, Azimuth, PhotoKey
 
-MIN_ROVER_LIGHT_EXPOSURE_MS = 2048  # minimum exposure labelled in the release if only the rover light is on
 POINTS = 150  # approximate number of rays cast to the surface of a rock
 LIFT = 0.003  # metres from the surface to the start of a shadow ray, to avoid self-intersection
 LAMP_ERROR = np.diag([0.6, 0.6, 0.3])  # metres, x y z: two standard deviations of the surveyed lamp positions
@@ -97,7 +96,7 @@ def label_contrast(brightness: Brightness, box: np.ndarray, exposure_ms: float) 
     if not inner.any() or framed.all():
         return NO_CONTRAST
     surround = float(np.median(values[~framed]))
-    noise = float(noise_dn(surround))
+    noise = float(brightness.noise_dn(surround))
     excess = float(((values[inner] - surround) ** 2).mean()) - noise**2
     dn = float(np.sqrt(max(excess, 0.0)))
     return Contrast(dn, dn / noise)
@@ -127,12 +126,12 @@ def visible_labels(
 def labels_by_exposure(labels: list[Label], key: PhotoKey, min_exposures: MinExposures) -> list[Label]:
     """Return the labels that annotators draw at the exposure of a photo.
 
-    Sun lamp: rocks always, shadows from the minimum exposure. Rover light: all from `MIN_ROVER_LIGHT_EXPOSURE_MS`
+    Sun lamp: rocks always, shadows from the minimum exposure. Rover light: all from its minimum exposure
     upwards. No lamp: all labels from the minimum exposure of the position upwards, if the position has one.
     """
     if is_unlit(key.light, key.azimuth):
         return labels if min_exposures.has_unlit_labels(key) else []
-    if key.azimuth == "no":
-        return labels if key.exposure_ms >= MIN_ROVER_LIGHT_EXPOSURE_MS else []
+    if not key.has_sun:
+        return labels if key.exposure_ms >= min_exposures.rig_lamp_ms else []
     dark = key.exposure_ms < min_exposures.of_shadows(key)
     return [label for label in labels if not (dark and label.kind == SHADOW)]

@@ -14,7 +14,7 @@ import numpy as np
 
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import png
-from polarsim.photo import BLACK_LEVEL, PhotoKey
+from polarsim.photo import BLACK_LEVEL, CENTRE_DN, PhotoKey
 from polarsim.render import brdf
 from polarsim.render.lamps import ROVER, Lamp
 from polarsim.render.options import MODELS, Model, RenderOptions
@@ -24,7 +24,6 @@ from polarsim.site import Site
 
 log = logging.getLogger("polarsim.render")
 
-_CENTRE_DN = 768.0  # DN above black of level sand at the centre, a fifth of white: makes the usual exposure optimal
 _UNSURVEYED_CAMERA = (3.5, 0.0, 1.5)  # metres; direction from which sand is seen at a site without surveyed positions
 _USABLE = (40, 3500)  # DN above black that are not biased by noise or clipping
 _LIT = 0.25  # share of the median radiance: darker pixels are in shadow or penumbra
@@ -36,7 +35,7 @@ _STEP = 3  # every third row and column is sufficient for a median
 def default_gain(model: Model, options: RenderOptions, site: Site) -> float:
     """Return the gain, DN per ms per unit radiance, at which the usual exposure of a site is right.
 
-    Level ground at the centre then has `_CENTRE_DN` under the first lamp, seen from the first surveyed position.
+    Level ground at the centre then has `CENTRE_DN` under the first lamp, seen from the first surveyed position.
     """
     to_lamp, irradiance = _first_lamp(site).light_at(np.zeros((1, 3)), falloff=options.falloff)
     to_lamp = to_lamp / np.linalg.norm(to_lamp)
@@ -44,7 +43,7 @@ def default_gain(model: Model, options: RenderOptions, site: Site) -> float:
     to_viewer = camera[None] / np.linalg.norm(camera)
     value = brdf.reflectance(options.parameters(model), np.array([[0.0, 0.0, 1.0]]), to_lamp, to_viewer)
     radiance = float(value[0] * irradiance[0] * to_lamp[0, 2])
-    per_ms = _CENTRE_DN / site.usual_exposure_ms
+    per_ms = CENTRE_DN / site.usual_exposure_ms
     return per_ms / radiance if radiance > 0 else per_ms
 
 

@@ -30,6 +30,7 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import labels_of_terrain
 from polarsim.labels.seeds import AnnotatedBoxes
 from polarsim.photo import PhotoKey
+from polarsim.site import polar
 
 from .conftest import BLOCKS, TERRAIN
 
@@ -104,7 +105,7 @@ def test_a_fit_recovers_the_habits_of_simulated_annotators(seed):
 
 
 def test_a_run_gives_samples_of_both_habits(scene):
-    files = TerrainFiles(TERRAIN, scene.seeds, scene.cameras, scene.meshes)
+    files = TerrainFiles(polar(), TERRAIN, scene.seeds, scene.cameras, scene.meshes)
     options = LabelsOptions(ray_step_px=4, visibility="annotator")
     key = PhotoKey.parse("03_A_off_180_L_0256")
     rocks = np.array([scene.expected_box("A", "L", rock) for rock in BLOCKS])

@@ -5,7 +5,7 @@ from polarsim.labels.association import find_tracks, fit_dome, match_ids, number
 from polarsim.labels.bodies import Dome, build_world
 from polarsim.photo import FIRST_ID_WITHOUT_MESH, NO_ROCK
 from polarsim.run_files.scene import read_terrain
-from tests.support.polar_survey import SANDBOX, SUN_LAMPS
+from tests.support.polar_survey import RIG_LAMP, SANDBOX, SUN_LAMPS
 
 from .conftest import TERRAIN, localised
 
@@ -49,7 +49,7 @@ def test_boxes_are_matched_one_to_one_with_the_nearest_expected_box():
 @pytest.mark.parametrize("position", ["A", "C"])
 def test_a_dome_is_recovered_from_its_bounding_box(untouched_scene, position, radius, height):
     mesh = read_terrain(untouched_scene.meshes, TERRAIN, SANDBOX)
-    world, view = build_world(mesh, 0.004, SUN_LAMPS), localised(position).camera("L")
+    world, view = build_world(mesh, 0.004, SUN_LAMPS, RIG_LAMP), localised(position).camera("L")
     dome = Dome(np.array([0.2, 0.3, 0.0]), radius, height)
     pixels = view.project(dome.mesh(rings=30, segments=90)[0])
     found = fit_dome(world, view, np.concatenate([pixels.min(axis=0), pixels.max(axis=0)]))
@@ -60,7 +60,7 @@ def test_a_dome_is_recovered_from_its_bounding_box(untouched_scene, position, ra
 
 
 def test_a_box_above_the_horizon_has_no_dome(untouched_scene):
-    world = build_world(read_terrain(untouched_scene.meshes, TERRAIN, SANDBOX), 0.004, SUN_LAMPS)
+    world = build_world(read_terrain(untouched_scene.meshes, TERRAIN, SANDBOX), 0.004, SUN_LAMPS, RIG_LAMP)
     box = np.array([500.0, 0, 540, 20])
     level = localised("A").camera("L")
     assert fit_dome(world, level, box - [0, 3000, 0, 3000]) is None

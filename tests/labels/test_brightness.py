@@ -26,22 +26,22 @@ def index(tmp_path):
 
 
 def test_every_pixel_comes_from_the_longest_exposure_that_did_not_clip_it(index):
-    brightness = PhotoBrightness(index, 3).brightness((3, "A", "off", "30", "L"))
+    brightness = PhotoBrightness(index, 3, 1.0).brightness((3, "A", "off", "30", "L"))
     assert brightness.exposures_ms == (64, 256)
     np.testing.assert_allclose(brightness.rate[5, [10, 1900]], [2, 20], rtol=1e-3)
 
 
 def test_an_exposure_is_clipped_as_its_photo_was(index):
-    brightness = PhotoBrightness(index, 3).brightness((3, "A", "off", "30", "L"))
+    brightness = PhotoBrightness(index, 3, 1.0).brightness((3, "A", "off", "30", "L"))
     np.testing.assert_allclose(brightness.at(256)[5, [10, 1900]], [512, WHITE_LEVEL - BLACK_LEVEL], rtol=1e-3)
 
 
 def test_a_bracket_without_readable_photo_has_no_brightness(index, caplog):
-    photos = PhotoBrightness(index, 3)
+    photos = PhotoBrightness(index, 3, 1.0)
     assert photos.brightness((3, "A", "off", "30", "R")) is None
     assert "missing.png" in caplog.text
     assert photos.brightness((3, "A", "on", "30", "L")) is None
-    assert PhotoBrightness(index, 4).brightness((3, "A", "off", "30", "L")) is None
+    assert PhotoBrightness(index, 4, 1.0).brightness((3, "A", "off", "30", "L")) is None
 
 
 def test_noise_is_that_of_photons_and_read_out():

@@ -14,7 +14,7 @@ def dark(*boxes, level: float = 0.1, ground: float = 1.0) -> Brightness:
     rate = np.full(SHAPE, ground, np.float32)
     for x0, y0, x1, y1 in boxes:
         rate[y0:y1, x0:x1] = level
-    return Brightness(rate, (256,))
+    return Brightness(rate, (256,), 1.0)
 
 
 def cast(x0, y0, x1, y1, rock=4):

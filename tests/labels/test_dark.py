@@ -13,7 +13,7 @@ from polarsim.labels.seeds import AnnotatedBoxes
 from polarsim.labels.visibility import is_dark, omitted_in_dark
 from polarsim.photo import ROCK
 from polarsim.run_files.walls import level_walls
-from tests.support.polar_survey import SUN_LAMPS
+from tests.support.polar_survey import RIG_LAMP, SUN_LAMPS
 
 from .conftest import localised, terrain_of
 
@@ -33,17 +33,17 @@ def terrain():
 
 @pytest.fixture(scope="module")
 def world(terrain):
-    return build_world(terrain, TRIM, SUN_LAMPS)
+    return build_world(terrain, TRIM, SUN_LAMPS, RIG_LAMP)
 
 
 def labelled(terrain, annotated_at, options, azimuth="180"):
     """Return the rocks labelled under a lamp, with boxes annotated under different lamps."""
     rig = localised("A")
-    world = build_world(terrain, TRIM, SUN_LAMPS)
+    world = build_world(terrain, TRIM, SUN_LAMPS, RIG_LAMP)
     boxes = np.array([project_rock(world, rig.camera("L"), rock).box for rock in ROCKS])
     drawings = {("L", other): AnnotatedBoxes(boxes, None) for other in annotated_at}
     seeds = {"A": drawings} if drawings else {}
-    known = associate_rocks(terrain, {"A": rig}, SUN_LAMPS, seeds)
+    known = associate_rocks(terrain, {"A": rig}, SUN_LAMPS, RIG_LAMP, seeds)
     labels = PositionLabels(known, "A", options).labels("L", "off", azimuth)
     return {label.rock for label in labels if label.kind == ROCK}
 
@@ -68,7 +68,7 @@ def test_a_rock_lit_from_any_possible_lamp_position_is_not_dark(world, above, da
 
 
 def test_walls_shade_the_ground_next_to_them(terrain):
-    walled = build_world(replace(terrain, walls=level_walls(2.0, 2.0)), TRIM, SUN_LAMPS)
+    walled = build_world(replace(terrain, walls=level_walls(2.0, 2.0)), TRIM, SUN_LAMPS, RIG_LAMP)
     assert is_dark(walled, OPEN, "30")
 
 

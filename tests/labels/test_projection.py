@@ -8,14 +8,14 @@ from polarsim.labels.projection import move_flat, move_rocks, project_rock
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import read_terrain
 from tests.support.polar_rig import default_rig
-from tests.support.polar_survey import SANDBOX, SUN_LAMPS
+from tests.support.polar_survey import RIG_LAMP, SANDBOX, SUN_LAMPS
 
 from .conftest import BLOCKS, TERRAIN, localised
 
 
 @pytest.fixture(scope="module")
 def world(untouched_scene):
-    return build_world(read_terrain(untouched_scene.meshes, TERRAIN, SANDBOX), 0.004, SUN_LAMPS)
+    return build_world(read_terrain(untouched_scene.meshes, TERRAIN, SANDBOX), 0.004, SUN_LAMPS, RIG_LAMP)
 
 
 @pytest.mark.parametrize("rock", list(BLOCKS))

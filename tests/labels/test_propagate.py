@@ -139,14 +139,14 @@ def test_shadow_edges_follow_the_photo_except_in_annotated_photos(scene, tmp_pat
     rocks_only = yolo.read_boxes(scene.seeds / f"{key_annotated}.txt")[1][: len(BLOCKS)]
     localised_rigs = rigs.read_all_localised(scene.cameras)
     suns = surveyed_suns(localised_rigs, polar(), TERRAIN)
-    known = associate_rocks(read_terrain(scene.meshes, TERRAIN, SANDBOX), localised_rigs, suns, {})
-    brightness = OlatBrightness(known).brightness((3, "A", "off", "30", "L"))
+    known = associate_rocks(read_terrain(scene.meshes, TERRAIN, SANDBOX), localised_rigs, suns, polar().rig_lamp, {})
+    brightness = OlatBrightness(known, polar()).brightness((3, "A", "off", "30", "L"))
     rows = []
     for one in (key_annotated, sibling):
         png.write_png(tmp_path / f"{one}.png", (brightness.at(one.exposure_ms) + BLACK_LEVEL).astype(np.uint16))
         rows.append({"key": str(one), "path": str(tmp_path / f"{one}.png")})
     tables.write_parquet(scene.photos, pd.DataFrame(rows).reindex(columns=list(tables.PHOTO_COLUMNS)))
-    shown = PhotoBrightness(scene.photos, TERRAIN).brightness((3, "A", "off", "30", "L"))
+    shown = PhotoBrightness(scene.photos, TERRAIN, 1.0).brightness((3, "A", "off", "30", "L"))
     shadows = PositionLabels(known, "A", LabelsOptions()).shadows
     cast = shadows.cast("L", "off", "30", dict(zip(BLOCKS, rocks_only, strict=True)), shown)
     annotated = np.array([cast[rock].box + np.array([-4, 3, 4, 3]) for rock in BLOCKS])

@@ -13,7 +13,7 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import project_rock
 from polarsim.labels.seeds import AnnotatedBoxes
 from polarsim.photo import SUNS
-from tests.support.polar_survey import SUN_LAMPS
+from tests.support.polar_survey import RIG_LAMP, SUN_LAMPS
 
 from .conftest import BLOCKS, localised, terrain_of
 
@@ -28,7 +28,7 @@ def annotated_boxes_alone(monkeypatch):
 
 
 def box_of(rock, position="A", camera="L", blocks=BLOCKS):
-    world = build_world(terrain_of(blocks), TRIM, SUN_LAMPS)
+    world = build_world(terrain_of(blocks), TRIM, SUN_LAMPS, RIG_LAMP)
     return project_rock(world, localised(position).camera(camera), rock).box
 
 
@@ -39,7 +39,7 @@ def rocks_at(position, annotated, blocks=BLOCKS, options=OPTIONS):
         for name, drawings in annotated.items()
     }
     rigs = {name: localised(name) for name in "AC"}
-    return PositionRocks(associate_rocks(terrain_of(blocks), rigs, SUN_LAMPS, seeds), position, options)
+    return PositionRocks(associate_rocks(terrain_of(blocks), rigs, SUN_LAMPS, RIG_LAMP, seeds), position, options)
 
 
 def test_an_annotation_under_the_same_lamp_has_double_weight():

@@ -20,7 +20,9 @@ def write(folder, name, shadows=1, offset=0):
 
 
 def chosen_seeds(folder, corrections=None, shadow_start_ms=0):
-    return choose_seeds(read_seeds(folder, 3, polar().images.size), corrections or {}, MinExposures(shadow_start_ms))
+    return choose_seeds(
+        read_seeds(folder, 3, polar().images.size), corrections or {}, MinExposures(shadow_start_ms, 2048)
+    )
 
 
 def test_seeds_of_both_cameras_are_kept_by_position_and_lamp(tmp_path):
@@ -64,7 +66,7 @@ def test_cameras_are_sorted_by_number_of_annotations():
 
 
 def starts_of(folder, key):
-    return MinExposures.of(read_seeds(folder, 3, polar().images.size), 128).of_shadows(PhotoKey.parse(key))
+    return MinExposures.of(read_seeds(folder, 3, polar().images.size), 128, 2048).of_shadows(PhotoKey.parse(key))
 
 
 def test_the_minimum_shadow_exposure_follows_the_annotation_or_the_default(tmp_path):

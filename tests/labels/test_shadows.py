@@ -5,23 +5,26 @@ import pytest
 
 from polarsim.geometry.masks import windows_of
 from polarsim.labels.association import associate_rocks
-from polarsim.labels.bodies import build_world
+from polarsim.labels.bodies import active_lamp, build_world
 from polarsim.labels.brightness import OlatBrightness
-from polarsim.labels.casting import VisibleIds, active_lamp, shadow_box
+from polarsim.labels.casting import VisibleIds, shadow_box
 from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.shadows import CastShadow, PositionShadows, mean_shadow
 from polarsim.photo import NO_ROCK
 from polarsim.run_files.scene import read_terrain
 from polarsim.run_files.walls import level_walls
-from tests.support.polar_survey import SANDBOX, SUN_LAMPS, lamp_position
+from polarsim.site import polar
+from tests.support.polar_survey import RIG_LAMP, SANDBOX, SUN_LAMPS, lamp_position
 
 from .conftest import BLOCKS, TERRAIN, localised
 
 
 @pytest.fixture(scope="module")
 def world(untouched_scene):
-    return build_world(replace(read_terrain(untouched_scene.meshes, TERRAIN, SANDBOX), walls=None), 0.004, SUN_LAMPS)
+    return build_world(
+        replace(read_terrain(untouched_scene.meshes, TERRAIN, SANDBOX), walls=None), 0.004, SUN_LAMPS, RIG_LAMP
+    )
 
 
 @pytest.fixture(scope="module")
@@ -80,14 +83,14 @@ def test_the_active_lamp_of_each_light_setting(world):
 
 def test_lamp_positions_come_from_the_calibration(untouched_scene):
     found = {"180": np.array([-3.5, 0.4, 0.8])}
-    world = build_world(read_terrain(untouched_scene.meshes, TERRAIN, SANDBOX), 0.004, found)
+    world = build_world(read_terrain(untouched_scene.meshes, TERRAIN, SANDBOX), 0.004, found, RIG_LAMP)
     np.testing.assert_array_equal(active_lamp(world, localised("A"), "off", "180"), found["180"])
 
 
 @pytest.fixture(scope="module")
 def walled(untouched_scene):
     terrain = read_terrain(untouched_scene.meshes, TERRAIN, SANDBOX)
-    return build_world(replace(terrain, walls=level_walls(2.1, terrain.sand_level + 0.3)), 0.004, SUN_LAMPS)
+    return build_world(replace(terrain, walls=level_walls(2.1, terrain.sand_level + 0.3)), 0.004, SUN_LAMPS, RIG_LAMP)
 
 
 def seen_at(world, position):
@@ -150,8 +153,10 @@ def test_a_shadow_in_a_photo_ends_at_the_shadow_of_the_wall(untouched_scene):
 
     def box(height, *, with_photo=True):
         walls = level_walls(2.1, terrain.sand_level + height)
-        known = associate_rocks(replace(terrain, walls=walls), {"A": localised("A")}, {"30": lamp_position}, {})
-        photo = OlatBrightness(known).brightness((3, "A", "off", "30", "L")) if with_photo else None
+        known = associate_rocks(
+            replace(terrain, walls=walls), {"A": localised("A")}, {"30": lamp_position}, RIG_LAMP, {}
+        )
+        photo = OlatBrightness(known, polar()).brightness((3, "A", "off", "30", "L")) if with_photo else None
         shadows = PositionShadows(PositionRocks(known, "A", LabelsOptions()), LabelsOptions())
         return shadows.cast("L", "off", "30", {4: None}, photo)[4].box
 

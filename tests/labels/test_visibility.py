@@ -11,7 +11,7 @@ def scene(inside: float, outside: float, noise: float = 0.0) -> Brightness:
     rate = np.full((300, 400), outside)
     rate[80:120, 100:160] = inside
     rate += noise * np.random.default_rng(1).standard_normal(rate.shape)
-    return Brightness(rate.astype(np.float32), (64, 256))
+    return Brightness(rate.astype(np.float32), (64, 256), 1.0)
 
 
 def test_contrast_is_the_difference_relative_to_pixel_noise():
