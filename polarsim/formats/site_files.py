@@ -175,10 +175,19 @@ def _matches(
     base, rest = _split(site, pattern, terrain)
     extra = _INSIDE if base else _LEADING
     regex = re.compile(rf"(?:[^/]+/){{0,{extra}}}{_regex(site, rest, terrain)}", re.DOTALL)
-    depth = rest.count("/") + extra + (_STRAY if pattern == site.files.photos else 0)
+    depth = _folders_in(site, rest) + extra + (_STRAY if pattern == site.files.photos else 0)
     for path in _files(folder, depth):
         match = regex.fullmatch(path.relative_to(folder).as_posix())
         yield path, None if match is None else match.groupdict()
+
+
+def _folders_in(site: Site, pattern: str) -> int:
+    """Return the maximum number of folders of a pattern; texts of names may contain folders."""
+    spelled = site.files.spelling
+    inner = [
+        max((text.count("/") for text in spelled.get(name, {}).values()), default=0) for name in FIELD.findall(pattern)
+    ]
+    return pattern.count("/") + sum(inner)
 
 
 def _split(site: Site, pattern: str, terrain: Terrain) -> tuple[list[re.Pattern[str]], str]:
