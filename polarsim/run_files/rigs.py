@@ -102,7 +102,7 @@ def read_localised(path: str | Path) -> LocalisedRig:
 
 def localised_files(folder: str | Path) -> dict[str, Path]:
     """Return every `PosX.json` in the folder of a terrain, by position."""
-    return {path.stem.removeprefix("Pos"): path for path in sorted(Path(folder).glob("Pos?.json"))}
+    return {path.stem.removeprefix("Pos"): path for path in sorted(Path(folder).glob("Pos*.json"))}
 
 
 @reader("rig poses")
