@@ -106,7 +106,7 @@ def _foreign() -> ModuleType:
 def read(folder: Path) -> Scene:
     """Read a scene's sand and the rock at each cell."""
     localised = read_all_localised(folder / "cameras")
-    scans = read_scans(read_inventory(folder / "inventory.json"), localised)
+    scans = read_scans(read_inventory(folder / "inventory.json"), localised, polar().files, polar().sandbox)
     extent = sand_extent(scans, polar().sandbox)
     scans = scans.select(extent.contains(scans.points))
     slope = np.radians(OPTIONS.max_sand_slope_deg)

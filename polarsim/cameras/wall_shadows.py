@@ -42,7 +42,7 @@ def fit_lamps(
 
     `located`: azimuths of the lamps whose direction is known from the shadows of rocks.
     """
-    measured = [number for number, side in enumerate(SIDES) if walls.sides[side].support > 0]
+    measured = [SIDES.index(side) for side, wall in walls.sides.items() if wall.support > 0]
     lamps = {}
     for azimuth, samples in sorted(edges.items()):
         points = samples.measured[np.isin(samples.side, measured)]
@@ -73,7 +73,7 @@ def fit_walls(
     """Return walls with the sides that scans do not show fitted to the photos; None without enough clear edges."""
     sides, fitted = dict(walls.sides), []
     for number, side in enumerate(SIDES):
-        if walls.sides[side].support > 0:
+        if side not in walls.sides or walls.sides[side].support > 0:
             continue
         points = {azimuth: samples.measured[samples.side == number] for azimuth, samples in edges.items()}
         lamps = np.repeat([suns[azimuth] for azimuth in points], [len(part) for part in points.values()], axis=0)
@@ -85,7 +85,7 @@ def fit_walls(
         log.info("%s: the photos show no clear shadow edges of the walls; walls unchanged", name)
         return None
     log.info("%s: walls %s are fitted to their shadows in photos", name, ", ".join(fitted))
-    return Walls(sides, "photos" if walls.origin == "survey" else walls.origin)
+    return replace(walls, sides=sides, origin="photos" if walls.origin == "survey" else walls.origin)
 
 
 def _fit_side(side: Side, nominal: Wall, points: np.ndarray, lamps: np.ndarray) -> Wall | None:

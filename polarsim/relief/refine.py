@@ -30,7 +30,7 @@ from polarsim.rocks.scans import Extent
 from polarsim.rocks.solids import cluster_vertices
 from polarsim.run_files.fitted_photos import GROUND_FILE
 from polarsim.run_files.scene import MESH_TABLE, PHOTOS, PUBLISHED, SCANNED, TerrainMesh, mesh_origins, read_terrain
-from polarsim.run_files.walls import level_walls
+from polarsim.run_files.walls import flat_walls
 from polarsim.site import Sandbox, Site
 
 log = logging.getLogger("polarsim")
@@ -175,7 +175,7 @@ def _summary(start: HeightMap, found: HeightMap, photos: list[str], reasons: lis
 
 
 def _scene(scene: TerrainMesh, sandbox: Sandbox, views: list[PhotoView], feet: list[np.ndarray]) -> SweptScene:
-    walls = scene.walls or level_walls(sandbox.half_width_m[0], scene.sand_level)
+    walls = scene.walls or flat_walls(sandbox, scene.sand_level)
     vertices, faces, _ = walls.mesh(scene.sand_level - 0.5)
     rocks = Mesh(scene.vertices, scene.faces[scene.rock_of_face != NO_ROCK])
     return SweptScene(views, comparable_groups(views), rocks, Mesh(vertices, faces), feet)

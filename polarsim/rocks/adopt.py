@@ -26,16 +26,16 @@ from polarsim.rocks.solids import merged_vertices
 from polarsim.run_files import scene
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.rock_translations import read_translations
-from polarsim.site import Site
+from polarsim.site import Sandbox, Site
 
 log = logging.getLogger("polarsim")
 PUBLISHED_MARGIN = 0.10  # metres around the sand: the origin of published frames may be a decimetre off the centre
-MAX_GROUND_SIZE = 20.0  # maximum size of a ground, metres: the sandbox measures 4, a ground in other units much more
+MAX_GROUND_RATIO = 5.0  # maximum size of a ground relative to the sand: a ground in other units is much larger
 MIN_FOOT_ON_GROUND = 0.5  # minimum share of the points of a rock's foot with ground below or above
 MAX_FOOT_GAP = 0.05  # maximum distance between rocks' feet and the ground, metres, median over rocks
 
 
-def read_ground(path: str | Path, feet: Mapping[int, np.ndarray]) -> Mesh:
+def read_ground(path: str | Path, feet: Mapping[int, np.ndarray], sandbox: Sandbox) -> Mesh:
     """Read the mesh of the ground, oriented upwards, and check that it belongs to the rocks.
 
     `feet`, rock id -> (n, 3): points of the rims of the published rocks, metres, sandbox frame.
@@ -43,10 +43,11 @@ def read_ground(path: str | Path, feet: Mapping[int, np.ndarray]) -> Mesh:
     ground = obj.read_obj(path)
     with with_path(path):
         spans = np.ptp(ground.vertices[:, :2], axis=0)
-        if spans.max() > MAX_GROUND_SIZE:
+        x, y = (2 * half for half in sandbox.half_width_m)
+        if spans.max() > MAX_GROUND_RATIO * max(x, y):
             raise FormatError(
-                f"the ground measures {spans[0]:.4g} by {spans[1]:.4g} m, a sandbox about 4 m: check that the unit is "
-                "metres"
+                f"the ground measures {spans[0]:.4g} by {spans[1]:.4g} m, the sandbox {x:g} by {y:g} m: check that "
+                "the unit is metres"
             )
         _check_feet(ground, feet)
     a, b, c = (ground.vertices[ground.faces[:, k]] for k in range(3))
@@ -101,10 +102,11 @@ def adopt_rocks(
     translations = read_translations(cameras)
     as_published = {rock: cleaned(obj.read_obj(path)) for rock, path in files.items()}
     adopted = {rock: translated_mesh(mesh, translations.get(rock, np.zeros(3))) for rock, mesh in as_published.items()}
-    half = np.array(site.sandbox_of(terrain).half_width_m) + PUBLISHED_MARGIN
+    sandbox = site.sandbox_of(terrain)
+    half = np.array(sandbox.half_width_m) + PUBLISHED_MARGIN
     grid = FloorGrid(Extent(*-half, *half), FITTED_GROUND_CELL)
     if published.ground:
-        ground = read_ground(published.ground, {rock: rim(mesh) for rock, mesh in as_published.items()})
+        ground = read_ground(published.ground, {rock: rim(mesh) for rock, mesh in as_published.items()}, sandbox)
         heights, made_from = heights_on(grid, ground), scene.PUBLISHED
     else:
         heights = fit_ground([rim(mesh) for mesh in adopted.values()], grid)

@@ -36,14 +36,15 @@ from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scans import read_scan
 from polarsim.run_files.scene import PHOTOS, SCANNED
 from polarsim.run_files.walls import Walls, write_walls
-from polarsim.site import Files, Site
+from polarsim.site import Files, Sandbox, Site
 
 log = logging.getLogger("polarsim")
 FOOT_HEIGHT = 0.006  # height above the ground at which a rock begins, metres
 CONFIRMED_HEIGHT = 0.010  # minimum height of a rock that seed boxes confirm, metres
 CONFIRMING_IOU = 0.3  # minimum IoU of a seed box and the rock that it confirms
 BUMP_HEIGHT = 0.005  # minimum height of a small convex rock above the surrounding sand, metres
-NEIGHBOURHOOD = Extent(-2.5, -2.5, 2.5, 2.5)  # box and walls; points outside are ignored
+# Points farther from the sand are ignored, metres: of walls, and of the floor around a raised box.
+WALLS_REACH, FLOOR_REACH = 0.5, 2.0
 
 
 def find_rocks(
@@ -73,14 +74,14 @@ def find_rocks(
     localised = rigs.read_all_localised(cameras)
     typed = read_overrides(overrides) if overrides is not None else Overrides()
     evidence = Evidence(localised, read_rock_boxes(seeds, terrain), CONFIRMING_IOU)
-    scans = read_scans(read_inventory(inventory), localised, site.files)
+    sandbox = site.sandbox_of(terrain)
+    scans = read_scans(read_inventory(inventory), localised, site.files, sandbox)
     if not len(scans):
         log.warning(
             "%s: terrain %s has no scan, so that it gets no rocks and no ground", inventory, terrain_text(terrain)
         )
         _write(rocks, cuboids, ids, clouds, [], {}, {}, Cloud(np.zeros((0, 3)), np.zeros((0, 3))), None, {})
         return
-    sandbox = site.sandbox_of(terrain)
     extent = sand_extent(scans, sandbox)
     everything, scans = scans, scans.select(extent.contains(scans.points))
     sand = find_ground(scans, extent, GROUND_CELL, np.radians(options.max_sand_slope_deg))
@@ -131,8 +132,12 @@ def ground_cloud(sand: SandSurface) -> Cloud:
     return Cloud(points[sand.is_ground], normals[sand.is_ground])
 
 
-def read_scans(inventory: Inventory, localised: Mapping[str, LocalisedRig], files: Files) -> ScanPoints:
+def read_scans(
+    inventory: Inventory, localised: Mapping[str, LocalisedRig], files: Files, sandbox: Sandbox
+) -> ScanPoints:
     """Return all scans of a terrain in the sandbox frame, by the poses of the cameras stage."""
+    x, y = sandbox.half_width_m
+    neighbourhood = Extent(-x, -y, x, y).grown(FLOOR_REACH if sandbox.raised else WALLS_REACH)
     scans = []
     for position in inventory.scanned:
         if position not in localised:
@@ -147,7 +152,7 @@ def read_scans(inventory: Inventory, localised: Mapping[str, LocalisedRig], file
             continue
         points_left = read_scan(inventory, position, localised[position].rig, files)
         scan = scan_in_sandbox(points_left, localised[position].sandbox_from_left)
-        scans.append(scan.select(NEIGHBOURHOOD.contains(scan.points)))
+        scans.append(scan.select(neighbourhood.contains(scan.points)))
     return merge_scans(scans)
 
 

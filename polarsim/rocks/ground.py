@@ -8,7 +8,7 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.rocks.heights import FloorGrid, filled, hull_mask, mean_heights, smoothed, top_heights
-from polarsim.rocks.scans import MIN_WALL_HEIGHT, Extent, ScanPoints
+from polarsim.rocks.scans import Extent, ScanPoints, wall_foot
 from polarsim.run_files.walls import SIDES
 from polarsim.site import Sandbox
 
@@ -63,7 +63,7 @@ def sand_extent(scans: ScanPoints, sandbox: Sandbox, cell: float = 0.02) -> Exte
         return Extent(*-half, *half)
     central = (np.abs(area[:, :2]) < half / 2).all(axis=1)
     level = np.median(area[central, 2]) if central.any() else np.median(area[:, 2])
-    high = area[area[:, 2] > level + MIN_WALL_HEIGHT]
+    high = area[area[:, 2] > level + wall_foot(sandbox)]
     sides = {}
     for axis in (0, 1):
         for sign in (-1, 1):

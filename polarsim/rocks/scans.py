@@ -7,8 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.geometry.poses import Pose
+from polarsim.site import Sandbox
 
-MIN_WALL_HEIGHT = 0.12  # metres above the sand: higher objects at the rim of the box are walls
+# Objects at the rim that are higher are walls: metres above the sand, and share of the lowest wall.
+WALL_FOOT, FOOT_SHARE = 0.12, 0.5
+
+
+def wall_foot(sandbox: Sandbox) -> float:
+    """Return the height above the sand at which points at the rim of a sandbox belong to walls, metres."""
+    return min([WALL_FOOT, *(FOOT_SHARE * height for height in sandbox.walls_m.values() if height)])
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,12 @@ first points above wall height, seen from the sand, belong to the inner edge.
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 
 import numpy as np
 
 from polarsim.photo import Terrain, terrain_text
-from polarsim.rocks.scans import MIN_WALL_HEIGHT, ScanPoints
+from polarsim.rocks.scans import ScanPoints, wall_foot
 from polarsim.run_files.walls import STRIP_M, Side, Wall, Walls, surveyed_walls, wall_strips
 from polarsim.site import Sandbox
 
@@ -28,7 +29,7 @@ MIN_SUPPORT = 0.3  # minimum share of the strips with points; otherwise the nomi
 
 
 def measure_walls(terrain: Terrain, sandbox: Sandbox, scans: ScanPoints, level: float) -> Walls | None:
-    """Measure the walls of a terrain; None for a sandbox whose walls were not surveyed.
+    """Measure the walls of a terrain; None for a sandbox without walls.
 
     `scans`: all points near the sandbox, sandbox frame.
     `level`: height of the sand, metres.
@@ -37,7 +38,7 @@ def measure_walls(terrain: Terrain, sandbox: Sandbox, scans: ScanPoints, level: 
     if nominal is None:
         return None
     half = sandbox.half_width_m
-    points = scans.points[scans.points[:, 2] > level + MIN_WALL_HEIGHT]
+    points = scans.points[scans.points[:, 2] > level + wall_foot(sandbox)]
     measured = {side: _measure(points, side, half) for side in nominal.sides}
     missing = [side for side, wall in measured.items() if wall is None]
     if missing:
@@ -47,7 +48,7 @@ def measure_walls(terrain: Terrain, sandbox: Sandbox, scans: ScanPoints, level: 
             ", ".join(missing),
         )
     sides = {side: wall if wall is not None else nominal.sides[side] for side, wall in measured.items()}
-    return Walls(sides, "survey" if len(missing) == len(measured) else "scans")
+    return replace(nominal, sides=sides, origin="survey" if len(missing) == len(measured) else "scans")
 
 
 def _measure(points: np.ndarray, side: Side, half_width_m: tuple[float, float]) -> Wall | None:

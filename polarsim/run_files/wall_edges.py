@@ -135,8 +135,9 @@ class EdgeProfiles:
 
 def edge_profiles(ground: OpenGround, walls: Walls, lamp: np.ndarray) -> EdgeProfiles:
     """Place profiles across the shadow edges of all walls between the sand and a lamp (3,)."""
-    parts = [_profiles_of_side(ground, walls, side, lamp) for side in SIDES]
-    side = np.repeat(np.arange(len(SIDES)), [len(penumbra) for _, penumbra in parts])
+    numbers = [number for number, side in enumerate(SIDES) if side in walls.sides]
+    parts = [_profiles_of_side(ground, walls, SIDES[number], lamp) for number in numbers]
+    side = np.repeat(numbers, [len(penumbra) for _, penumbra in parts])
     points, penumbra = (np.concatenate(of_sides) for of_sides in zip(*parts, strict=True))
     return EdgeProfiles(ground, walls, side, points, penumbra)
 

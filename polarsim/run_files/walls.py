@@ -1,9 +1,12 @@
-"""`walls.json` next to the meshes of a terrain: inner face and top edge of each wall of the sandbox."""
+"""`walls.json` next to the meshes of a terrain: inner face and top edge of each wall of the sandbox.
+
+A sandbox has walls on any sides. A side without wall has only a border, where the sand ends.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -20,11 +23,10 @@ Origin = Literal["scans", "photos", "survey"]
 STRIP_M = 0.10  # width of the strips along a wall with one height each
 THICKNESS_M = 0.05
 WALL_FOOT_M = 0.5  # depth of the walls below the median sand, metres
-# Without measurements: distance of the inner faces from the border of the sand, and of the top edges below the stated
-# height. Best of 12 pairs on five of six published cover photos of POLAR.
-FACE_BEYOND_SAND_M, TOP_BELOW_STATED_M = 0.05, 0.02
-# Safety margin for objects that must not exceed any wall: 1 cm for the lowest wall, 1 cm for the sand level (a median).
-WALL_MARGIN = 0.02
+# Distance of the inner faces from the border of the sand, and of the top edges below the stated height, without
+# measurements: best of 12 pairs on five of six published cover photos of POLAR. The second is also a safety margin for
+# objects that must not exceed any wall: 1 cm for the lowest wall, 1 cm for the sand level (a median).
+FACE_BEYOND_SAND_M, WALL_MARGIN = 0.05, 0.02
 
 
 @dataclass(frozen=True)
@@ -43,15 +45,18 @@ class Wall:
 
 @dataclass(frozen=True)
 class Walls:
-    """The four walls of a sandbox, and the origin of their measurements."""
+    """The walls of a sandbox, and the origin of their measurements."""
 
     sides: Mapping[Side, Wall]
     origin: Origin
+    open_m: Mapping[Side, float] = field(default_factory=dict)  # distance of the border at each side without wall
 
     @property
     def bounds(self) -> np.ndarray:
-        """(2, 2) minimum and maximum x, y of the floor between the inner faces."""
-        low_x, high_x, low_y, high_y = (self.sides[side].face_m for side in SIDES)
+        """(2, 2) minimum and maximum x, y of the floor between inner faces and borders without wall."""
+        low_x, high_x, low_y, high_y = (
+            self.sides[side].face_m if side in self.sides else self.open_m[side] for side in SIDES
+        )
         return np.array([[-low_x, -low_y], [high_x, high_y]])
 
     @property
@@ -75,6 +80,8 @@ class Walls:
         clear = np.full(len(points), np.inf)
         at = points[crossed] + share[crossed, None] * to_lamp[crossed]
         for number, side in enumerate(SIDES):
+            if side not in self.sides:
+                continue
             chosen = (axis[crossed] == number // 2) & ((to_lamp[crossed, number // 2] > 0) == (number % 2 == 1))
             clear[crossed[chosen]] = at[chosen, 2] - self.sides[side].top(at[chosen, 1 - number // 2])
         return clear
@@ -85,7 +92,8 @@ class Walls:
         Inner face, top and outer face share no vertices: edges are sharp.
         """
         low, high = self.bounds
-        ends = {"x": (low[1] - THICKNESS_M, high[1] + THICKNESS_M), "y": (low[0], high[0])}
+        corner = [THICKNESS_M if side in self.sides else 0.0 for side in ("-y", "+y")]
+        ends = {"x": (low[1] - corner[0], high[1] + corner[1]), "y": (low[0], high[0])}
         parts = [_board(side, wall, ends[side[1]], foot) for side, wall in self.sides.items()]
         starts = np.cumsum([0, *(len(vertices) for vertices, _, _ in parts)])
         faces = [faces + start for (_, faces, _), start in zip(parts, starts, strict=False)]
@@ -131,8 +139,18 @@ def _board(side: Side, wall: Wall, ends: tuple[float, float], foot: float) -> tu
 
 def level_walls(face_m: float, top_m: float, origin: Origin = "survey") -> Walls:
     """Return walls around a square floor: distance of the inner faces from the origin, and height of the top edges."""
-    along = wall_strips(face_m)
-    return Walls(dict.fromkeys(SIDES, Wall(face_m, along, np.full(len(along), top_m), 0.0)), origin)
+    return _level_walls((face_m, face_m), dict.fromkeys(SIDES, top_m), origin)
+
+
+def _level_walls(border_m: tuple[float, float], tops_m: Mapping[Side, float], origin: Origin) -> Walls:
+    """Return level walls at distances from the origin along X and Y, with the height of the top edge of each side."""
+    sides: dict[Side, Wall] = {}
+    for number, side in enumerate(SIDES):
+        if side in tops_m:
+            along = wall_strips(border_m[1 - number // 2])
+            sides[side] = Wall(border_m[number // 2], along, np.full(len(along), tops_m[side]), 0.0)
+    open_m = {side: border_m[number // 2] for number, side in enumerate(SIDES) if side not in sides}
+    return Walls(sides, origin, open_m)
 
 
 def wall_strips(half: float) -> np.ndarray:
@@ -143,9 +161,18 @@ def wall_strips(half: float) -> np.ndarray:
 
 def surveyed_walls(sandbox: Sandbox, level: float) -> Walls | None:
     """Return the walls that the site states, above sand at a height of `level` metres; None without walls."""
-    if not sandbox.is_walled:
+    heights = {side: round(height - WALL_MARGIN, 4) for side in SIDES if (height := sandbox.walls_m.get(side))}
+    if not heights:
         return None
-    return level_walls(sandbox.half_width_m[0] + FACE_BEYOND_SAND_M, level + surely_wall(sandbox))
+    x, y = sandbox.half_width_m
+    faces = x + FACE_BEYOND_SAND_M, y + FACE_BEYOND_SAND_M
+    walls = _level_walls(faces, {side: level + height for side, height in heights.items()}, "survey")
+    return replace(walls, open_m={side: (y if side.endswith("y") else x) for side in walls.open_m})
+
+
+def flat_walls(sandbox: Sandbox, level: float) -> Walls:
+    """Return walls on all sides that end at the sand, at a height of `level` metres."""
+    return _level_walls(sandbox.half_width_m, dict.fromkeys(SIDES, level), "survey")
 
 
 def surely_wall(sandbox: Sandbox) -> float:
@@ -170,7 +197,9 @@ def write_walls(folder: str | Path, walls: Walls) -> None:
         }
         for side, wall in walls.sides.items()
     }
-    write_json(Path(folder) / FILE, {"origin": walls.origin, "sides": sides})
+    borders = {side: round(border, 4) for side, border in walls.open_m.items()}
+    open_sides = {"open_m": borders} if borders else {}
+    write_json(Path(folder) / FILE, {"origin": walls.origin, "sides": sides, **open_sides})
 
 
 def walls_file(meshes: Path, cameras: Path | None) -> Path | None:
@@ -188,14 +217,17 @@ def read_walls(folder: str | Path) -> Walls | None:
     content = read_json(path)
     with with_path(path):
         try:
-            sides = {side: _wall(content["sides"][side]) for side in SIDES}
+            open_m = {side: float(content["open_m"][side]) for side in SIDES if side in content.get("open_m", {})}
+            sides = {side: _wall(content["sides"][side]) for side in SIDES if side not in open_m}
+            if not all(np.isfinite(border) and border > 0 for border in open_m.values()):
+                raise ValueError(f"open_m {open_m}")
             if content["origin"] not in get_args(Origin):
                 raise ValueError(f"origin {content['origin']!r}")
         except (KeyError, TypeError, ValueError) as error:
             raise FormatError(
                 f"expected origin and {', '.join(SIDES)} with face_m, support, along_m, top_m: {error!r}"
             ) from error
-        return Walls(sides, content["origin"])
+        return Walls(sides, content["origin"], open_m)
 
 
 def _wall(content: Mapping[str, object]) -> Wall:

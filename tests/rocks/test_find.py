@@ -182,8 +182,8 @@ def test_a_terrain_without_scans_is_level_ground_without_rocks(tmp_path, caplog)
 def test_a_scan_without_a_confirmed_pose_is_excluded(worked, method, caplog):
     inventory = find.read_inventory(worked / "inventory.json")
     localised = rigs.read_all_localised(worked / "cameras")
-    both = find.read_scans(inventory, localised, polar().files)
+    both = find.read_scans(inventory, localised, polar().files, polar().sandbox)
     lost = {} if method is None else {"C": replace(localised["C"], method=method)}
-    one = find.read_scans(inventory, {"A": localised["A"], **lost}, polar().files)
+    one = find.read_scans(inventory, {"A": localised["A"], **lost}, polar().files, polar().sandbox)
     assert "the scan at C" in caplog.text
     assert 0 < len(one) < len(both)

@@ -75,7 +75,7 @@ def test_the_ground_truth_excludes_rocks_under_the_sand(foreign, tmp_path):
 def test_cameras_rocks_and_meshes_of_foreign_scans_are_accurate(foreign, tmp_path, monkeypatch):
     full = default_rig()
     half = StereoRig(full.left.scaled(0.4), full.right.scaled(0.4), full.left_from_right)  # to save time
-    monkeypatch.setattr(foreign, "default_rig", lambda: half)
+    monkeypatch.setattr(foreign, "stated_rig", lambda _: half)
     monkeypatch.setattr(foreign, "TRIPODS", {position: foreign.TRIPODS[position] for position in "AC"})
     foreign.make(tmp_path, seed=5, meshes=None, count=7)
     foreign.reconstruct(tmp_path, RocksOptions(rock_cell_mm=3.5, ground_mesh_cell_mm=16))

@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from polarsim.errors import ReconstructionError
 from polarsim.geometry.poses import Pose
 from polarsim.rocks.crops import crop_rocks
 from polarsim.rocks.evidence import Evidence
@@ -12,6 +13,7 @@ from polarsim.rocks.regions import Limits, RockRegion, _has_rock_shape, find_reg
 from polarsim.rocks.scans import Extent, ScanPoints
 from polarsim.site import polar
 from tests.rocks.conftest import SIZES, hilly
+from tests.support.other_site import other_site
 from tests.support.polar_survey import HALF, SANDBOX
 
 CELL = 0.008
@@ -266,3 +268,30 @@ def test_a_small_box_is_bounded_by_its_width(rng):
 def test_rocks_are_neither_flat_nor_upright(size, height, rock):
     region = RockRegion(np.zeros(1, int), np.zeros(1, int), np.zeros(2), size, height, 0.0)
     assert _has_rock_shape(region, LIMITS) == rock
+
+
+YARD = other_site().sandbox  # 3 m x 6 m, walls of 0.2 m on three sides
+
+
+def test_ids_of_a_larger_yard_are_unique_and_below_those_of_rocks_without_mesh():
+    half = np.array(YARD.half_width_m)
+    places = np.stack(np.meshgrid(np.arange(-1.4, 1.5, 0.28), np.arange(-2.9, 3.0, 0.28)), axis=-1).reshape(-1, 2)
+    ids = list(number_regions([region(*place) for place in places], half))
+    assert len(ids) == len(places)
+    assert max(ids) < 300  # one rock in each square of 0.27 m
+    crowded = [region(*place, size) for place in places for size in (0.1, 0.2, 0.3)]
+    assert max(number_regions(crowded, half)) <= 3 * 256
+    far = {int(rock): one.centre for rock, one in number_regions([region(*place) for place in places], half).items()}
+    assert np.linalg.norm(far[1] - [-1.4, -2.9]) < 0.3  # numbers grow along x, then along y
+    with pytest.raises(ReconstructionError, match="min_size_mm"):
+        number_regions([region(0, 0)] * 901, half)
+
+
+def test_an_open_side_of_a_rectangle_is_bounded_by_the_site(rng):
+    floor = np.column_stack([rng.uniform(-2, 2, 200_000), rng.uniform(-3.4, 3.4, 200_000), np.zeros(200_000)])
+    wall = np.column_stack([rng.uniform(-1.5, 1.5, 40_000), np.full(40_000, 2.9), rng.uniform(0, 0.2, 40_000)])
+    heap = wall * [1, -1, 1]  # a heap of stones where the site has no wall
+    points = np.concatenate([floor, wall, heap])
+    extent = sand_extent(ScanPoints(points, np.zeros_like(points), np.ones(len(points))), YARD)
+    assert extent.y1 == pytest.approx(2.9 - 0.03, abs=0.005)
+    assert (extent.x0, extent.y0, extent.x1) == (-1.47, -2.97, 1.47)

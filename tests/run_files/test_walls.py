@@ -4,7 +4,20 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.casters import make_caster
-from polarsim.run_files.walls import SIDES, Wall, Walls, level_walls, wall_strips
+from polarsim.run_files.walls import (
+    SIDES,
+    Wall,
+    Walls,
+    level_walls,
+    lowest_wall,
+    read_walls,
+    surely_wall,
+    surveyed_walls,
+    wall_strips,
+    write_walls,
+)
+from polarsim.site import polar
+from tests.support.other_site import other_site
 
 LEVEL = level_walls(2.0, 0.3)
 
@@ -67,3 +80,36 @@ def test_boards_enclose_the_floor_without_gaps(rng):
     low, high = walls.bounds
     points = distance[:, None] * rays[:, :2]
     np.testing.assert_allclose(np.minimum(points - low, high - points).min(axis=1), 0, atol=1e-5)
+
+
+YARD = other_site().sandbox  # 3 m x 6 m, without a wall at -y
+
+
+def test_stated_walls_are_at_the_borders_of_a_rectangle_and_an_open_side_casts_no_shadow():
+    walls = surveyed_walls(YARD, 0.1)
+    np.testing.assert_allclose(walls.bounds, [[-1.55, -3.0], [1.55, 3.05]])
+    assert set(walls.sides) == {"-x", "+x", "+y"}
+    assert [len(walls.sides[side].along_m) for side in ("+x", "+y")] == [61, 31]
+    lamps = {"+x": (9, 0, 0.2), "-x": (-9, 0, 0.2), "+y": (0, 9, 0.2), "-y": (0, -9, 0.2)}
+    centre = np.zeros((1, 3))
+    shaded = {side: bool(walls.clearance(centre, np.array(lamp, float))[0] < 0) for side, lamp in lamps.items()}
+    assert shaded == {"+x": True, "-x": True, "+y": True, "-y": False}
+    vertices, faces, _ = walls.mesh(-0.5)
+    caster = make_caster(vertices, faces)
+    for side, lamp in lamps.items():
+        assert caster.occluded(centre, np.array([lamp], float), 1.0)[0] == shaded[side]
+    assert surveyed_walls(other_site(sandbox={"half_width_m": [1.5, 3.0]}).sandbox, 0.0) is None
+
+
+def test_walls_of_some_sides_are_written_and_read(tmp_path):
+    walls = surveyed_walls(YARD, 0.0)
+    write_walls(tmp_path, walls)
+    read = read_walls(tmp_path)
+    assert read.open_m == {"-y": 3.0}
+    assert set(read.sides) == set(walls.sides)
+    np.testing.assert_allclose(read.bounds, walls.bounds)
+
+
+def test_only_complete_walls_hide_everything_behind_them():
+    assert surely_wall(polar().sandbox) == 0.28
+    assert (surely_wall(YARD), lowest_wall(YARD)) == (0.0, 0.18)
