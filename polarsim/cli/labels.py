@@ -80,13 +80,15 @@ def score(
     truth: Annotated[Path, typer.Argument(help="Folder of annotated YOLO box files, flat or in TerrainNN folders.")],
     labels: Annotated[Path, typer.Argument(help="Folder of YOLO box files to score, flat or in TerrainNN folders.")],
     threshold: Annotated[float, typer.Option(min=0.01, max=1, help="Minimum IoU of matched boxes.")] = 0.5,
+    site: SiteName = DEFAULT,
     json: JsonFile = None,
 ) -> None:
     """Compute precision, recall, F1 and mean IoU of boxes of rocks and shadows, matched one-to-one per file."""
     from polarsim.formats.files import write_json
     from polarsim.scoring.score import score_folders
+    from polarsim.site import read_site
 
-    report = score_folders(truth, labels, threshold)
+    report = score_folders(truth, labels, threshold, site=read_site(site))
     if json:
         write_json(json, report)
     _print_scores(report)

@@ -91,7 +91,7 @@ def _by_terrain(keys: Sequence[str]) -> dict[str, list[str]]:
     """Return the photo keys of all terrains, and of each terrain."""
     chosen = {ALL: list(keys)}
     for terrain in sorted({PhotoKey.parse(key).terrain for key in keys}):
-        chosen[f"{terrain_text(terrain)}"] = [key for key in keys if PhotoKey.parse(key).terrain == terrain]
+        chosen[terrain_text(terrain)] = [key for key in keys if PhotoKey.parse(key).terrain == terrain]
     return chosen
 
 

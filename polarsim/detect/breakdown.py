@@ -25,7 +25,7 @@ PHOTO_GROUPS: dict[str, Callable[[PhotoKey], str]] = {
     "exposure": lambda key: f"{key.exposure_ms:04d}",  # ms
     "azimuth": lambda key: key.azimuth,
     "light": lambda key: key.light,
-    "terrain": lambda key: f"{terrain_text(key.terrain)}",
+    "terrain": lambda key: terrain_text(key.terrain),
 }
 MEASURES = ("map50", "map50_95", "iou_mean")
 BREAKDOWN_COLUMNS = BREAKDOWN.without("split", "seed", "trained", "evaluated")

@@ -15,6 +15,7 @@ from polarsim.errors import DetectError, FormatError, LabelError
 from polarsim.formats import class_lists, release, tables, yolo
 from polarsim.geometry import boxes
 from polarsim.photo import NO_ROCK, PhotoKey
+from polarsim.site import polar
 
 PAIR_IOU = 0.5
 
@@ -138,7 +139,7 @@ def _read_folder(folder: Path) -> pd.DataFrame:
     for path in sorted(folder.glob("*.txt")):
         if path.name == class_lists.CLASS_FILE:
             continue
-        numbers, corners, confidence = yolo.read_detections(path)
+        numbers, corners, confidence = yolo.read_detections(path, polar().images.size)
         kinds = [names[number] if number < len(names) else f"class {number}" for number in numbers]
         columns = dict(zip(BOX_COLUMNS, corners.T, strict=True))
         parts.append(pd.DataFrame({"key": path.stem, "kind": kinds, "confidence": confidence} | columns))

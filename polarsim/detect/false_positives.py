@@ -112,7 +112,7 @@ def _rates(region: str, rows: pd.DataFrame, unit: Unit, resamples: int) -> dict[
     terrains = sorted({PhotoKey.parse(key).terrain for key in keys})
     row: dict[str, object] = {
         "region": region,
-        "terrains": " ".join(f"{terrain_text(terrain)}" for terrain in terrains),
+        "terrains": " ".join(map(terrain_text, terrains)),
         "images": len(keys),
         "units": units,
         "photo_areas": float(free.sum()),

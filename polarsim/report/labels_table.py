@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats.tables import read_parquet
-from polarsim.photo import AZIMUTHS, BOX_CLASSES, terrain_text
+from polarsim.photo import BOX_CLASSES, terrain_text
 from polarsim.report.layout import MISSING, grid, write_blocks, write_table
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.schemas.report import LABELS
@@ -36,14 +36,21 @@ _CELL = ["kind", "task", "value"]
 
 
 def tabulate_labels(
-    *, pairs: Sequence[Path], table: Path, reliability: Path, seeds: str, origin: Mapping[str, str]
+    *,
+    azimuths: Sequence[str],
+    pairs: Sequence[Path],
+    table: Path,
+    reliability: Path,
+    seeds: str,
+    origin: Mapping[str, str],
 ) -> None:
     """Write the tables of label accuracy and of reliability from the `label_pairs` of the terrains.
 
-    `table` and `reliability` are paths without suffix; `seeds` describes the annotations that the run started from.
+    `azimuths` are those of the site, in order. `table` and `reliability` are paths without suffix; `seeds` describes
+    the annotations that the run started from.
     """
     all_pairs = pd.concat([read_parquet(path, LABEL_PAIRS.columns) for path in pairs], ignore_index=True)
-    rows = label_scores(all_pairs)
+    rows = label_scores(all_pairs, azimuths)
     compared = " and ".join(TRUTH_NAMES[name] for name in sorted(set(all_pairs["against"]))) or "no reference"
     started = f"Seeds: {seeds}."
     notes = [f"{started} Reference: {compared}. {NOTE}"]
@@ -54,7 +61,7 @@ def tabulate_labels(
     write_table(reliability, bins, RELIABILITY_CAPTION, layout=shown, notes=[started], origin=origin)
 
 
-def label_scores(pairs: pd.DataFrame) -> pd.DataFrame:
+def label_scores(pairs: pd.DataFrame, azimuths: Sequence[str]) -> pd.DataFrame:
     """Return a table with `COLUMNS`: a row per kind, task and group that has a box.
 
     All groups except `size` are properties of the photo. For `size`, true boxes and labels are grouped by box size.
@@ -70,7 +77,7 @@ def label_scores(pairs: pd.DataFrame) -> pd.DataFrame:
         true_sums = of_truth.agg(truth_boxes=("hit", "size"), found=("hit", "sum"), iou=("iou_best", "sum"))
         label_sums = of_labels.agg(label_boxes=("hit", "size"), right=("hit", "sum"), confidences=("confidence", "sum"))
         parts.append(true_sums.join(label_sums, how="outer").fillna(0).reset_index().assign(group=group))
-    return _sorted(_metrics(pd.concat(parts, ignore_index=True)))
+    return _sorted(_metrics(pd.concat(parts, ignore_index=True)), azimuths)
 
 
 def size_class(size_px: np.ndarray) -> np.ndarray:
@@ -111,12 +118,12 @@ def _metrics(sums: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def _sorted(rows: pd.DataFrame) -> pd.DataFrame:
+def _sorted(rows: pd.DataFrame, azimuths: Sequence[str]) -> pd.DataFrame:
     order = {
         "kind": KINDS,
         "task": PROPAGATION_TASKS,
         "group": GROUPS,
-        "value": ("all", *sorted(set(rows["value"]) - {*AZIMUTHS, *SIZES}), *AZIMUTHS, *SIZES),
+        "value": ("all", *sorted(set(rows["value"]) - {*azimuths, *SIZES}), *azimuths, *SIZES),
     }
     ranks = [[values.index(value) for value in rows[name]] for name, values in reversed(order.items())]
     return rows.iloc[np.lexsort(ranks)].reset_index(drop=True).astype(COLUMNS)[list(COLUMNS)]

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pandas as pd
 
 from polarsim.formats.tables import read_csv, read_parquet
-from polarsim.photo import terrain_text
+from polarsim.photo import Terrain, terrain_text
 from polarsim.report.layout import MISSING, grid, write_blocks
 from polarsim.schemas.evaluation import APPEARANCE_PAIRS
 from polarsim.schemas.report import RENDER
@@ -59,7 +60,7 @@ def box_rows(scores: pd.DataFrame) -> pd.DataFrame:
         {
             "subject": str(subject).removesuffix(_BOTH_CAMERAS),
             "group": "terrain",
-            "value": f"{terrain_text(terrain)}",
+            "value": terrain_text(cast(Terrain, terrain)),
             "n": int(part["n"].max()),
             **dict(zip(part["metric"], part["value"], strict=True)),
         }

@@ -11,7 +11,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_csv, read_parquet, typed
 from polarsim.geometry.poses import yaw_pitch_roll
-from polarsim.photo import CAMERAS, Terrain
+from polarsim.photo import Terrain
 from polarsim.report.layout import write_table
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.schemas import report
@@ -42,7 +42,12 @@ MESH_CAPTION = (
 
 
 def tabulate_cameras(
-    *, cameras: Mapping[int, Path], evaluation: Sequence[Path], table: Path, alignment: Path, origin: Mapping[str, str]
+    *,
+    cameras: Mapping[Terrain, Path],
+    evaluation: Sequence[Path],
+    table: Path,
+    alignment: Path,
+    origin: Mapping[str, str],
 ) -> None:
     """Write the tables of cameras and of alignment from the camera folders and metric files of the terrains.
 
@@ -59,7 +64,12 @@ def tabulate_cameras(
 
 
 def tabulate_rocks(
-    *, rocks: Mapping[int, Path], scores: Mapping[int, Path], table: Path, meshes: Path, origin: Mapping[str, str]
+    *,
+    rocks: Mapping[Terrain, Path],
+    scores: Mapping[Terrain, Path],
+    table: Path,
+    meshes: Path,
+    origin: Mapping[str, str],
 ) -> None:
     """Write the tables of rocks and of meshes from rocks.parquet and the mesh scores of the terrains.
 
@@ -72,7 +82,7 @@ def tabulate_rocks(
     _write(meshes, _with_terrain(parts), MESH_CAPTION, origin)
 
 
-def _with_terrain(parts: Mapping[int, pd.DataFrame]) -> pd.DataFrame:
+def _with_terrain(parts: Mapping[Terrain, pd.DataFrame]) -> pd.DataFrame:
     """Concatenate tables by terrain, with the terrain in the first column."""
     rows = pd.concat([part.assign(terrain=terrain) for terrain, part in sorted(parts.items())], ignore_index=True)
     return rows[["terrain", *(name for name in rows.columns if name != "terrain")]]
@@ -93,7 +103,7 @@ def _camera_row(terrain: Terrain, position: str, rig: LocalisedRig, metrics: pd.
         **{
             f"{name}_{camera.lower()}_px": value.get((f"{position} {camera}", f"{name}_median"), np.nan)
             for name in REPROJECTIONS
-            for camera in CAMERAS
+            for camera in "LR"
         },
     }  # fmt: skip
 

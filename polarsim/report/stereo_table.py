@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import cast
 
 import pandas as pd
 
 from polarsim.formats.tables import read_parquet
-from polarsim.photo import PhotoKey, terrain_text
+from polarsim.photo import PhotoKey, Terrain, terrain_text
 from polarsim.report import paper
 from polarsim.report.layout import write_blocks
 from polarsim.report.training_seeds import interval_text
@@ -43,7 +44,7 @@ def tidy_stereo(pairs: pd.DataFrame, rocks: pd.DataFrame, source: str) -> pd.Dat
         domain_pairs, domain_rocks = pairs[pairs["domain"] == domain], rocks[rocks["domain"] == domain]
         groups = [(ALL, domain_pairs, domain_rocks)]
         groups += [
-            (f"{terrain_text(terrain)}", part, domain_rocks[domain_rocks["terrain"] == terrain])
+            (terrain_text(cast(Terrain, terrain)), part, domain_rocks[domain_rocks["terrain"] == terrain])
             for terrain, part in domain_pairs.groupby("terrain")
         ]
         for name, part, part_rocks in groups:

@@ -89,6 +89,7 @@ class FirstPage:
             with tempfile.TemporaryDirectory() as folder:
                 strip = Path(folder) / "strip"
                 draw_strip(
+                    site=self._paths.config.site,
                     photos=self._results / f"acquire/Terrain{terrain}/photos.parquet",
                     twins=self._twins(terrain),
                     labels=self._labels(terrain),

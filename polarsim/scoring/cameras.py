@@ -55,7 +55,8 @@ def score_cameras(
     if matches is not None and matches.exists():
         metrics += against_boxes(matches)
     if annotated is not None:
-        metrics += against_annotated(localised, obj.rock_files(meshes), read_sound_boxes(annotated, terrain), sides)
+        boxes = read_sound_boxes(annotated, terrain, site.images.size)
+        metrics += against_annotated(localised, obj.rock_files(meshes), boxes, sides)
     write_metrics(evaluation, "cameras", terrain, metrics)
 
 

@@ -96,7 +96,7 @@ def check_consistency(
         both = photos_of_both(last, make_caster(scene.vertices, scene.faces), best_pictures(terrain, photos))
     if not both and annotated is not None and site.cameras.stereo:
         outlines = outlines_of({rock: obj.read_obj(path) for rock, path in obj.rock_files(meshes).items()})
-        both = boxes_of_both(last, outlines, read_sound_boxes(annotated, terrain))
+        both = boxes_of_both(last, outlines, read_sound_boxes(annotated, terrain, site.images.size))
     metrics += both
     if photos is not None and scene.walls is not None:
         suns = read_suns(cameras, last, site, terrain)

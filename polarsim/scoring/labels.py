@@ -29,6 +29,7 @@ def score_labels(
     table: Path,
     truth: Path,
     seeds: Path,
+    size: tuple[int, int],
     evaluation: Path,
     pairs: Path,
     options: ScoringOptions,
@@ -41,7 +42,7 @@ def score_labels(
     """
     labels = read_parquet(table, LABEL_COLUMNS)
     predicted = dict.fromkeys(keys, PhotoLabels.none()) | labels_of_photos(labels)
-    true = read_true_labels(truth, terrain, predicted, options)
+    true = read_true_labels(truth, terrain, predicted, size, options)
     seed_keys = set(release.key_files(seeds).files)
     tasks = {key: task_of(key, seed_keys) for key in true}
     metrics = [Metric("seeds", "photos_annotated", len(seed_keys), "photos", len(predicted), "own")]
@@ -101,14 +102,14 @@ def score_tasks(
     return metrics
 
 
-def read_folder(folder: Path, terrain: Terrain) -> dict[PhotoKey, PhotoLabels]:
-    """Read the labels of a terrain in a folder of KEY.txt; invalid lines are errors."""
-    files, read = release.key_files(folder).files, box_reader()
+def read_folder(folder: Path, terrain: Terrain, size: tuple[int, int]) -> dict[PhotoKey, PhotoLabels]:
+    """Read the labels of a terrain in a folder of KEY.txt; invalid lines are errors. `size` of photos: px."""
+    files, read = release.key_files(folder).files, box_reader(size)
     return {key: read(path) for key, path in files.items() if key.terrain == terrain}
 
 
 def read_true_labels(
-    truth: Path, terrain: Terrain, labelled: Iterable[PhotoKey], options: ScoringOptions
+    truth: Path, terrain: Terrain, labelled: Iterable[PhotoKey], size: tuple[int, int], options: ScoringOptions
 ) -> dict[PhotoKey, PhotoLabels]:
     """Read the true labels by photo from annotated files or from the label table of the analog.
 
@@ -116,7 +117,7 @@ def read_true_labels(
     """
     if not truth.is_file():
         folder = release.label_folder(truth, terrain) if (truth / release.BOXES).is_dir() else truth
-        return read_sound_boxes(folder, terrain)
+        return read_sound_boxes(folder, terrain, size)
     table = read_parquet(truth, LABEL_COLUMNS)
     labels_of = labels_of_photos(visible(table[table["terrain"] == terrain], options))
     return {key: labels_of.get(key, PhotoLabels.none()) for key in sorted({*labels_of, *labelled})}
@@ -140,10 +141,10 @@ def visible(truth: pd.DataFrame, options: ScoringOptions) -> pd.DataFrame:
     return truth
 
 
-def read_sound_boxes(folder: Path, terrain: Terrain) -> dict[PhotoKey, PhotoLabels]:
+def read_sound_boxes(folder: Path, terrain: Terrain, size: tuple[int, int]) -> dict[PhotoKey, PhotoLabels]:
     """Read labels as `read_folder` does, but skip invalid files with a warning: the release has such a file."""
     files = release.key_files(folder).files
-    return read_sound({key: path for key, path in files.items() if key.terrain == terrain}, box_reader())[0]
+    return read_sound({key: path for key, path in files.items() if key.terrain == terrain}, box_reader(size))[0]
 
 
 def against(truth: Path) -> Against:

@@ -14,7 +14,7 @@ from polarsim.formats import tables
 from polarsim.geometry.masks import class_iou, confusion_matrix
 from polarsim.geometry.polygons import paint
 from polarsim.intervals import bootstrap_draws, percentile_interval
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import PhotoKey
 from polarsim.run_files import class_masks
 from polarsim.schemas.covers import MASK_SCORES
 from polarsim.scoring.outlines import Polygons, read_polygon_files
@@ -25,17 +25,19 @@ REGIONS = {SAND: class_masks.IGNORED, PHOTO: class_masks.CLASSES.index("ground")
 log = logging.getLogger("polarsim")
 
 
-def score_masks(*, masks: Sequence[Path], root: Path, scores: Path, resamples: int, seed: int = 0) -> None:
+def score_masks(
+    *, masks: Sequence[Path], root: Path, scores: Path, size: tuple[int, int], resamples: int, seed: int = 0
+) -> None:
     """Write the IoU of each class for every photo with polygons and for all photos, see `MASK_SCORES`.
 
     Annotators drew a single set of polygons for all exposures of an exposure bracket. If a bracket has several files,
     that of the nearest exposure is used. `masks` are folders of `KEY.png`, see `run_files.class_masks`; `root` is the
-    root of a release.
+    root of a release, `size` the width and height of the photos, px.
     """
     path_of = {PhotoKey.parse(path.stem): path for folder in masks for path in sorted(folder.glob("*.png"))}
     counts: dict[str, dict[str, np.ndarray]] = {region: {} for region in REGIONS}
-    for key, polygons in _annotated(root, list(path_of)):
-        truth, mask = paint(polygons, (HEIGHT, WIDTH)), class_masks.read_class_mask(path_of[key])
+    for key, polygons in _annotated(root, list(path_of), size):
+        truth, mask = paint(polygons, size[::-1]), class_masks.read_class_mask(path_of[key])
         if truth.shape != mask.shape:
             reason = f"{mask.shape[1]} x {mask.shape[0]} pixels, expected {truth.shape[1]} x {truth.shape[0]}"
             raise LabelError(reason, path=path_of[key])
@@ -50,9 +52,9 @@ def score_masks(*, masks: Sequence[Path], root: Path, scores: Path, resamples: i
     tables.write_parquet(scores, table)
 
 
-def _annotated(root: Path, keys: list[PhotoKey]) -> Iterator[tuple[PhotoKey, Polygons]]:
+def _annotated(root: Path, keys: list[PhotoKey], size: tuple[int, int]) -> Iterator[tuple[PhotoKey, Polygons]]:
     for terrain in sorted({key.terrain for key in keys}):
-        polygons = read_polygon_files(root, terrain)
+        polygons = read_polygon_files(root, terrain, size)
         for key in (key for key in keys if key.terrain == terrain):
             of_bracket = [other for other in polygons if other.bracket == key.bracket]
             if of_bracket:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -12,7 +13,7 @@ from scipy.sparse import csr_array
 from polarsim.formats import release, yolo
 from polarsim.formats.coco import Annotation, read_coco
 from polarsim.geometry.polygons import rasterised
-from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, WIDTH, CameraSide, PhotoKey, Terrain
+from polarsim.photo import BOX_CLASSES, POLYGON_CLASSES, CameraSide, PhotoKey, Terrain
 from polarsim.scoring.labels import box_metrics, read_sound_boxes
 from polarsim.scoring.metrics import write_metrics
 from polarsim.scoring.options import ScoringOptions
@@ -44,19 +45,20 @@ def score_outlines(
     boxes, because shadows are not annotated at short exposures. `keys` are the labelled photos, `annotations` is the
     COCO file of the terrain, and `root` the root of a release; a terrain without polygons has no metrics.
     """
-    annotated = _of_brackets(read_polygon_files(root, terrain), keys)
-    predicted = _of_brackets(read_coco(annotations, site.images.size, PhotoKey.parse), keys)
-    boxes = read_sound_boxes(release.label_folder(root, terrain), terrain)
+    size = site.images.size
+    annotated = _of_brackets(read_polygon_files(root, terrain, size), keys)
+    predicted = _of_brackets(read_coco(annotations, size, PhotoKey.parse), keys)
+    boxes = read_sound_boxes(release.label_folder(root, terrain), terrain, size)
     total: dict[str, MatchCounts] = {}
     for bracket in sorted(set(annotated) & set(predicted)):
         key, polygons = annotated[bracket]
         task = TASKS[key.camera]
         for kind in BOX_CLASSES:
-            true_masks = _rasterised(polygons, kind)
+            true_masks = _rasterised(polygons, kind, size)
             counts = count_overlaps(overlaps(true_masks, _masks(predicted[bracket][1], kind)), options.iou_threshold)
             subject = f"{kind} outline: {task}"
             total[subject] = total.get(subject, MatchCounts()) + counts
-            of_polygons = _polygons_against_boxes(true_masks, boxes.get(key), kind, options)
+            of_polygons = _polygons_against_boxes(true_masks, boxes.get(key), kind, size[0], options)
             if of_polygons is not None:
                 subject = f"{kind} polygon's box against annotated box: {task}"
                 total[subject] = total.get(subject, MatchCounts()) + of_polygons
@@ -64,22 +66,23 @@ def score_outlines(
     write_metrics(evaluation, "labels", terrain, metrics)
 
 
-def read_polygon_files(root: Path, terrain: Terrain) -> dict[PhotoKey, Polygons]:
+def read_polygon_files(root: Path, terrain: Terrain, size: tuple[int, int]) -> dict[PhotoKey, Polygons]:
     """Read the annotated polygons of a terrain; invalid files are skipped with a warning."""
-    return read_sound(release.polygon_files(root, terrain), yolo.read_polygons)[0]
+    return read_sound(release.polygon_files(root, terrain), partial(yolo.read_polygons, size=size))[0]
 
 
 def overlaps(first: Sequence[Mask], second: Sequence[Mask]) -> np.ndarray:
     """Return the IoU (n, m) of masks that are not empty."""
-    common = (_incidence(first) @ _incidence(second).T).toarray()
+    count = 1 + max((int(mask.max()) for mask in (*first, *second)), default=0)
+    common = (_incidence(first, count) @ _incidence(second, count).T).toarray()
     areas = np.array([len(mask) for mask in first])[:, None] + [len(mask) for mask in second]
     return common / (areas - common)
 
 
-def _incidence(masks: Sequence[Mask]) -> csr_array:
-    """Return a sparse matrix (masks, pixels) that is 1 for the pixels of a mask."""
+def _incidence(masks: Sequence[Mask], count: int) -> csr_array:
+    """Return a sparse matrix (masks, `count` pixels) that is 1 for the pixels of a mask."""
     pixels, starts = np.concatenate([[], *masks]).astype(int), np.cumsum([0, *map(len, masks)])
-    return csr_array((np.ones(len(pixels), int), pixels, starts), shape=(len(masks), WIDTH * HEIGHT))
+    return csr_array((np.ones(len(pixels), int), pixels, starts), shape=(len(masks), count))
 
 
 def _of_brackets(
@@ -87,16 +90,16 @@ def _of_brackets(
 ) -> dict[tuple[object, ...], tuple[PhotoKey, list[Item]]]:
     """Return the photo with most items of each exposure bracket under a Sun lamp; ties: the longest exposure."""
     largest: dict[tuple[object, ...], tuple[PhotoKey, list[Item]]] = {}
-    brackets = {key.bracket for key in keys if key.azimuth != "no"}
+    brackets = {key.bracket for key in keys if key.has_sun}
     for key, items in sorted(files.items(), key=lambda entry: (len(entry[1]), entry[0].exposure_ms)):
         if key.bracket in brackets:
             largest[key.bracket] = key, items
     return largest
 
 
-def _rasterised(polygons: Polygons, kind: str) -> list[Mask]:
+def _rasterised(polygons: Polygons, kind: str, size: tuple[int, int]) -> list[Mask]:
     """Return the masks of the polygons of a class that cover at least a pixel."""
-    masks = [rasterised(ring, (HEIGHT, WIDTH)) for number, ring in polygons if number == POLYGON_CLASSES.index(kind)]
+    masks = [rasterised(ring, size[::-1]) for number, ring in polygons if number == POLYGON_CLASSES.index(kind)]
     return [np.flatnonzero(mask) for mask in masks if mask.any()]
 
 
@@ -105,17 +108,17 @@ def _masks(annotations: Sequence[Annotation], kind: str) -> list[Mask]:
     return [np.flatnonzero(mask) for mask in masks if mask.any()]
 
 
-def _boxes(masks: Sequence[Mask]) -> np.ndarray:
-    """Return the bounding boxes (n, 4) of masks."""
-    corners = [(mask % WIDTH, mask // WIDTH) for mask in masks]
+def _boxes(masks: Sequence[Mask], width: int) -> np.ndarray:
+    """Return the bounding boxes (n, 4) of masks of photos of a width, px."""
+    corners = [(mask % width, mask // width) for mask in masks]
     return np.array([(x.min(), y.min(), x.max() + 1, y.max() + 1) for x, y in corners], float).reshape(-1, 4)
 
 
 def _polygons_against_boxes(
-    polygons: Sequence[Mask], boxes: PhotoLabels | None, kind: str, options: ScoringOptions
+    polygons: Sequence[Mask], boxes: PhotoLabels | None, kind: str, width: int, options: ScoringOptions
 ) -> MatchCounts | None:
     """Compare boxes around polygons with the annotated boxes of the photo; None without boxes of the class."""
     of_kind = np.zeros((0, 4)) if boxes is None else boxes.boxes[boxes.classes == BOX_CLASSES.index(kind)]
     if not len(of_kind):
         return None
-    return count_boxes(of_kind, _boxes(polygons), options.iou_threshold)
+    return count_boxes(of_kind, _boxes(polygons, width), options.iou_threshold)

@@ -16,6 +16,7 @@ from polarsim.formats import class_lists, release, yolo
 from polarsim.formats.files import existing_folder
 from polarsim.geometry.boxes import iou, match_by_iou, match_by_summed_iou
 from polarsim.photo import BOX_CLASSES, PhotoKey, terrain_text
+from polarsim.site import Site, polar
 
 KEY_GROUPS = ("terrain", "position", "light", "azimuth", "camera")
 
@@ -120,15 +121,20 @@ def score_boxes(
 
 
 def score_folders(
-    truth: Path, labels: Path, threshold: float = 0.5, keys: Callable[[PhotoKey], bool] | None = None
+    truth: Path,
+    labels: Path,
+    threshold: float = 0.5,
+    keys: Callable[[PhotoKey], bool] | None = None,
+    site: Site | None = None,
 ) -> dict[str, Any]:
     """Compare two folders of YOLO files: flat, with `TerrainNN` subfolders, or the root of a release.
 
     Files are matched by photo key, or by file name if no file of the truth has a photo key. `keys` selects the compared
-    photos. The result is that of `score_boxes` with `files`: numbers of compared and missing files, and lists of
+    photos; `site` has these photos (None: NASA's POLAR). The result is that of `score_boxes` with `files`: numbers of compared and missing files, and lists of
     skipped files. Single invalid files of the truth are skipped, because the release has such a file.
     """
-    of_truth, of_labels = _label_files(truth), _label_files(labels)
+    key_of = (site or polar()).key
+    of_truth, of_labels = _label_files(truth, key_of), _label_files(labels, key_of)
     if not of_truth.files:
         true = {path.stem: path for path in of_truth.stray if path.suffix == ".txt"}
         predicted = {path.stem: path for path in [*of_labels.files.values(), *of_labels.stray] if path.suffix == ".txt"}
@@ -154,8 +160,8 @@ def _score_files(
     if not set(of_truth) & set(of_labels):
         raise LabelError(f"no label file has the same name as a file in {truth}", path=labels)
     selected = of_truth if selected is None else selected
-    read_truth, unreadable = read_sound(selected, box_reader())
-    read_detections = box_reader(detections=True)
+    read_truth, unreadable = read_sound(selected, box_reader(polar().images.size))  # IoU does not depend on the size
+    read_detections = box_reader(polar().images.size, detections=True)
     if unreadable and not read_truth:
         raise FormatError(f"all {len(unreadable)} label files are invalid, first {unreadable[0]}", path=truth)
     read_labels = {name: read_detections(of_labels[name]) for name in read_truth if name in of_labels}
@@ -184,8 +190,8 @@ def _contains_truth(truth: PhotoLabels, labels: PhotoLabels) -> bool:
     return bool(true) and all(row in copied for row in true)
 
 
-def box_reader(detections: bool = False) -> Callable[[Path], PhotoLabels]:
-    """Return a reader of YOLO box files that uses the class list of the folder.
+def box_reader(size: tuple[int, int], detections: bool = False) -> Callable[[Path], PhotoLabels]:
+    """Return a reader of YOLO box files of photos of a size, px, that uses the class list of the folder.
 
     The reader raises a FormatError for a line that is not a box. With `detections`, a line may have a confidence, and
     polygons of a run are replaced by the boxes around them.
@@ -194,8 +200,8 @@ def box_reader(detections: bool = False) -> Callable[[Path], PhotoLabels]:
 
     def read(path: Path) -> PhotoLabels:
         if detections and yolo.has_polygons(path):
-            return PhotoLabels(*yolo.read_boxes_or_polygons(path))
-        return PhotoLabels(*yolo.read_boxes(path, names=names(path.parent), detections=detections))
+            return PhotoLabels(*yolo.read_boxes_or_polygons(path, size))
+        return PhotoLabels(*yolo.read_boxes(path, size, names(path.parent), detections))
 
     return read
 
@@ -213,8 +219,8 @@ def read_sound(files: Mapping[Name, Path], reader: Callable[[Path], Content]) ->
     return contents, unreadable
 
 
-def _label_files(folder: Path) -> release.KeyFiles:
-    return release.key_files(release.box_folder(existing_folder(folder)))
+def _label_files(folder: Path, key_of: release.KeyOf) -> release.KeyFiles:
+    return release.key_files(release.box_folder(existing_folder(folder)), key_of)
 
 
 def _names(paths: list[Path], folder: Path) -> list[str]:

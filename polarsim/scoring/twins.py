@@ -65,8 +65,8 @@ def score_twins(
     """
     metrics: list[Metric] = []
     if truth is not None:
-        rendered = read_folder(boxes, terrain)
-        true = read_true_labels(truth, terrain, rendered, options)
+        rendered = read_folder(boxes, terrain, site.images.size)
+        true = read_true_labels(truth, terrain, rendered, site.images.size, options)
         tasks = {key: f"camera {key.camera}" for key in true}
         order = ("camera L", "camera R", ALL)
         for metric in score_tasks(true, rendered, tasks, order, against(truth), options):

@@ -14,6 +14,7 @@ from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, wri
 from polarsim.photo import COLOURS, PhotoKey
 from polarsim.report.figures.contact import draw_contact
 from polarsim.run_files.run import Run
+from polarsim.site import polar
 
 KEYS = [PhotoKey.parse(f"03_A_off_30_{camera}_{exposure}") for camera in "LR" for exposure in ("0064", "0256")]
 LEFT = KEYS[1]
@@ -97,7 +98,7 @@ def test_a_contact_sheet_shows_photos_then_twins_then_grey(tmp_path, run):
     corners = {}
     for points in ([photos, twins], [photos]):
         figure = tmp_path / f"{len(points)}.png"
-        draw_contact(keys=KEYS, labels=labels, pictures=points, figure=figure, width=800)
+        draw_contact(site=polar(), keys=KEYS, labels=labels, pictures=points, figure=figure, width=800)
         pixels = png.read_png(figure)
         left, right = pixels[200, 20], pixels[200, 780]  # of the tiles of the left and right camera
         corners[len(points)] = int(left[0]), int(right[0])

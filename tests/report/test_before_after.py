@@ -27,6 +27,7 @@ def drawn_figure(tmp_path):
     write_parquet(tmp_path / "pairs.parquet", pairs)
     figure = tmp_path / "figure.png"
     draw_before_after(
+        usual_exposure_ms=256,
         pairs=[tmp_path / "pairs.parquet"], photos=[folders["photos"]], drawn=None, before=[folders["principled"]],
         after=[folders["fitted"]], before_title="principled", after_model="fitted", figure=figure, width=1600,
     )  # fmt: skip
@@ -48,8 +49,8 @@ def test_shown_photos_are_spread_over_terrains_without_rover_light():
         for t in range(1, 7) for p in "AC" for light in ("off", "on") for azimuth in ("30", "no")
         for ms in ("0032", "0256")
     ]  # fmt: skip
-    shown = photos_of_terrains(map(PhotoKey.parse, names[::-1]))
+    shown = photos_of_terrains(map(PhotoKey.parse, names[::-1]), 256)
     assert {key.terrain for key in shown} == set(range(1, 7))
     assert {(key.light, key.azimuth, key.exposure_ms) for key in shown} == {("off", "30", 256)}
-    assert len(photos_of_terrains(map(PhotoKey.parse, names), 3)) == 3
-    assert photos_of_terrains([]) == []
+    assert len(photos_of_terrains(map(PhotoKey.parse, names), 256, 3)) == 3
+    assert photos_of_terrains([], 256) == []

@@ -6,6 +6,7 @@ from polarsim.formats import png
 from polarsim.formats.tables import label_table, write_parquet
 from polarsim.photo import COLOURS, PhotoKey
 from polarsim.report.figures import contact
+from polarsim.site import polar
 from tests.support.label_rows import label_row
 
 KEYS = [
@@ -20,6 +21,7 @@ KEYS = [
 def drawn(folder, name, rows, keys=KEYS, pictures=(), width=800):
     write_parquet(folder / "labels.parquet", label_table(rows))
     contact.draw_contact(
+        site=polar(),
         keys=keys,
         labels=folder / "labels.parquet",
         pictures=pictures,
@@ -41,7 +43,7 @@ def drawn(folder, name, rows, keys=KEYS, pictures=(), width=800):
 def test_the_exposure_with_the_most_labels_is_shown(labels, chosen):
     exposures = [key for key in KEYS if key.bracket == KEYS[0].bracket]
     table = label_table([label_row(key) for key in exposures for _ in range(labels.get(str(key)[-4:], 0))])
-    assert str(contact.most_labelled(exposures, table)).endswith(chosen)
+    assert str(contact.most_labelled(exposures, table, 256)).endswith(chosen)
 
 
 def test_labels_in_the_lowest_tenth_or_below_one_half_are_doubtful():

@@ -12,6 +12,7 @@ from polarsim.report.figures.detectors import draw_curves, draw_ipd_histogram
 from polarsim.report.figures.gap_rocks import draw_gap_rocks, is_well_exposed, most_different
 from polarsim.report.training_seeds import seed_means, split_panels, title_suffix
 from polarsim.schemas.detect import CURVES, INSTANCES, IPD_ROCKS
+from polarsim.site import polar
 from tests.report.pixels import coloured, is_drawn
 from tests.support.label_rows import label_row
 
@@ -52,14 +53,14 @@ def instances_of(*rows):
 def test_rocks_are_selected_by_mean_and_shown_in_photos_with_nearly_the_largest_difference():
     first = instances_of((KEYS[0], 1, 0.9), (KEYS[1], 1, 0.8), (KEYS[0], 2, 0.5), (KEYS[1], 2, 0.1), (KEYS[0], 3, 0.2))
     second = instances_of((KEYS[0], 1, 0.7), (KEYS[1], 1, 0.1), (KEYS[0], 2, 0.4), (KEYS[1], 2, 0.1), (KEYS[0], 3, 0.9))
-    assert most_different(first, second, 1) == [([KEYS[1]], 1), ([KEYS[0]], 3)]
-    assert most_different(first, second, 5) == [([KEYS[1]], 1), ([KEYS[0]], 2), ([KEYS[0]], 3)]
-    assert most_different(first, first, 5) == []
+    assert most_different(first, second, 1, 256) == [([KEYS[1]], 1), ([KEYS[0]], 3)]
+    assert most_different(first, second, 5, 256) == [([KEYS[1]], 1), ([KEYS[0]], 2), ([KEYS[0]], 3)]
+    assert most_different(first, first, 5, 256) == []
 
 
 def test_a_usual_exposure_is_preferred_to_a_slightly_larger_difference():
     first = instances_of((KEYS[1], 1, 0.9), (KEYS[0], 1, 0.8))
-    assert most_different(first, first.assign(iou=0.0), 1) == [([KEYS[0], KEYS[1]], 1)]
+    assert most_different(first, first.assign(iou=0.0), 1, 256) == [([KEYS[0], KEYS[1]], 1)]
 
 
 @pytest.mark.parametrize(("low", "high", "well"), [(20, 200, True), (120, 130, False), (255, 255, False)])
@@ -103,15 +104,15 @@ LABEL, PREDICTION = (255, 176, 0), rgb(PREDICTED)  # colours
 
 @pytest.mark.parametrize("draw", [draw_gap_rocks, draw_predictions])
 def test_labels_and_predictions_above_the_minimum_confidence_are_drawn(tmp_path, results_of, draw):
-    draw(results_of(), tmp_path / "hit.png", NARROW)
+    draw(polar(), results_of(), tmp_path / "hit.png", NARROW)
     assert shows(tmp_path / "hit.png", LABEL)
     assert shows(tmp_path / "hit.png", PREDICTION)
-    draw(results_of(trained="hapke"), tmp_path / "note.png", NARROW)
+    draw(polar(), results_of(trained="hapke"), tmp_path / "note.png", NARROW)
     assert is_drawn(tmp_path / "note.png", NARROW)
 
 
 def test_predictions_below_the_minimum_confidence_are_not_drawn(tmp_path, results_of):
-    draw_predictions(results_of(real="miss"), tmp_path / "miss.png", NARROW)
+    draw_predictions(polar(), results_of(real="miss"), tmp_path / "miss.png", NARROW)
     assert shows(tmp_path / "miss.png", LABEL)
     assert not shows(tmp_path / "miss.png", PREDICTION)
 
@@ -124,9 +125,9 @@ def test_shown_photos_are_labelled_in_every_domain_with_the_sun_on():
     dark, sunny, other = "01_A_off_no_L_0256", "01_A_off_180_L_0512", "03_A_on_30_L_0256"
     rows = [(domain, key, 1) for domain in ("real", "hapke") for key in (dark, sunny, other)]
     real_only = ("real", "04_A_off_30_L_0256", 1)
-    assert [str(key) for key in shown_keys(evaluated(*rows, real_only))] == [sunny, other]
-    assert shown_keys(evaluated(("real", sunny, 1), ("hapke", other, 1))) == []
-    assert shown_keys(evaluated()) == []
+    assert [str(key) for key in shown_keys(evaluated(*rows, real_only), 256)] == [sunny, other]
+    assert shown_keys(evaluated(("real", sunny, 1), ("hapke", other, 1)), 256) == []
+    assert shown_keys(evaluated(), 256) == []
 
 
 def test_seeds_are_averaged_and_their_intervals_are_merged():

@@ -18,7 +18,7 @@ from polarsim.report.figures.difference import STOPS, _palette
 from polarsim.report.figures.labels import draw_label_errors, draw_reliability, edge_errors
 from polarsim.report.figures.offsets import draw_offsets
 from polarsim.report.figures.residuals import draw_residuals
-from polarsim.report.figures.terrain import STEP, draw_terrain, oblique_view, top_view
+from polarsim.report.figures.terrain import STEP, draw_terrain, oblique, oblique_view, top_view
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.rigs import read_all_localised
 from polarsim.run_files.scene import read_terrain
@@ -26,6 +26,7 @@ from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.schemas.report import DETECTION, IPD
 from polarsim.scoring.label_pairs import EDGES, TRUE_EDGES
 from polarsim.scoring.reliability import COLUMNS as RELIABILITY_COLUMNS
+from polarsim.site import polar
 from tests.report.pixels import coloured, is_drawn
 from tests.support.label_rows import label_row
 from tests.support.polar_survey import SANDBOX
@@ -38,6 +39,7 @@ KEY = PhotoKey.parse("03_A_off_30_L_0256")
 
 def terrain_drawn(folder, to):
     draw_terrain(
+        site=polar(),
         terrain=3,
         rocks=folder / "rocks.parquet",
         meshes=folder / "meshes",
@@ -66,7 +68,7 @@ def test_figures_of_meshes_are_reproducible_and_depend_on_rocks_and_the_source_o
 def offsets_drawn(folder, rows, name, width=WIDE):
     columns = {"rock": "int64", **dict.fromkeys(("x", "y", "z", "offset_mm"), "float64")}
     write_parquet(folder / "offsets.parquet", pd.DataFrame(rows, columns=list(columns)).astype(columns))
-    draw_offsets(terrain=3, offsets=folder / "offsets.parquet", figure=folder / name, width=width)
+    draw_offsets(site=polar(), terrain=3, offsets=folder / "offsets.parquet", figure=folder / name, width=width)
     return png.read_png(folder / name)[..., :3].astype(int)
 
 
@@ -98,6 +100,7 @@ def described(folder, photos, covers=None):
 
 def residuals_drawn(folder, name, twins=None, covers=None):
     draw_residuals(
+        site=polar(),
         terrain=3,
         cameras=folder / "cameras",
         meshes=folder / "meshes",
@@ -156,7 +159,7 @@ def test_a_cover_photo_of_the_right_camera_is_not_a_background_of_residuals(tmp_
 def test_a_cube_from_above_has_the_true_area_height_and_position(tmp_path, world):
     world.write(tmp_path)
     scene = read_terrain(tmp_path / "meshes", 3, SANDBOX)
-    top = top_view(scene, make_caster(scene.vertices, scene.faces))
+    top = top_view(scene, make_caster(scene.vertices, scene.faces), SANDBOX)
     on_rock = top.rock == 1
     assert on_rock.sum() * STEP**2 == pytest.approx(0.2**2, rel=0.06)
     np.testing.assert_allclose(top.height[on_rock], 0.05 + 0.1, atol=1e-5)
@@ -168,7 +171,7 @@ def test_a_cube_from_above_has_the_true_area_height_and_position(tmp_path, world
 def test_the_oblique_view_shows_tinted_rocks_and_shadows(tmp_path, world):
     world.write(tmp_path)
     scene = read_terrain(tmp_path / "meshes", 3, SANDBOX)
-    pixels = oblique_view(scene, make_caster(scene.vertices, scene.faces), 400).astype(int)
+    pixels = oblique_view(scene, make_caster(scene.vertices, scene.faces), oblique(polar(), 3), 400).astype(int)
     tinted = pixels[..., 0] > pixels[..., 2] + 60
     dark = pixels.max(axis=-1) < 110
     assert 50 < tinted.sum() < 0.1 * tinted.size
@@ -246,6 +249,7 @@ def test_a_comparison_shows_the_available_images(tmp_path):
         "labels": tmp_path / "labels.parquet",
         "rendered": None,
         "width": 2 * NARROW,
+        "size": (1936, 1216),
     }
     with_photo = described(tmp_path, {KEY: tmp_path / "photo.png"})
     draw_comparison(**arguments, **with_photo, twins=twins, figure=tmp_path / "two.png")
@@ -272,14 +276,14 @@ def test_a_cover_photo_is_identified_by_red_boxes(release_root, position, camera
     cover = png.read_png(release.cover_photos(release_root, 3)[position])
     keys = [key for key in release.label_files(release_root, 3) if key.light == "off" and key.exposure_ms == 256]
     keys = [key for key in keys if key.position == position]
-    assert cover_key(cover, hand_drawn(release_root, keys), keys).camera == camera
+    assert cover_key(cover, hand_drawn(release_root, keys, (1936, 1216)), keys).camera == camera
 
 
 @pytest.mark.release
 def test_a_cover_photo_with_numbers_only_is_not_identified(release_root):
     cover = png.read_png(release.cover_photos(release_root, 4)["C"])
     keys = [key for key in release.label_files(release_root, 4) if key.position == "C" and key.exposure_ms == 256]
-    assert cover_key(cover, hand_drawn(release_root, keys), keys) is None
+    assert cover_key(cover, hand_drawn(release_root, keys, (1936, 1216)), keys) is None
 
 
 def hand_drawn(root, keys):

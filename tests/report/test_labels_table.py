@@ -11,11 +11,14 @@ from polarsim.scoring.label_pairs import pair_labels
 from polarsim.scoring.labels import PROPAGATION_TASKS, score_tasks, task_of
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.score import PhotoLabels
+from polarsim.site import polar
 from tests.support.label_rows import label_row
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 SEEDS = [PhotoKey.parse(f"{terrain}_A_off_30_L_0256") for terrain in ("03", "11")]
 OPTIONS = ScoringOptions()
+
+AZIMUTHS = polar().azimuths
 
 
 def made_up(terrain, seed=1):
@@ -59,7 +62,7 @@ def scored():
 
 def test_rows_of_terrains_equal_the_metrics_of_scoring(scored):
     pairs, metrics = scored
-    rows = label_scores(pd.concat(pairs))
+    rows = label_scores(pd.concat(pairs), AZIMUTHS)
     of_terrains = rows[rows["group"] == "terrain"]
     seen = set()
     for row in of_terrains.to_dict("records"):
@@ -72,7 +75,7 @@ def test_rows_of_terrains_equal_the_metrics_of_scoring(scored):
 
 
 def test_every_group_is_a_partition_of_the_same_boxes(scored):
-    rows = label_scores(pd.concat(scored[0]))
+    rows = label_scores(pd.concat(scored[0]), AZIMUTHS)
     for _, part in rows.groupby(["kind", "task"]):
         by_group = part.groupby("group")[["truth_boxes", "label_boxes"]].sum()
         assert len(by_group) == 5
@@ -88,7 +91,7 @@ def test_by_size_true_boxes_and_labels_are_grouped_by_box_size():
     key = PhotoKey.parse("03_A_off_30_R_0256")
     wanted = {key: PhotoLabels(np.zeros(1, int), np.array([[0, 0, 34, 34.0]]))}
     found = {key: PhotoLabels(np.zeros(1, int), np.array([[0, 0, 36, 36.0]]))}
-    rows = label_scores(pairs_of(wanted, found, {key: "light on"}))
+    rows = label_scores(pairs_of(wanted, found, {key: "light on"}), AZIMUTHS)
     by_size = rows[(rows["group"] == "size") & (rows["task"] == "light on")].set_index("value")
     assert by_size.index.tolist() == ["25-35", "35-50"]
     assert by_size["recall"].tolist() == pytest.approx([1, np.nan], nan_ok=True)
@@ -110,7 +113,7 @@ def test_a_size_class_contains_the_size(size):
 
 
 def test_rows_are_sorted_by_task_size_and_azimuth(scored):
-    rows = label_scores(pd.concat(scored[0]))
+    rows = label_scores(pd.concat(scored[0]), AZIMUTHS)
     first = rows[(rows["kind"] == "rock") & (rows["group"] == "all")]["task"].tolist()
     assert first == [task for task in PROPAGATION_TASKS if task in first]
     sizes = rows[(rows["kind"] == "rock") & (rows["task"] == PROPAGATION_TASKS[-1]) & (rows["group"] == "size")][
@@ -122,7 +125,7 @@ def test_rows_are_sorted_by_task_size_and_azimuth(scored):
 
 
 def test_the_layout_has_a_block_a_kind_and_a_block_a_group(scored):
-    rows = label_scores(pd.concat(scored[0]))
+    rows = label_scores(pd.concat(scored[0]), AZIMUTHS)
     blocks = format_labels(rows)
     assert len(blocks) == 3 + 3
     rocks = blocks["Labels, rock: F1 (mIoU) by task and terrain."]
@@ -137,7 +140,12 @@ def tabulated(folder, tables):
     for path, pairs in zip(paths, tables, strict=True):
         write_parquet(path, pairs)
     tabulate_labels(
-        pairs=paths, table=folder / "labels", reliability=folder / "reliability", seeds="none", origin=ORIGIN
+        azimuths=AZIMUTHS,
+        pairs=paths,
+        table=folder / "labels",
+        reliability=folder / "reliability",
+        seeds="none",
+        origin=ORIGIN,
     )
 
 
@@ -151,7 +159,7 @@ def test_tables_are_written_in_four_forms_with_their_origin(tmp_path, scored):
         assert "Seeds: none." in (tmp_path / f"{name}.md").read_text()
     pd.testing.assert_frame_equal(
         read_parquet(tmp_path / "labels.parquet").drop(columns=["run", "source", "config", "seeds"]),
-        label_scores(pd.concat(scored[0])),
+        label_scores(pd.concat(scored[0]), AZIMUTHS),
     )
     assert "hand-annotated labels" in (tmp_path / "labels.md").read_text()
 

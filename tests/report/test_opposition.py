@@ -15,8 +15,10 @@ from polarsim.photo import BLACK_LEVEL, HEIGHT, WIDTH, PhotoKey
 from polarsim.report.figures.opposition import draw_opposition, extreme_spots, lit_by_single_lamp, phase_angles
 from polarsim.run_files.lamps import write_suns
 from polarsim.run_files.rigs import LocalisedRig, write_localised
+from polarsim.site import polar
 
 EYE = np.array([3.5, 0.0, 1.5])
+HALF = np.array([2.0, 2.0])  # half widths of the sandbox, metres
 NARROW = 640  # px
 SUN_ONLY, BOTH, ROVER = (PhotoKey.parse(f"01_A_{name}_L_0256") for name in ("off_30", "on_30", "on_no"))
 
@@ -27,19 +29,19 @@ def test_a_lamp_on_the_line_of_sight_has_phase_angle_0(x, y, behind):
     ground = np.array([x, y, 0.0])
     lamp = EYE + behind * (EYE - ground)
     camera = Pose(np.eye(3), EYE)
-    np.testing.assert_allclose(phase_angles(camera, ground - EYE, lamp), 0, atol=1e-7)
+    np.testing.assert_allclose(phase_angles(camera, ground - EYE, lamp, HALF), 0, atol=1e-7)
 
 
 def test_a_lamp_at_a_right_angle_has_phase_angle_90_degrees():
     camera = Pose(np.eye(3), np.array([1.0, 0.0, 1.0]))
-    angle = phase_angles(camera, np.array([-1.0, 0.0, -1.0]), np.array([-1.0, 0.0, 1.0]))
+    angle = phase_angles(camera, np.array([-1.0, 0.0, -1.0]), np.array([-1.0, 0.0, 1.0]), HALF)
     np.testing.assert_allclose(angle, np.pi / 2)
 
 
 def test_points_near_the_walls_or_above_the_horizon_have_no_phase_angle():
     camera = Pose(np.eye(3), EYE)
     rays = np.array([[0.0, 0.0, 1.0], [-5.2, 0.0, -1.5], [-1.0, 0.0, 0.0]])
-    assert np.isnan(phase_angles(camera, rays, EYE)).all()
+    assert np.isnan(phase_angles(camera, rays, EYE, HALF)).all()
 
 
 def test_only_photos_with_a_single_lamp_have_a_phase_angle():
@@ -58,12 +60,12 @@ def cameras(tmp_path):
 
 
 def test_the_rover_light_is_nearer_to_opposition_than_a_lamp_across(cameras):
-    near, far = extreme_spots([SUN_ONLY, BOTH, ROVER], cameras, 140)
+    near, far = extreme_spots(polar(), 1, [SUN_ONLY, BOTH, ROVER], cameras, 140)
     assert (near.key, far.key) == (ROVER, SUN_ONLY)
     # The light is 0.15 m from the camera and the ground at 3 to 5 m: 1.7 to 2.9 degrees.
     assert 1.5 < near.phase_deg < 3
     assert far.phase_deg > 120
-    assert extreme_spots([BOTH], cameras, 140) is None
+    assert extreme_spots(polar(), 1, [BOTH], cameras, 140) is None
 
 
 def draw(tmp_path, cameras, keys, brightness):
@@ -74,6 +76,7 @@ def draw(tmp_path, cameras, keys, brightness):
             pixels = np.full((HEIGHT, WIDTH), BLACK_LEVEL + grey, np.uint16)
             png.write_png(tmp_path / domain / "Terrain01" / f"{key}.png", pixels)
     draw_opposition(
+        site=polar(),
         keys=keys,
         cameras={1: cameras},
         photo_domain="analog",

@@ -9,6 +9,7 @@ from polarsim.formats.files import read_json
 from polarsim.formats.tables import label_table, write_parquet
 from polarsim.photo import PhotoKey
 from polarsim.report.figures.strip import PANEL_WIDTH, draw_strip, shown_key
+from polarsim.site import polar
 from tests.support.label_rows import label_row
 
 BOX = {"x0": 500.0, "y0": 400.0, "x1": 900.0, "y1": 700.0}
@@ -31,6 +32,7 @@ def strip(tmp_path):
         if tested:
             write_parquet(tmp_path / "predictions.parquet", pd.DataFrame(predicted))
         draw_strip(
+            site=polar(),
             photos=tmp_path / "photos.parquet", twins=tmp_path / "twins", labels=tmp_path / "labels.parquet",
             predictions=tmp_path / "predictions.parquet" if tested else None, model="hapke", trained="analog",
             strip=tmp_path / "strip",
@@ -60,4 +62,4 @@ def test_without_photos_the_panels_are_twin_and_labels(strip):
 
 
 def test_without_images_there_is_no_panel():
-    assert shown_key({}, {}, label_table([]), None) is None
+    assert shown_key(polar(), {}, {}, label_table([]), None) is None

@@ -45,7 +45,12 @@ def scores(tmp_path):
         for key, shown in masks.items():
             class_masks.write_class_mask(tmp_path / f"masks/{key}.png", shown)
         score_masks(
-            masks=[tmp_path / "masks"], root=tmp_path, scores=tmp_path / "scores.parquet", seed=0, resamples=100
+            size=(WIDTH, HEIGHT),
+            masks=[tmp_path / "masks"],
+            root=tmp_path,
+            scores=tmp_path / "scores.parquet",
+            seed=0,
+            resamples=100,
         )
         table = read_parquet(tmp_path / "scores.parquet", MASK_SCORES.columns)
         return table.set_index(["region", "key", "kind"]).sort_index()

@@ -6,6 +6,7 @@ import pytest
 
 from polarsim.report.figures.contact import draw_contact
 from polarsim.run_files.pictures import pictures_at
+from polarsim.site import polar
 from tests.workflow.figures import ALIKE, empty_figures, find_picture
 
 DEMO = Path(__file__).parents[2] / "results/demo"
@@ -24,7 +25,7 @@ def test_a_contact_sheet_without_photos_is_detected(small, tmp_path):
     photos = pictures_at(results / "acquire/Terrain01/photos.parquet")
     labels = results / "labels/tables/Terrain01.parquet"
     keys = [key for key in photos if key.position == "A"]
-    draw_contact(keys=keys, labels=labels, pictures=[], figure=tmp_path / "sheet.png")
+    draw_contact(site=polar(), keys=keys, labels=labels, pictures=[], figure=tmp_path / "sheet.png")
     assert find_picture(tmp_path / "sheet.png", photos[keys[0]])[0] < 0.6 < ALIKE
 
 

@@ -5,9 +5,11 @@ from pathlib import Path
 from polarsim.job_files import list_of_paths, optional_path
 from polarsim.report.figures.before_after import draw_before_after
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     draw_before_after(
+        usual_exposure_ms=Site(**snakemake.params.site).usual_exposure_ms,
         pairs=list_of_paths(snakemake.input.appearance),
         photos=list_of_paths(snakemake.input.photos),
         drawn=optional_path(snakemake.input.drawn),

@@ -5,9 +5,11 @@ from pathlib import Path
 from polarsim.job_files import list_of_paths
 from polarsim.report.figures.detections import draw_detector_results
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     draw_detector_results(
+        site=Site(**snakemake.params.site),
         domains=snakemake.params.domains,
         photo_domain=snakemake.params.photo_domain,
         pictures=list_of_paths(snakemake.input.pictures),

@@ -8,9 +8,11 @@ from polarsim.report.figures.offsets import draw_offsets
 from polarsim.report.figures.residuals import draw_residuals
 from polarsim.report.figures.terrain import draw_terrain
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     draw_terrain(
+        site=Site(**snakemake.params.site),
         terrain=parse_terrain(snakemake.wildcards.terrain),
         rocks=Path(snakemake.input.rocks),
         meshes=Path(snakemake.input.meshes),
@@ -18,6 +20,7 @@ with reporting(log=snakemake.log[0]):
         crops_figure=Path(snakemake.output.crops_figure),
     )
     draw_residuals(
+        site=Site(**snakemake.params.site),
         terrain=parse_terrain(snakemake.wildcards.terrain),
         cameras=Path(snakemake.input.cameras),
         meshes=Path(snakemake.input.meshes),
@@ -28,6 +31,7 @@ with reporting(log=snakemake.log[0]):
         figure=Path(snakemake.output.residuals_figure),
     )
     draw_offsets(
+        site=Site(**snakemake.params.site),
         terrain=parse_terrain(snakemake.wildcards.terrain),
         offsets=optional_path(snakemake.input.offsets),
         figure=optional_path(snakemake.output.offsets_figure),

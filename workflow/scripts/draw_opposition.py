@@ -10,6 +10,7 @@ from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     draw_opposition(
+        site=Site(**snakemake.params.site),
         keys=selected_grids(
             site=Site(**snakemake.params.site),
             terrains=snakemake.params.terrains,

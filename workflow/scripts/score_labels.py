@@ -21,6 +21,7 @@ with reporting(log=snakemake.log[0]):
         table=Path(snakemake.input.table),
         truth=Path(snakemake.params.truth),
         seeds=Path(snakemake.input.seeds),
+        size=Site(**snakemake.params.site).images.size,
         evaluation=Path(snakemake.output.evaluation),
         pairs=Path(snakemake.output.pairs),
         options=ScoringOptions(**snakemake.params.options),

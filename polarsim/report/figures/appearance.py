@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from polarsim.formats import png
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.images import resize
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey, terrain_text
+from polarsim.photo import PhotoKey, terrain_text
 from polarsim.report.figures.canvas import FIGURE_WIDTH, figure_title, note, page, show_image
 from polarsim.report.figures.difference import TONES, TONES_MEANING, difference_bar, difference_of_tones
 from polarsim.run_files.pictures import pictures_at
@@ -68,7 +69,7 @@ def draw_appearance(
         twins_of.get(folder.parent.name, {}).update(pictures_at(folder))
     shown = shown_photos(table)
     column = width // (1 + len(models))
-    height = 2 * len(shown) * (round(column * aspect()) + TITLE_PX) + BAR_PX
+    height = 2 * len(shown) * (round(column * aspect(paths.values())) + TITLE_PX) + BAR_PX
     with page(figure, width, height if shown else 300) as sheet:
         if not shown:
             note(sheet, "no photos for a comparison")
@@ -168,7 +169,11 @@ def as_grey(tones: np.ndarray) -> np.ndarray:
     return np.repeat(np.clip(np.rint(tones), 0, 255).astype(np.uint8)[..., None], 3, axis=-1)
 
 
-def aspect() -> float:
-    """Return the height of the compared part of a photo over its width."""
-    height, width = sandbox_part(np.empty((HEIGHT, WIDTH), bool)).shape
+def aspect(photos: Iterable[Path]) -> float:
+    """Return the height of the compared part of the first photo that exists over its width; 1 without a photo."""
+    path = next((path for path in photos if path.exists()), None)
+    if path is None:
+        return 1.0
+    header = png.parse_header(path.read_bytes())
+    height, width = sandbox_part(np.empty((header.height, header.width), bool)).shape
     return height / width

@@ -31,6 +31,7 @@ def draw_before_after(
     before_title: str,
     after_model: str,
     figure: Path,
+    usual_exposure_ms: int,
     width: int = FIGURE_WIDTH,
 ) -> None:
     """Write a row per photo: photo, twin before, twin after, and the difference of the latter, all in tones.
@@ -53,9 +54,10 @@ def draw_before_after(
     paths, twins, fitted = ({key: path for folder in of for key, path in pictures_at(folder).items()}
                             for of in (photos, before, after))  # fmt: skip
     masks = pictures_at(drawn) if drawn else {}
-    keys = photos_of_terrains(key for key in paths if key in twins and key in fitted and str(key) in relations.index)
+    compared = [key for key in paths if key in twins and key in fitted and str(key) in relations.index]
+    keys = photos_of_terrains(compared, usual_exposure_ms)
     column = width // _COLUMNS
-    height = len(keys) * (round(column * aspect()) + TITLE_PX) + BAR_PX
+    height = len(keys) * (round(column * aspect(paths.values())) + TITLE_PX) + BAR_PX
     with page(figure, width, height if keys else 300) as sheet:
         if not keys:
             note(sheet, "no photos for a comparison")
@@ -74,10 +76,10 @@ def draw_before_after(
         difference_bar(sheet, list(grid.ravel()), TONES, TONES_MEANING)
 
 
-def photos_of_terrains(keys: Iterable[PhotoKey], n: int = SHOWN) -> list[PhotoKey]:
+def photos_of_terrains(keys: Iterable[PhotoKey], usual_exposure_ms: int, n: int = SHOWN) -> list[PhotoKey]:
     """Return up to n photos under a Sun lamp with a usual exposure, evenly spaced, without rover light if possible."""
     found = sorted(keys)
     dark = [key for key in found if key.light == "off"]
-    brackets = typical_photos(dark or found, len(found))
+    brackets = typical_photos(dark or found, len(found), usual_exposure_ms)
     chosen = np.linspace(0, len(brackets) - 1, min(n, len(brackets))).round().astype(int)
     return [brackets[number] for number in chosen]

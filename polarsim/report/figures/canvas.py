@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from polarsim.formats import png
 from polarsim.formats.files import writing
 
 DPI = 100
@@ -140,6 +141,15 @@ def boxed(pixels: np.ndarray, boxes: Iterable[tuple[np.ndarray, tuple[int, int, 
     for box, colour in boxes:
         pen.rectangle([float(edge) for edge in scale * box], outline=colour, width=line)
     return np.asarray(image)
+
+
+def aspect_of(paths: Iterable[Path]) -> float:
+    """Return the height over the width of the first image that exists; of no image 0."""
+    for path in paths:
+        if path.exists():
+            header = png.parse_header(path.read_bytes())
+            return header.height / header.width
+    return 0.0
 
 
 def note(figure: Any, text: str) -> None:

@@ -14,7 +14,7 @@ from polarsim.annotate.overlay import OverlayStyle, draw_labels
 from polarsim.annotate.show import rows_of
 from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
-from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
+from polarsim.photo import ROCK, PhotoKey
 from polarsim.report.figures.canvas import FAINT, SERIES, note, page, show_image
 from polarsim.report.figures.cover_photos import cover_key, near_red
 from polarsim.report.figures.difference import (
@@ -44,6 +44,7 @@ def draw_comparison(
     labels: Path,
     rendered: Path | None,
     figure: Path,
+    size: tuple[int, int],
     width: int = COMPARISON_WIDTH,
 ) -> None:
     """Write the figure: photo, cover photo and twins with boxes and rock ids, and the differences of the twins.
@@ -52,7 +53,7 @@ def draw_comparison(
     in stops. Twins and photo have the same white level, so that their brightness can be compared; without a photo, the
     twins share a white level. If the inventory names a cover photo, labels are added from the photo of the same
     position whose boxes match the red boxes in the cover photo. Missing images are skipped. Without `rendered`, the
-    label table of the twins, twins have the labels of the photo.
+    label table of the twins, twins have the labels of the photo. `size`: width and height of the photos, px.
     """
     table = read_parquet(labels, LABEL_COLUMNS)
     of_photo = rows_of(table, key)
@@ -77,14 +78,14 @@ def draw_comparison(
         }
     if printed is not None and has_cover:
         cover = to_8bit(png.read_png(printed))
-        of_cover = _shown_on(cover, table, key)
-        columns.append([_cover_panel(cover, table, of_cover, column, marks)])
+        of_cover = _shown_on(cover, table, key, size)
+        columns.append([_cover_panel(cover, table, of_cover, column, marks, size)])
         differences |= _cover_differences(cover, of_cover, _read(twins, of_cover), column) if of_cover else {}
     for model, pixels in pictured.items():
         white = display_white_level(pixels) if white is None else white
         twin = Panel(f"Twin, {model}", draw_labels(to_8bit(pixels, white), of_twins, column, marks))
         columns.append([twin, *([differences[model]] if model in differences else [])])
-    _draw(figure, columns, column, width, f"{key}: no photo and no twin")
+    _draw(figure, columns, column, width, size, f"{key}: no photo and no twin")
 
 
 @dataclass(frozen=True)
@@ -97,13 +98,13 @@ class Panel:
     stops: Mapping[str, np.ndarray] | None = None
 
 
-def _shown_on(cover: np.ndarray, table: pd.DataFrame, key: PhotoKey) -> PhotoKey | None:
+def _shown_on(cover: np.ndarray, table: pd.DataFrame, key: PhotoKey, size: tuple[int, int]) -> PhotoKey | None:
     """Return the key of the photo shown in a cover photo of the position of `key`, identified by the red boxes."""
     keys = [PhotoKey.parse(str(name)) for name in sorted(set(table["key"]))]
     similar = [
         k for k in keys if k.station == key.station and k.exposure_ms == key.exposure_ms and k.light == key.light
     ]
-    return cover_key(cover, table, sorted(similar, key=lambda k: (k.azimuth != key.azimuth, k)))
+    return cover_key(cover, table, sorted(similar, key=lambda k: (k.azimuth != key.azimuth, k)), size)
 
 
 def _cover_differences(
@@ -131,22 +132,29 @@ def _read(twins: Mapping[str, Path], key: PhotoKey) -> dict[str, np.ndarray]:
 
 
 def _cover_panel(
-    cover: np.ndarray, table: pd.DataFrame, shown: PhotoKey | None, width: int, marks: OverlayStyle
+    cover: np.ndarray,
+    table: pd.DataFrame,
+    shown: PhotoKey | None,
+    width: int,
+    marks: OverlayStyle,
+    size: tuple[int, int],
 ) -> Panel:
     if shown is None:
         return Panel("Published photo\nwith ids of the authors", draw_labels(cover, table[:0], width))
     only_rocks = replace(marks, kinds=(ROCK,))  # no shadows: the azimuth is not known
-    rocks = draw_labels(cover, rows_of(table, shown), width, only_rocks, photo_width=WIDTH)
+    rocks = draw_labels(cover, rows_of(table, shown), width, only_rocks, photo_width=size[0])
     return Panel(f"Published photo, red: ids of the authors\nyellow: rocks of {shown}", rocks)
 
 
-def _draw(path: Path, columns: Sequence[Sequence[Panel]], column: int, width: int, empty: str) -> None:
+def _draw(
+    path: Path, columns: Sequence[Sequence[Panel]], column: int, width: int, size: tuple[int, int], empty: str
+) -> None:
     """Write the figure: columns of at most two panels, with the colour bars below the differences."""
     shown = [panel for panels in columns for panel in panels]
     lines = 1 + any("\n" in panel.title for panel in shown)
     rows = max(map(len, columns), default=1)
     has_bar = any(panel.full for panel in shown)
-    height = column * (rows * (HEIGHT / WIDTH + lines * TITLE) + has_bar * BAR)
+    height = column * (rows * (size[1] / size[0] + lines * TITLE) + has_bar * BAR)
     with page(path, width, round(height)) as figure:
         if not shown:
             note(figure, empty)

@@ -19,16 +19,10 @@ from polarsim.formats.files import writing
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.photo import (
-    AZIMUTHS,
     BOX_CLASSES,
-    CAMERAS,
     COLOURS,
-    HEIGHT,
-    LIGHTS,
     ROCK,
     SHADOW,
-    WIDTH,
-    Azimuth,
     PhotoKey,
     Terrain,
     by_bracket,
@@ -62,36 +56,43 @@ class Tile:
         kinds = self.labels["kind"]
         counts = ", ".join(f"{int((kinds == kind).sum())} {kind}s" for kind in BOX_CLASSES)
         doubtful = int((self.labels["confidence"] < doubtful_below).sum())
-        sun = "no Sun" if self.key.azimuth == "no" else f"Sun {self.key.azimuth}"
+        sun = f"Sun {self.key.azimuth}" if self.key.has_sun else "no Sun"
         light = f"{sun}, light {self.key.light}, {self.key.camera}, {self.key.exposure_ms} ms"
         return f"{light}: {counts}" + (f", {doubtful} dashed" if doubtful else "")
 
 
 def draw_contact(
-    *, keys: Iterable[PhotoKey], labels: Path, pictures: Iterable[Path], figure: Path, width: int = SHEET_WIDTH
+    *,
+    site: Site,
+    keys: Iterable[PhotoKey],
+    labels: Path,
+    pictures: Iterable[Path],
+    figure: Path,
+    width: int = SHEET_WIDTH,
 ) -> None:
     """Write the sheet: a row per Sun azimuth, a column per camera and state of the rover light.
 
-    A tile shows the exposure with the most labels of a bracket (the nearest to 256 ms if there are several). Labels are
-    dashed if the confidence is below 0.5 or in the lowest tenth of the terrain. `pictures` are tables of photos and
-    folders of twins in order of preference; a tile without an image is grey.
+    A tile shows the exposure with the most labels of a bracket (the nearest to the usual one if there are several).
+    Labels are dashed if the confidence is below 0.5 or in the lowest tenth of the terrain. `pictures` are tables of
+    photos and folders of twins in order of preference; a tile without an image is grey.
     """
     table = read_parquet(labels, LABEL_COLUMNS)
     sources = [pictures_at(folder) for folder in pictures]
     doubtful_below = doubtful_confidence(table["confidence"])
-    shown = [most_labelled(exposures, table) for exposures in by_bracket(keys).values()]
+    usual = site.usual_exposure_ms
+    shown = [most_labelled(exposures, table, usual) for exposures in by_bracket(keys).values()]
     tiles = [Tile(key, rows_of(table, key), _picture(sources, key)) for key in shown]
-    _write(figure, _sheet(tiles, doubtful_below, width))
+    _write(figure, _sheet(site, tiles, doubtful_below, width))
 
 
 def _picture(sources: Iterable[Mapping[PhotoKey, Path]], key: PhotoKey) -> Path | None:
     return next((paths[key] for paths in sources if key in paths and paths[key].exists()), None)
 
 
-def most_labelled(exposures: Sequence[PhotoKey], labels: pd.DataFrame) -> PhotoKey:
-    """Return the exposure of a bracket with the most labels, the nearest to 256 ms if there are several."""
+def most_labelled(exposures: Sequence[PhotoKey], labels: pd.DataFrame, usual_exposure_ms: int) -> PhotoKey:
+    """Return the exposure of a bracket with the most labels, the nearest to the usual one if there are several."""
     counts = labels["key"].value_counts()
-    return min(exposures, key=lambda key: (-int(counts.get(str(key), 0)), key.stops_off_usual, key))
+    return min(exposures, key=lambda key: (-int(counts.get(str(key), 0)), key.stops_off(usual_exposure_ms), key))
 
 
 def doubtful_confidence(confidences: pd.Series) -> float:
@@ -100,28 +101,30 @@ def doubtful_confidence(confidences: pd.Series) -> float:
     return max(lowest, ALWAYS_DOUBTFUL)
 
 
-def _sheet(tiles: Sequence[Tile], doubtful_below: float, width: int) -> Any:
+def _sheet(site: Site, tiles: Sequence[Tile], doubtful_below: float, width: int) -> Any:
     """Return an image with the tiles in rows and columns, their titles, and a legend at the bottom."""
     from PIL import Image, ImageDraw
 
-    rows = [azimuth for azimuth in AZIMUTHS if any(tile.key.azimuth == azimuth for tile in tiles)]
+    rows = [azimuth for azimuth in site.azimuths if any(tile.key.azimuth == azimuth for tile in tiles)]
     columns = [
         (light, camera)
-        for light in LIGHTS
-        for camera in CAMERAS
+        for light in site.lights
+        for camera in site.cameras.sides
         if any((tile.key.light, tile.key.camera) == (light, camera) for tile in tiles)
     ]
     tile_width = (width - _GAP) // max(len(columns), 1) - _GAP
     letters = font(max(10, tile_width // 36))
     title_height = round(1.6 * letters.size)
-    row_height = round(tile_width * HEIGHT / WIDTH) + title_height + _GAP
+    row_height = round(tile_width * site.images.height / site.images.width) + title_height + _GAP
     sheet = Image.new("RGB", (width, _GAP + len(rows) * row_height + title_height), PAPER)
     pen = ImageDraw.Draw(sheet)
     for tile in tiles:
         x = _GAP + columns.index((tile.key.light, tile.key.camera)) * (tile_width + _GAP)
         y = _GAP + rows.index(tile.key.azimuth) * row_height
         pen.text((x, y + title_height // 2), tile.title(doubtful_below), fill=INK, font=letters, anchor="lm")
-        sheet.paste(Image.fromarray(_tile_pixels(tile, tile_width, doubtful_below)), (x, y + title_height))
+        sheet.paste(
+            Image.fromarray(_tile_pixels(tile, tile_width, doubtful_below, site.images.size)), (x, y + title_height)
+        )
     legend = _legend(tiles, doubtful_below)
     pen.text((_GAP, sheet.height - title_height // 2), legend, fill=INK, font=letters, anchor="lm")
     return sheet
@@ -134,11 +137,11 @@ def _legend(tiles: Sequence[Tile], doubtful_below: float) -> str:
     return f"{name}. {marks}; dashed: confidence below {doubtful_below:.2f}"
 
 
-def _tile_pixels(tile: Tile, width: int, doubtful_below: float) -> np.ndarray:
+def _tile_pixels(tile: Tile, width: int, doubtful_below: float, size: tuple[int, int]) -> np.ndarray:
     if tile.picture is not None and tile.picture.exists():
         pixels = to_8bit(png.read_png(tile.picture))
     else:
-        pixels = np.full((HEIGHT, WIDTH, 3), BLANK, np.uint8)
+        pixels = np.full((*size[::-1], 3), BLANK, np.uint8)
     marks = OverlayStyle(
         links=True, stated_below=0, doubtful_below=doubtful_below, letter_px=max(10, round(width / 42))
     )
@@ -204,20 +207,22 @@ def draw_photos(
     for position, comparison, contact in zip(positions, comparisons, contacts, strict=True):
         keys = selected_grid(site, terrain, [position], grid)
         draw_comparison(
-            key=shown_photo(keys, site.suns),
+            key=shown_photo(keys, site),
             photos=photos,
             inventory=inventory,
             twins=twins,
             labels=labels,
             rendered=rendered,
             figure=comparison,
+            size=site.images.size,
         )
-        draw_contact(keys=keys, labels=labels, pictures=sources, figure=contact)
+        draw_contact(site=site, keys=keys, labels=labels, pictures=sources, figure=contact)
 
 
-def shown_photo(keys: Sequence[PhotoKey], suns: Sequence[Azimuth]) -> PhotoKey:
+def shown_photo(keys: Sequence[PhotoKey], site: Site) -> PhotoKey:
     """Return the photo of a position with the first Sun lamp, rig lamp off, camera L and near the usual exposure.
 
-    `suns`: names of the Sun lamps of the site. Without such a photo, the nearest in this order is returned.
+    Without such a photo, the nearest in this order is returned.
     """
-    return min(keys, key=lambda key: (key.azimuth not in suns[:1], key.light, key.camera, key.stops_off_usual))
+    first, usual = site.suns[:1], site.usual_exposure_ms
+    return min(keys, key=lambda key: (key.azimuth not in first, key.light, key.camera, key.stops_off(usual)))

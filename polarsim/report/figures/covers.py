@@ -11,8 +11,8 @@ from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.geometry import boxes
 from polarsim.geometry.matching_numba import match_predictions_of_photo
-from polarsim.photo import COLOURS, HEIGHT, HEX_COLOURS, ROCK, WIDTH
-from polarsim.report.figures.canvas import FIGURE_WIDTH, PREDICTED, box_legend, boxed, page, rgb, show_image
+from polarsim.photo import COLOURS, HEX_COLOURS, ROCK
+from polarsim.report.figures.canvas import FIGURE_WIDTH, PREDICTED, aspect_of, box_legend, boxed, page, rgb, show_image
 from polarsim.schemas.detect import PREDICTIONS
 
 _COLUMNS = 2
@@ -34,7 +34,7 @@ def draw_covers(*, photos: Path, labels: Path, predictions: Path, figure: Path, 
     paths = sorted(photos.glob("*.png"))
     rows = -(-len(paths) // _COLUMNS)
     column = width // _COLUMNS
-    with page(figure, width, rows * (round(column * HEIGHT / WIDTH) + _TITLE_PX) + _LEGEND_PX) as sheet:
+    with page(figure, width, rows * (round(column * aspect_of(paths)) + _TITLE_PX) + _LEGEND_PX) as sheet:
         grid = sheet.subplots(rows, _COLUMNS, squeeze=False).ravel()
         for axes in grid[len(paths) :]:
             axes.set_axis_off()

@@ -13,7 +13,7 @@ from polarsim.annotate.overlay import OverlayStyle, draw_labels
 from polarsim.annotate.show import rows_of
 from polarsim.formats import png
 from polarsim.formats.tables import read_parquet
-from polarsim.photo import HEIGHT, NO_ROCK, ROCK, WIDTH, PhotoKey
+from polarsim.photo import NO_ROCK, ROCK, PhotoKey, Terrain
 from polarsim.report.figures.canvas import (
     FIGURE_WIDTH,
     PREDICTED,
@@ -26,6 +26,7 @@ from polarsim.report.figures.canvas import (
 from polarsim.report.figures.detector_results import BOX_LEGEND, DetectorResults, read_detector_results
 from polarsim.report.figures.gap_rocks import draw_gap_rocks
 from polarsim.run_files.pictures import picture_finder
+from polarsim.site import Site
 from polarsim.tone import to_8bit
 
 PHOTOS = 2  # columns, of different terrains
@@ -35,6 +36,7 @@ _PICTURES = 48  # number of images in memory, which several figures show
 
 def draw_detector_results(
     *,
+    site: Site,
     domains: Sequence[str],
     photo_domain: str,
     pictures: Iterable[Path],
@@ -69,15 +71,15 @@ def draw_detector_results(
             pixels_of=pixels_of,
             confidence=float(confidence.iloc[0]) if len(confidence) else 0.0,
         )
-        draw_predictions(results, seen[number])
-        draw_gap_rocks(results, gap_rocks[number])
+        draw_predictions(site, results, seen[number])
+        draw_gap_rocks(site, results, gap_rocks[number])
 
 
-def draw_predictions(results: DetectorResults, figure: Path, width: int = FIGURE_WIDTH) -> None:
+def draw_predictions(site: Site, results: DetectorResults, figure: Path, width: int = FIGURE_WIDTH) -> None:
     """Write the figure of one detector: a row per domain, a column per test photo; white levels differ."""
-    keys, domains = shown_keys(results.instances), list(results.predictions)
+    keys, domains = shown_keys(results.instances, site.usual_exposure_ms), list(results.predictions)
     column = width // max(1, len(keys))
-    height = round(column * HEIGHT / WIDTH) + _TITLE_PX
+    height = round(column * site.images.height / site.images.width) + _TITLE_PX
     with page(figure, width, height * max(1, len(domains)) + _LEGEND_PX if keys else 300) as sheet:
         if not keys:
             note(sheet, "no test photo has a labelled rock in every domain")
@@ -96,25 +98,27 @@ def draw_predictions(results: DetectorResults, figure: Path, width: int = FIGURE
                 show_image(axes, _with_boxes(to_8bit(pixels), labels, boxes, column), f"{name}, {key}")
 
 
-def shown_keys(instances: pd.DataFrame) -> list[PhotoKey]:
+def shown_keys(instances: pd.DataFrame, usual_exposure_ms: int) -> list[PhotoKey]:
     """Return at most `PHOTOS` test photos of different terrains.
 
-    Preferred are photos with the Sun lamp on, the rover light off, an exposure near 256 ms, the left camera and many
-    rocks. `instances` has the rows (`evaluated`, `key`, `rock`) of the labelled rocks in each domain; a photo needs a
-    labelled rock in every domain.
+    Preferred are photos with the Sun lamp on, the rover light off, an exposure near the usual one, the left camera and
+    many rocks. `instances` has the rows (`evaluated`, `key`, `rock`) of the labelled rocks in each domain; a photo
+    needs a labelled rock in every domain.
     """
     with_id = instances[instances["rock"] != NO_ROCK]
     labelled = with_id.groupby(["key", "evaluated"])["rock"].nunique().reset_index().groupby("key")["rock"]
     in_all_domains = labelled.count() == instances["evaluated"].nunique()
     counts = labelled.min()[in_all_domains]
-    chosen: dict[int, PhotoKey] = {}  # best photo of each terrain, best first
-    for *_, key in sorted(_order(PhotoKey.parse(str(key)), int(number)) for key, number in counts.items()):
+    chosen: dict[Terrain, PhotoKey] = {}  # best photo of each terrain, best first
+    ranked = (_order(PhotoKey.parse(str(key)), int(number), usual_exposure_ms) for key, number in counts.items())
+    for *_, key in sorted(ranked):
         chosen.setdefault(key.terrain, key)
     return sorted(list(chosen.values())[:PHOTOS])
 
 
-def _order(key: PhotoKey, rocks: int) -> tuple[bool, bool, float, bool, int, PhotoKey]:
-    return key.azimuth == "no", key.light == "on", key.stops_off_usual, key.camera == "R", -rocks, key
+def _order(key: PhotoKey, rocks: int, usual_exposure_ms: int) -> tuple[bool, bool, float, bool, int, PhotoKey]:
+    off = key.stops_off(usual_exposure_ms)
+    return not key.has_sun, key.light == "on", off, key.camera == "R", -rocks, key
 
 
 def _with_boxes(pixels: np.ndarray, labels: pd.DataFrame, predicted: pd.DataFrame, width: int) -> np.ndarray:
@@ -123,8 +127,10 @@ def _with_boxes(pixels: np.ndarray, labels: pd.DataFrame, predicted: pd.DataFram
 
     size = (width, round(width * pixels.shape[0] / pixels.shape[1]))
     image = Image.fromarray(pixels).resize(size, Image.Resampling.LANCZOS)
-    pen, line, scale = ImageDraw.Draw(image), max(1, round(width / 500)), width / WIDTH
+    pen, line, scale = ImageDraw.Draw(image), max(1, round(width / 500)), width / pixels.shape[1]
     margin = np.array([-1, -1, 1, 1]) * (line + 1)  # keeps the box of a perfect prediction visible around the label
     for box in predicted[["x0", "y0", "x1", "y1"]].to_numpy(float) * scale + margin:
         pen.rectangle([float(edge) for edge in box], outline=rgb(PREDICTED), width=line)
-    return draw_labels(np.asarray(image), labels, width, OverlayStyle((ROCK,), stated_below=0), photo_width=WIDTH)
+    return draw_labels(
+        np.asarray(image), labels, width, OverlayStyle((ROCK,), stated_below=0), photo_width=pixels.shape[1]
+    )

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.geometry import boxes
-from polarsim.photo import HEIGHT, HEX_COLOURS, ROCK, WIDTH, PhotoKey
+from polarsim.photo import HEX_COLOURS, ROCK, PhotoKey
 from polarsim.report.figures.canvas import (
     FAINT,
     FIGURE_WIDTH,
@@ -25,6 +25,7 @@ from polarsim.report.figures.canvas import (
 )
 from polarsim.report.figures.detector_results import BOX_LEGEND, DetectorResults
 from polarsim.schemas.photos import BOX
+from polarsim.site import Site
 from polarsim.tone import to_8bit
 
 ROCKS_PER_SIDE = 2  # rocks with larger IoU in the first domain of a pair, and in the second domain
@@ -48,7 +49,7 @@ class RockShown:
     iou: float
 
 
-def draw_gap_rocks(results: DetectorResults, figure: Path, width: int = FIGURE_WIDTH) -> None:
+def draw_gap_rocks(site: Site, results: DetectorResults, figure: Path, width: int = FIGURE_WIDTH) -> None:
     """Write the figure of one detector: a row per pair of domains, two crops per rock with label and best prediction.
 
     Rocks are selected by the mean difference of IoU over photos, and shown in a photo with nearly the largest
@@ -58,8 +59,8 @@ def draw_gap_rocks(results: DetectorResults, figure: Path, width: int = FIGURE_W
     rows = []
     for pair in combinations(results.predictions, 2):
         first, second = (table[table["evaluated"] == domain] for domain in pair)
-        chosen = most_different(first, second, ROCKS_PER_SIDE)
-        rows.append([_most_visible(results, pair, keys, rock) for keys, rock in chosen])
+        chosen = most_different(first, second, ROCKS_PER_SIDE, site.usual_exposure_ms)
+        rows.append([_most_visible(results, pair, keys, rock, site.images.size) for keys, rock in chosen])
     cell = width / (4 * ROCKS_PER_SIDE)
     with page(figure, width, round(len(rows) * (cell + 50) + 50 + _LEGEND_PX) if any(rows) else 300) as sheet:
         if not any(rows):
@@ -77,7 +78,9 @@ def draw_gap_rocks(results: DetectorResults, figure: Path, width: int = FIGURE_W
                 _draw_rock(cells[2 * number : 2 * number + 2], shown, results)
 
 
-def most_different(first: pd.DataFrame, second: pd.DataFrame, count: int) -> list[tuple[list[str], int]]:
+def most_different(
+    first: pd.DataFrame, second: pd.DataFrame, count: int, usual_exposure_ms: int
+) -> list[tuple[list[str], int]]:
     """Return keys and id of `count` rocks with larger IoU in the first domain, then of `count` in the second.
 
     The tables are rows of the instance table of each domain (key, rock, iou). The keys are those of the photos in which
@@ -96,21 +99,23 @@ def most_different(first: pd.DataFrame, second: pd.DataFrame, count: int) -> lis
             photos = signed[(signed["terrain"] == terrain) & (signed["rock"] == rock)]
             large = photos[photos["gain"] >= NEAR_LARGEST * photos["gain"].max()]
             ranked = sorted(
-                (PhotoKey.parse(str(key)).stops_off_usual, -gain, str(key))
+                (PhotoKey.parse(str(key)).stops_off(usual_exposure_ms), -gain, str(key))
                 for key, gain in zip(large["key"], large["gain"], strict=True)
             )
             chosen.append(([key for *_, key in ranked], int(rock)))
     return chosen
 
 
-def _most_visible(results: DetectorResults, pair: Sequence[str], keys: Sequence[str], rock: int) -> list[RockShown]:
+def _most_visible(
+    results: DetectorResults, pair: Sequence[str], keys: Sequence[str], rock: int, size: tuple[int, int]
+) -> list[RockShown]:
     """Return a rock in the first photo whose crops are well exposed in both domains, or in the first photo."""
     for key in keys[:CANDIDATES]:
-        shown = [_rock_shown(results, domain, key, rock) for domain in pair]
+        shown = [_rock_shown(results, domain, key, rock, size) for domain in pair]
         crops = [_crop(results, side, shown) for side in shown]
         if all(crop is not None and is_well_exposed(crop[0]) for crop in crops):
             return shown
-    return [_rock_shown(results, domain, keys[0], rock) for domain in pair]
+    return [_rock_shown(results, domain, keys[0], rock, size) for domain in pair]
 
 
 def is_well_exposed(crop: np.ndarray) -> bool:
@@ -126,11 +131,11 @@ def _stretched(crop: np.ndarray) -> np.ndarray:
     return np.rint(255 * share.clip(0, 1)).astype(np.uint8)
 
 
-def _rock_shown(results: DetectorResults, domain: str, key: str, rock: int) -> RockShown:
+def _rock_shown(results: DetectorResults, domain: str, key: str, rock: int, size: tuple[int, int]) -> RockShown:
     """Return the pair of label and prediction of a rock with the largest IoU."""
     labels, predictions = results.labels[domain], results.predictions[domain]
     of_rock = labels[(labels["key"] == key) & (labels["kind"] == ROCK) & (labels["rock"] == rock)]
-    label = boxes.clip(of_rock[list(BOX.each)].to_numpy(float), WIDTH, HEIGHT)
+    label = boxes.clip(of_rock[list(BOX.each)].to_numpy(float), *size)
     predicted = predictions.loc[predictions["key"] == key, list(BOX.each)].to_numpy(float)
     if not len(predicted):
         return RockShown(key, rock, domain, label[0], None, 0.0)
@@ -152,8 +157,8 @@ def _crop(
     if pixels is None:
         return None
     reach = boxes.box_around_points(np.concatenate([other.label.reshape(2, 2) for other in shown]))
-    half = min(max(60.0, 1.1 * float((reach[2:] - reach[:2]).max())), HEIGHT / 2)
-    centre = np.clip((reach[:2] + reach[2:]) / 2, half, [WIDTH - half, HEIGHT - half])
+    half = min(max(60.0, 1.1 * float((reach[2:] - reach[:2]).max())), pixels.shape[0] / 2)
+    centre = np.clip((reach[:2] + reach[2:]) / 2, half, [pixels.shape[1] - half, pixels.shape[0] - half])
     left, top = np.floor(centre - half).astype(int).tolist()
     side = int(2 * half)
     crop = pixels[top : top + side, left : left + side]

@@ -12,14 +12,16 @@ from polarsim.formats.tables import read_parquet
 from polarsim.photo import NO_ROCK, Terrain, terrain_text
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, LETTER_M, PLAIN, SERIES, name_positions, note, page
 from polarsim.schemas.evaluation import OFFSETS
-from polarsim.site import polar
+from polarsim.site import Sandbox, Site
 
 RANGES_MM = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)  # possible limits of the colour scale
 SHOWN_SHARE = 95  # minimum percentage of the points within the limit
 COLOURS = "RdBu_r"  # red outside the true surface, blue inside
 
 
-def draw_offsets(*, terrain: Terrain, offsets: Path | None, figure: Path | None, width: int = FIGURE_WIDTH) -> None:
+def draw_offsets(
+    *, site: Site, terrain: Terrain, offsets: Path | None, figure: Path | None, width: int = FIGURE_WIDTH
+) -> None:
     """Write a map of the visible mesh points, coloured by the distance from the true surface, and its distribution.
 
     Without ground truth there are no `offsets` and there is no figure.
@@ -33,7 +35,8 @@ def draw_offsets(*, terrain: Terrain, offsets: Path | None, figure: Path | None,
             return
         above, distribution = sheet.subplots(1, 2, width_ratios=[1.25, 1])
         reach = range_mm(table["offset_mm"].to_numpy(float))
-        _draw_map(sheet, above, table, f"Terrain {terrain_text(terrain)}: reconstructed minus true surface", reach)
+        title = f"Terrain {terrain_text(terrain)}: reconstructed minus true surface"
+        _draw_map(sheet, above, table, title, reach, site.sandbox_of(terrain))
         _draw_distribution(distribution, table, max(reach, RANGES_MM[2]))
 
 
@@ -43,7 +46,7 @@ def range_mm(offsets: np.ndarray) -> float:
     return next((reach for reach in RANGES_MM if reach >= wanted), RANGES_MM[-1])
 
 
-def _draw_map(sheet: Any, axes: Any, table: pd.DataFrame, title: str, reach: float) -> None:
+def _draw_map(sheet: Any, axes: Any, table: pd.DataFrame, title: str, reach: float, sandbox: Sandbox) -> None:
     low_first = table.sort_values("z", kind="stable")
     dots = axes.scatter(
         low_first["x"], low_first["y"], c=low_first["offset_mm"], s=14, cmap=COLOURS, vmin=-reach, vmax=reach,
@@ -51,7 +54,7 @@ def _draw_map(sheet: Any, axes: Any, table: pd.DataFrame, title: str, reach: flo
     )  # fmt: skip
     axes.set_title(title)
     axes.set(xlabel="x (Sun azimuth 0), m", ylabel="y (Sun azimuth 90), m", facecolor="#f1f3f4")
-    along_x, along_y = polar().sandbox.half_width_m
+    along_x, along_y = np.maximum(sandbox.half_width_m, 2.0)  # the limits of POLAR's sandbox for smaller boxes
     axes.set(xlim=(-along_x, along_x), ylim=(-along_y, along_y))
     axes.set_aspect("equal")
     rocks = {str(rock): part for rock, part in table[table["rock"] != NO_ROCK].groupby("rock")}

@@ -17,13 +17,13 @@ from polarsim.formats import png
 from polarsim.formats.files import write_json
 from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.poses import Pose
-from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey
+from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PhotoKey, Terrain
 from polarsim.report import paper
 from polarsim.report.figures.canvas import FIGURE_WIDTH, figure_title, note, page
 from polarsim.run_files.lamps import read_suns
 from polarsim.run_files.pictures import picture_finder
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
-from polarsim.site import polar
+from polarsim.site import Site
 from polarsim.tone import display_white_level, to_8bit
 
 NEAR_DEG = 10.0  # maximum phase angle at which the surge is visible (h_s of Sato et al. 2014: 4 degrees)
@@ -46,16 +46,19 @@ class PhasePixel:
 
 def lit_by_single_lamp(key: PhotoKey) -> bool:
     """Return whether exactly one of Sun lamp and rover light is on, so that the phase angle is defined."""
-    return (key.azimuth != "no") != (key.light == "on")
+    return key.has_sun != (key.light == "on")
 
 
-def extreme_spots(keys: list[PhotoKey], cameras: Path, half_px: int) -> tuple[PhasePixel, PhasePixel] | None:
+def extreme_spots(
+    site: Site, terrain: Terrain, keys: list[PhotoKey], cameras: Path, half_px: int
+) -> tuple[PhasePixel, PhasePixel] | None:
     """Return the spots of the smallest and of the largest phase angle in photos lit by a single lamp, or None.
 
-    `cameras` is the folder of the terrain's poses and lamps, `half_px` the minimum distance of a spot from the border.
+    `keys`: photos of the terrain. `cameras` is the folder of its poses and lamps, `half_px` the minimum distance of a
+    spot from the border.
     """
     rigs = read_all_localised(cameras)
-    site, terrain = polar(), keys[0].terrain if keys else 0
+    half = np.array(site.sandbox_of(terrain).half_width_m)
     lamps = read_suns(cameras, rigs, site, terrain)
     spots: dict[tuple[object, ...], tuple[PhasePixel, PhasePixel]] = {}
     for key in sorted(keys):
@@ -65,7 +68,7 @@ def extreme_spots(keys: list[PhotoKey], cameras: Path, half_px: int) -> tuple[Ph
         lamp = lamps.get(key.azimuth)
         if key.light == "on":
             lamp = rig.rover_light(site.rig_lamp) if site.rig_lamp else None
-        angles = None if lamp is None else _angles(rig, key, lamp, half_px)
+        angles = None if lamp is None else _angles(rig, key, lamp, half, half_px)
         if angles is not None:
             spots[key.bracket] = angles
     if not spots:
@@ -75,28 +78,32 @@ def extreme_spots(keys: list[PhotoKey], cameras: Path, half_px: int) -> tuple[Ph
     return smallest, largest
 
 
-def phase_angles(sandbox_from_camera: Pose, directions: np.ndarray, lamp_sandbox: np.ndarray) -> np.ndarray:
+def phase_angles(
+    sandbox_from_camera: Pose, directions: np.ndarray, lamp_sandbox: np.ndarray, half: np.ndarray
+) -> np.ndarray:
     """Return the phase angles (...), radians, where camera directions (..., 3) intersect the plane z = 0.
 
-    The result is NaN outside the sandbox and within `WALL_MARGIN` of the walls.
+    The result is NaN outside the sandbox, of half widths `half` (2,), metres, and within `WALL_MARGIN` of the walls.
     """
     rays = sandbox_from_camera.rotate(directions)
     eye = sandbox_from_camera.translation
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.where(rays[..., 2] < 0, -eye[2] / rays[..., 2], np.nan)
     ground = eye + distance[..., None] * rays
-    inside = (np.abs(ground[..., :2]) <= np.array(polar().sandbox.half_width_m) - WALL_MARGIN).all(axis=-1)
+    inside = (np.abs(ground[..., :2]) <= half - WALL_MARGIN).all(axis=-1)
     to_eye, to_lamp = eye - ground, lamp_sandbox - ground
     sine = np.linalg.norm(np.cross(to_eye, to_lamp), axis=-1)
     return np.where(inside, np.arctan2(sine, (to_eye * to_lamp).sum(axis=-1)), np.nan)
 
 
-def _angles(rig: LocalisedRig, key: PhotoKey, lamp: np.ndarray, half_px: int) -> tuple[PhasePixel, PhasePixel] | None:
+def _angles(
+    rig: LocalisedRig, key: PhotoKey, lamp: np.ndarray, half: np.ndarray, half_px: int
+) -> tuple[PhasePixel, PhasePixel] | None:
     lens = rig.rig.lens(key.camera)
     u = np.arange(half_px, lens.width - half_px, STEP_PX) + HALF_PIXEL
     v = np.arange(half_px, lens.height - half_px, STEP_PX) + HALF_PIXEL
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-    angles = np.degrees(phase_angles(rig.sandbox_from(key.camera), lens.directions(pixels), lamp))
+    angles = np.degrees(phase_angles(rig.sandbox_from(key.camera), lens.directions(pixels), lamp, half))
     if np.isnan(angles).all():
         return None
     smallest, largest = (
@@ -108,8 +115,9 @@ def _angles(rig: LocalisedRig, key: PhotoKey, lamp: np.ndarray, half_px: int) ->
 
 def draw_opposition(
     *,
+    site: Site,
     keys: Sequence[PhotoKey],
-    cameras: Mapping[int, Path],
+    cameras: Mapping[Terrain, Path],
     photo_domain: str,
     models: Sequence[str],
     pictures: Iterable[Path],
@@ -126,7 +134,7 @@ def draw_opposition(
     """
     domains, picture_of = [photo_domain, *models], picture_finder(photo_domain, pictures)
     available = [key for key in keys if all((path := picture_of(domain, key)) and path.exists() for domain in domains)]
-    spots = _best_terrain_spots(available, cameras)
+    spots = _best_terrain_spots(site, available, cameras)
     reason = _reason_for_none(spots)
     if spots is None or reason:
         with page(figure, width, 300) as sheet:
@@ -164,10 +172,12 @@ def _reason_for_none(spots: tuple[PhasePixel, PhasePixel] | None) -> str:
     )
 
 
-def _best_terrain_spots(keys: Sequence[PhotoKey], cameras: Mapping[int, Path]) -> tuple[PhasePixel, PhasePixel] | None:
+def _best_terrain_spots(
+    site: Site, keys: Sequence[PhotoKey], cameras: Mapping[Terrain, Path]
+) -> tuple[PhasePixel, PhasePixel] | None:
     """Return the spots of the first terrain with the smallest phase angle, rounded to 0.1 degrees."""
     candidates = [
-        extreme_spots([key for key in keys if key.terrain == terrain], folder, HALF_PX)
+        extreme_spots(site, terrain, [key for key in keys if key.terrain == terrain], folder, HALF_PX)
         for terrain, folder in sorted(cameras.items())
     ]
     return min((spots for spots in candidates if spots), key=lambda spots: round(spots[0].phase_deg, 1), default=None)

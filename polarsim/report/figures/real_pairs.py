@@ -7,9 +7,9 @@ from pathlib import Path
 
 from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
-from polarsim.photo import COLOURS, HEIGHT, ROCK, WIDTH
+from polarsim.photo import COLOURS, ROCK
 from polarsim.report import paper
-from polarsim.report.figures.canvas import FIGURE_WIDTH, boxed, page, show_image
+from polarsim.report.figures.canvas import FIGURE_WIDTH, aspect_of, boxed, page, show_image
 
 _TITLE_PX = 40
 _CORNERS = ["x0", "y0", "x1", "y1"]
@@ -26,9 +26,10 @@ def draw_real_pairs(
         Folder of `KEY.png` and label table of each domain, see `pair_covers_with_twins`. Photos are in the first.
     """
     tables = {domain: read_parquet(path, LABEL_COLUMNS) for domain, path in labels.items()}
-    names = [path.name for path in sorted(next(iter(pictures.values())).glob("*.png"))]
+    paths = sorted(next(iter(pictures.values())).glob("*.png"))
+    names = [path.name for path in paths]
     column = width // len(pictures)
-    with page(figure, width, len(names) * (round(column * HEIGHT / WIDTH) + _TITLE_PX)) as sheet:
+    with page(figure, width, len(names) * (round(column * aspect_of(paths)) + _TITLE_PX)) as sheet:
         for row, name in zip(sheet.subplots(len(names), len(pictures), squeeze=False), names, strict=True):
             for axes, (domain, folder) in zip(row, pictures.items(), strict=True):
                 table = tables[domain]

@@ -14,25 +14,25 @@ from polarsim.geometry.boxes import box_centres, iou, match_by_position_and_size
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import Outlines, outlines_of
-from polarsim.photo import HEIGHT, HEX_COLOURS, NO_ROCK, ROCK, WIDTH, PhotoKey, Terrain, terrain_text
+from polarsim.photo import HEX_COLOURS, NO_ROCK, NO_SUN, ROCK, PhotoKey, Terrain, terrain_text
 from polarsim.report.figures.canvas import FIGURE_WIDTH, PREDICTED, SERIES, legend_line, note, page, show_image
 from polarsim.report.figures.cover_photos import MIN_SHARE, near_red, share_on_red
 from polarsim.run_files.pictures import cover_photo, pictures_at
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.run_files.scene import TerrainMesh, read_terrain
 from polarsim.scoring.surface import Surface
-from polarsim.site import polar
+from polarsim.site import Site
 from polarsim.tone import to_8bit
 
 ARROW_SCALE = 20  # magnification of the arrows
 ANNOTATED, PROJECTED, ARROW = HEX_COLOURS[ROCK], SERIES[5], PREDICTED
 _TITLE_PX, _LEGEND_PX = 105, 60
-_BRIGHTEST_LAST = ("30", "350", "270", "180", "no")  # order of Sun azimuths; sand is clipped against the Sun
-GREY = np.full((HEIGHT, WIDTH, 3), 90, np.uint8)  # replaces a missing image
+_GREY = 90  # of a missing image
 
 
 def draw_residuals(
     *,
+    site: Site,
     terrain: Terrain,
     cameras: Path,
     meshes: Path,
@@ -48,12 +48,12 @@ def draw_residuals(
     The background of a panel is a left photo with seeds; without such a photo, a cover photo whose red boxes match the
     seeds (some cover photos are of the right camera), or a twin.
     """
-    localised, annotated = read_all_localised(cameras), read_rock_boxes(seeds, terrain)
-    backgrounds = _backgrounds(seeds, annotated, photos, inventory, twins)
-    outlines = outlines_of(_above_ground(read_terrain(meshes, terrain, polar().sandbox_of(terrain))))
+    localised, annotated = read_all_localised(cameras), read_rock_boxes(seeds, terrain, site.images.size)
+    backgrounds = _backgrounds(site, seeds, annotated, photos, inventory, twins)
+    outlines = outlines_of(_above_ground(read_terrain(meshes, terrain, site.sandbox_of(terrain))))
     columns = min(3, max(1, len(localised)))
     rows = -(-len(localised) // columns)
-    height = round(width / columns * rows * HEIGHT / WIDTH) + rows * _TITLE_PX + _LEGEND_PX
+    height = round(width / columns * rows * site.images.height / site.images.width) + rows * _TITLE_PX + _LEGEND_PX
     with page(figure, width, height) as sheet:
         if not localised:
             note(sheet, "no position")
@@ -76,29 +76,39 @@ def draw_residuals(
 
 
 def _backgrounds(
-    seeds: Path, annotated: Mapping[str, Sequence[np.ndarray]], photos: Path, inventory: Path, twins: Path | None
+    site: Site,
+    seeds: Path,
+    annotated: Mapping[str, Sequence[np.ndarray]],
+    photos: Path,
+    inventory: Path,
+    twins: Path | None,
 ) -> dict[str, Path | None]:
     """Return the background of each position: a left photo with seeds, a left cover photo, or a twin of usual light."""
     pictures, rendered = pictures_at(photos), pictures_at(twins) if twins else {}
     background: dict[str, Path | None] = {}
     annotated_keys = [PhotoKey.parse(path.stem) for path in sorted(seeds.glob("*.txt"))]
-    for key in sorted(annotated_keys, key=lambda key: (_BRIGHTEST_LAST.index(key.azimuth), key.light == "on", key)):
+    # Of lamps around the sandbox, the first and the last are next to each other. Sand is clipped against a lamp.
+    order = (*site.suns[:1], *reversed(site.suns[1:]), NO_SUN)
+    for key in sorted(annotated_keys, key=lambda key: (order.index(key.azimuth), key.light == "on", key)):
         if key.camera == "L" and background.get(key.position) is None:
             background[key.position] = pictures.get(key)
     for position, boxes in annotated.items():
-        background[position] = background.get(position) or _left_cover(cover_photo(inventory, position), boxes)
-    for key in sorted(rendered, key=lambda key: (key.azimuth == "no", key.light == "on", key.stops_off_usual, key)):
+        background[position] = background.get(position) or _left_cover(
+            cover_photo(inventory, position), boxes, site.images.size
+        )
+    usual = site.usual_exposure_ms
+    for key in sorted(rendered, key=lambda key: (not key.has_sun, key.light == "on", key.stops_off(usual), key)):
         if key.camera == "L" and background.get(key.position) is None:
             background[key.position] = rendered[key]
     return background
 
 
-def _left_cover(cover: Path | None, annotated: Sequence[np.ndarray]) -> Path | None:
+def _left_cover(cover: Path | None, annotated: Sequence[np.ndarray], size: tuple[int, int]) -> Path | None:
     """Return the cover photo if the red boxes match the seed boxes of a left photo, otherwise None."""
     if cover is None or not cover.exists():
         return None
     red = near_red(to_8bit(png.read_png(cover)))
-    return cover if max((share_on_red(red, boxes) for boxes in annotated), default=0.0) > MIN_SHARE else None
+    return cover if max((share_on_red(red, boxes, size) for boxes in annotated), default=0.0) > MIN_SHARE else None
 
 
 def _above_ground(scene: TerrainMesh) -> dict[int, Mesh]:
@@ -118,12 +128,15 @@ def _above_ground(scene: TerrainMesh) -> dict[int, Mesh]:
 def _draw_position(
     axes: Any, name: str, rig: LocalisedRig, outlines: Outlines, boxes: np.ndarray, photo: Path | None
 ) -> None:
-    pixels = to_8bit(png.read_png(photo)) if photo is not None and photo.exists() else GREY
+    lens = rig.rig.left
+    pixels = np.full((*lens.shape, 3), _GREY, np.uint8)
+    if photo is not None and photo.exists():
+        pixels = to_8bit(png.read_png(photo))
     projected = outlines.seen(rig.camera("L"))
     rows, columns = match_by_position_and_size(projected, boxes)
     matched, matched_boxes = projected[rows], boxes[columns]
     start, end = box_centres(matched_boxes), box_centres(matched)
-    scale = pixels.shape[1] / WIDTH
+    scale = pixels.shape[1] / lens.width
     if len(rows):
         off = np.median(np.abs(end - start), axis=0)
         overlap = np.diag(iou(matched, matched_boxes)).mean()

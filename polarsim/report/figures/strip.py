@@ -18,6 +18,7 @@ from polarsim.report.figures.canvas import boxed
 from polarsim.report.figures.difference import STOPS, difference_of_photo
 from polarsim.run_files.pictures import STRIP_TEXT, pictures_at
 from polarsim.schemas.detect import PREDICTIONS
+from polarsim.site import Site
 from polarsim.tone import display_white_level, to_8bit
 
 PANEL_WIDTH = 960  # px
@@ -27,7 +28,15 @@ RED = f"red: twin too bright (saturated at {STOPS:g} stops), blue: too dark, gre
 
 
 def draw_strip(
-    *, photos: Path, twins: Path, labels: Path, predictions: Path | None, model: str, trained: str, strip: Path
+    *,
+    site: Site,
+    photos: Path,
+    twins: Path,
+    labels: Path,
+    predictions: Path | None,
+    model: str,
+    trained: str,
+    strip: Path,
 ) -> None:
     """Write a PNG per panel of a terrain's strip, and `strip.json` with the photo key and the captions.
 
@@ -37,7 +46,7 @@ def draw_strip(
     table = read_parquet(labels, LABEL_COLUMNS)
     photo_paths, twin_paths = pictures_at(photos), pictures_at(twins)
     predicted = None if predictions is None else read_parquet(predictions, PREDICTIONS.columns)
-    key = shown_key(photo_paths or twin_paths, twin_paths, table, predicted)
+    key = shown_key(site, photo_paths or twin_paths, twin_paths, table, predicted)
     panels: dict[str, tuple[str, np.ndarray]] = {}
     if key is not None:
         sources = {"photo": photo_paths, "twin": twin_paths}
@@ -69,12 +78,16 @@ _MARKS = OverlayStyle(stated_below=0)
 
 
 def shown_key(
-    pictures: dict[PhotoKey, Path], twins: dict[PhotoKey, Path], labels: pd.DataFrame, predicted: pd.DataFrame | None
+    site: Site,
+    pictures: dict[PhotoKey, Path],
+    twins: dict[PhotoKey, Path],
+    labels: pd.DataFrame,
+    predicted: pd.DataFrame | None,
 ) -> PhotoKey | None:
     """Return the photo of the strip, or None without images.
 
-    Preferred are photos with predictions, a twin, a Sun lamp, the rover light off, a usual exposure, Sun azimuth 30,
-    where sand is not clipped, and large rocks.
+    Preferred are photos with predictions, a twin, a Sun lamp, the rover light off, a usual exposure, the first lamp
+    of the site, and large rocks.
     """
     tested = set() if predicted is None else set(predicted["key"])
     sides = (labels["x1"] - labels["x0"]) * (labels["y1"] - labels["y0"])
@@ -84,10 +97,10 @@ def shown_key(
         return (
             bool(tested) and str(key) not in tested,
             key not in twins,
-            key.azimuth == "no",
+            not key.has_sun,
             key.light == "on",
-            key.stops_off_usual,
-            key.azimuth != "30",
+            key.stops_off(site.usual_exposure_ms),
+            key.azimuth not in site.suns[:1],
             -float(areas.get(str(key), 0.0)),
             key,
         )

@@ -14,7 +14,7 @@ from polarsim.formats import obj
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.casters import make_caster
 from polarsim.geometry.lens import Lens
-from polarsim.geometry.poses import camera_pose
+from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.geometry.rays import Caster
 from polarsim.photo import NO_ROCK, Terrain, terrain_text
 from polarsim.report.figures.canvas import (
@@ -30,7 +30,7 @@ from polarsim.report.figures.canvas import (
     show_image,
 )
 from polarsim.run_files.scene import FITTED, PHOTOS, PUBLISHED, SCANNED, TerrainMesh, mesh_origins, read_terrain
-from polarsim.site import polar
+from polarsim.site import Sandbox, Site
 
 CUBOID_COLUMNS = ("rock", "x0", "y0", "z0", "x1", "y1", "z1", "size_m", "height_m")
 GROUND_COLOURS = "viridis"
@@ -39,6 +39,10 @@ STEP = 0.0075  # ray spacing of the view from above, metres
 SKY = 3.0  # start height of these rays, metres
 OUTLINE = "#d55e00"
 SPAN = 0.15  # minimum range of the colour scale, metres, so that flat sand has a uniform colour
+_MIN_HALF_M = 2.0  # half width of the maps of smaller sandboxes
+# Oblique view of a sandbox of this half width: camera centre on the side +X, and downward pitch.
+_EYE_M, _PITCH_DEG = (3.9, -0.2, 2.3), 32.0
+_NEAR_TRIPOD_M = 1.0  # maximum distance of a tripod that names an oblique view
 AMBIENT = 0.12  # share of ambient light in the oblique view
 HEIGHTS = {  # label of the colour bar by source of the ground mesh
     SCANNED: "height above the sand level, m",
@@ -60,32 +64,40 @@ class TopView:
 
 
 def draw_terrain(
-    *, terrain: Terrain, rocks: Path, meshes: Path, meshes_figure: Path, crops_figure: Path, width: int = FIGURE_WIDTH
+    *,
+    site: Site,
+    terrain: Terrain,
+    rocks: Path,
+    meshes: Path,
+    meshes_figure: Path,
+    crops_figure: Path,
+    width: int = FIGURE_WIDTH,
 ) -> None:
     """Write two figures: the meshes from above and in an oblique view, and the cuboids of the rocks."""
     table = read_parquet(rocks, CUBOID_COLUMNS)
-    scene = read_terrain(meshes, terrain, polar().sandbox_of(terrain))
+    sandbox = site.sandbox_of(terrain)
+    scene = read_terrain(meshes, terrain, sandbox)
     rays = make_caster(scene.vertices, scene.faces)
-    top = top_view(scene, rays)
+    top, view = top_view(scene, rays, sandbox), oblique(site, terrain)
     heights = HEIGHTS.get(mesh_origins(meshes).get(obj.ground_name(terrain), ""), HEIGHTS[SCANNED])
     name = f"Terrain {terrain_text(terrain)}"
     with page(meshes_figure, width, round(width * 0.51)) as sheet:
-        _draw_meshes(sheet, name, scene, rays, top, width, heights)
+        _draw_meshes(sheet, name, scene, rays, top, view, width, heights)
     with page(crops_figure, width, round(width * 0.5)) as sheet:
         _draw_crops(sheet, name, table, top, heights)
 
 
 def _draw_meshes(
-    sheet: Any, name: str, scene: TerrainMesh, rays: Caster, top: TopView, width: int, heights: str
+    sheet: Any, name: str, scene: TerrainMesh, rays: Caster, top: TopView, view: Oblique, width: int, heights: str
 ) -> None:
-    """Draw the meshes from above with rock outlines and ids, and in an oblique view from the side of tripod A."""
+    """Draw the meshes from above with rock outlines and ids, and in an oblique view."""
     above, oblique = sheet.subplots(1, 2, width_ratios=[1, 1.5])
     _draw_top(sheet, above, top, f"{name} from above, {len(scene.rocks)} rocks", heights)
     for rock in scene.rocks:
         _draw_outline(above, top, rock)
     _write_ids(above, {str(rock): _box(top, rock, scene) for rock in scene.rocks}, LETTER_M)
-    pixels = _without_margin(oblique_view(scene, rays, round(width * 0.6)))
-    show_image(oblique, pixels, "View from tripod A, lamp at Sun azimuth 30; rocks are tinted")
+    pixels = _without_margin(oblique_view(scene, rays, view, round(width * 0.6)))
+    show_image(oblique, pixels, f"{view.title}; rocks are tinted")
 
 
 def _without_margin(pixels: np.ndarray) -> np.ndarray:
@@ -120,9 +132,9 @@ def _draw_crops(sheet: Any, name: str, table: pd.DataFrame, top: TopView, height
     panels["heights"].set_xlabel("rock id, largest rock first")
 
 
-def top_view(scene: TerrainMesh, rays: Caster) -> TopView:
+def top_view(scene: TerrainMesh, rays: Caster, sandbox: Sandbox) -> TopView:
     """Cast vertical rays onto the terrain."""
-    half = np.array(polar().sandbox.half_width_m)
+    half = np.maximum(sandbox.half_width_m, _MIN_HALF_M)
     low = np.maximum(scene.vertices[:, :2].min(axis=0), -half - 0.3)
     high = np.minimum(scene.vertices[:, :2].max(axis=0), half + 0.3)
     x = np.arange(low[0] + STEP / 2, high[0], STEP)
@@ -136,17 +148,44 @@ def top_view(scene: TerrainMesh, rays: Caster) -> TopView:
     return TopView(height.reshape(across.shape), rock.reshape(across.shape), extent)
 
 
-def oblique_view(scene: TerrainMesh, rays: Caster, width: int) -> np.ndarray:
-    """Return an image (h, width, 3) seen from tripod A: diffuse light of one lamp, cast shadows, tinted rocks."""
+@dataclass(frozen=True)
+class Oblique:
+    """Camera pose and lamp (3,) of an oblique view, sandbox frame, metres, with a title."""
+
+    sandbox_from_camera: Pose
+    lamp: np.ndarray
+    title: str
+
+
+def oblique(site: Site, terrain: Terrain) -> Oblique:
+    """Return the view along the longer side of the sandbox, from +X if both are equal, under the first lamp."""
+    half_x, half_y = site.sandbox_of(terrain).half_width_m
+    scale, along_y = max(1.0, half_x / _MIN_HALF_M, half_y / _MIN_HALF_M), half_y > half_x
+    pose = camera_pose(scale * np.array(_EYE_M), np.pi, np.radians(_PITCH_DEG))
+    if along_y:  # turned by 90 degrees about z
+        pose = camera_pose(scale * np.array([-_EYE_M[1], _EYE_M[0], _EYE_M[2]]), -np.pi / 2, np.radians(_PITCH_DEG))
+    near = [
+        position
+        for position, tripod in site.tripods_of(terrain).items()
+        if np.linalg.norm(np.array(tripod.camera_m) - pose.translation) < _NEAR_TRIPOD_M
+    ]
+    seen_from = f"tripod {near[0]}" if near else "+Y" if along_y else "+X"
+    azimuth, lamp = next(iter(site.lamps.items()), (None, None))
+    if lamp is None:
+        return Oblique(pose, pose.translation + np.array([0.0, 0.0, 1.0]), f"View from {seen_from}")
+    return Oblique(pose, np.array(lamp.point), f"View from {seen_from}, lamp at Sun azimuth {azimuth}")
+
+
+def oblique_view(scene: TerrainMesh, rays: Caster, view: Oblique, width: int) -> np.ndarray:
+    """Return an oblique image (h, width, 3): diffuse light of one lamp, cast shadows, tinted rocks."""
     height = round(0.62 * width)
     lens = Lens(1.02 * width, 1.02 * width, width / 2, height / 2, width=width, height=height)
-    sandbox_from_camera = camera_pose(np.array([3.9, -0.2, 2.3]), np.pi, np.radians(32.0))
-    directions = sandbox_from_camera.rotate(lens.pixel_directions().reshape(-1, 3))
-    origins = np.broadcast_to(sandbox_from_camera.translation, directions.shape)
+    directions = view.sandbox_from_camera.rotate(lens.pixel_directions().reshape(-1, 3))
+    origins = np.broadcast_to(view.sandbox_from_camera.translation, directions.shape)
     distance, face = rays.nearest(origins, directions)
     hit = np.flatnonzero(face >= 0)
     points = origins[hit] + distance[hit, None] * directions[hit]
-    to_lamp = (np.array(polar().lamps["30"].point) + np.array([0.0, 0.0, scene.sand_level])) - points
+    to_lamp = (view.lamp + np.array([0.0, 0.0, scene.sand_level])) - points
     flat, smooth = _normals(scene, face[hit], points)
     lit = ~rays.occluded(points + 1e-3 * flat, to_lamp, 1.0)
     towards = to_lamp / np.linalg.norm(to_lamp, axis=1, keepdims=True)
