@@ -130,8 +130,9 @@ def score_folders(
     """Compare two folders of YOLO files: flat, with `TerrainNN` subfolders, or the root of a release.
 
     Files are matched by photo key, or by file name if no file of the truth has a photo key. `keys` selects the compared
-    photos; `site` has these photos (None: NASA's POLAR). The result is that of `score_boxes` with `files`: numbers of compared and missing files, and lists of
-    skipped files. Single invalid files of the truth are skipped, because the release has such a file.
+    photos; `site` has these photos (None: NASA's POLAR). The result is that of `score_boxes` with `files`: numbers of
+    compared and missing files, and lists of skipped files. Single invalid files of the truth are skipped, because the
+    release has such a file.
     """
     key_of = (site or polar()).key
     of_truth, of_labels = _label_files(truth, key_of), _label_files(labels, key_of)
