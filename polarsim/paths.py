@@ -88,7 +88,7 @@ class RunPaths:
         self.others = config.detect.others if self.domains else {}
         self.models: list[str] = list(config.render.models)
         self.origin = {"run": self.run, "source": config.source.kind, "config": config.digest()}
-        self.has_stereo = config.detect.stereo.run and bool(self.domains)
+        self.has_stereo = config.detect.stereo.run and bool(self.domains) and config.site.cameras.stereo
         self.only_covers = config.covers.run and not self.domains  # such a run has no other stage
         self.has_errata = not config.data_source.has_scans  # defects of published labels and meshes
         self.seeds_text = describe_seeds(config.labels.seeds)

@@ -43,7 +43,7 @@ def stage_states(config: Config) -> list[StageState]:
         cameras,
         StageState("rocks", *rocks),
         StageState("labels", meshes, f"{of_labels}{shadows}" if meshes else "the rocks stage is not possible"),
-        StageState("render", *_if(meshes and bool(site.lamps), "every photo has a twin", _no_twin(config, meshes))),
+        StageState("render", *_if(meshes, "every photo under a lamp has a twin", "no meshes")),
         StageState("detect", *_if(meshes, compared, "no labels")),
         StageState("stereo", *_if(stereo and data.has_photos, "two cameras", "no photos" if stereo else "one camera")),
         StageState("rover", *_if(meshes, "drives on the meshes", "no meshes")),
@@ -97,10 +97,6 @@ def _frame(config: Config) -> str:
     if tripods:
         return "no walls: origin and heading from tripods"
     return "neither walls nor tripods: origin and heading are arbitrary, and lamps do not fit"
-
-
-def _no_twin(config: Config, meshes: bool) -> str:
-    return "no lamps" if meshes and not config.site.lamps else "no meshes"
 
 
 def _if(possible: bool, how: str, reason: str) -> tuple[bool, str]:
