@@ -1,4 +1,4 @@
-"""Commands for sandboxes and test yards other than NASA's: check-site."""
+"""Commands for sandboxes and test yards other than NASA's: check-site, new-site."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from polarsim.arguments import writes_file
 from polarsim.cli.application import commands_of, print_table
 
 command = commands_of("Own sandboxes")
@@ -46,3 +47,23 @@ def check_site(
             for one in found
         ]
         print_table(("terrain", "photos", "stray files", "scans", "calibration"), files, str(config.source.root))
+
+
+@command()
+def new_site(
+    folder: Annotated[Path, typer.Argument(help="Folder with photos, and scans and calibrations if available.")],
+    out: Annotated[
+        Path, typer.Option(callback=writes_file(".yaml", ".yml"), help="Site file to write; existing files are kept.")
+    ] = Path("site.yaml"),
+) -> None:
+    """Write a draft of a site file from the names and contents of the files in a folder.
+
+    Values that files do not show, such as the positions of lamps, are marked FILL_IN; check-site lists them.
+    """
+    from polarsim.acquire.new_site import write_draft
+    from polarsim.errors import ConfigError
+
+    if out.exists():
+        raise ConfigError("exists and is not overwritten: give another name with --out", path=out)
+    for line in write_draft(folder, out):
+        typer.echo(line)

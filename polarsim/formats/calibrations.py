@@ -55,14 +55,16 @@ for _tag in ("opencv-matrix", "opencv-nd-matrix"):
 @reader("calibration", largest_mb=1)
 def read_calibration(path: str | Path, site: Site) -> StereoRig:
     """Read a calibration in any of the formats; raise an error if it does not fit the cameras of the site."""
+    return rig_of(read_stated(path), site)
+
+
+@reader("calibration", largest_mb=1)
+def read_stated(path: str | Path) -> StatedCalibration:
+    """Read a calibration in any of the formats."""
     text = text_of(path)
     if Path(path).name == colmap_text.CAMERAS_NAME:
-        stated = colmap_text.read_cameras(path)
-    elif nasa.is_calibration(text):
-        stated = nasa.parse_calibration(text)
-    else:
-        stated = _parse_yaml(text)
-    return rig_of(stated, site)
+        return colmap_text.read_cameras(path)
+    return nasa.parse_calibration(text) if nasa.is_calibration(text) else _parse_yaml(text)
 
 
 @lru_cache(maxsize=4)

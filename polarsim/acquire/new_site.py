@@ -1,0 +1,181 @@
+"""Draft of a site file from the files in a folder: names, sizes, bits, exposures, cameras, calibrations and scans."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from polarsim.acquire.path_fields import PathFields, find_fields, largest_group
+from polarsim.acquire.site_draft import draft_text
+from polarsim.errors import FormatError, PolarsimError
+from polarsim.formats import nasa, png
+from polarsim.formats.calibrations import read_stated
+from polarsim.formats.files import existing_folder, suffix_counts, write_text
+from polarsim.formats.stated_calibration import StatedCalibration
+from polarsim.site import FIELD
+
+_MAX_SAMPLES = 24  # number of images of which pixels are read
+_BITS = (8, 10, 12, 14, 16)
+_SATURATED_SHARE = 1e-4  # minimum share of pixels with the largest value if it is the white level
+_DARK_SHARE, _BLACK_SHARE = 0.05, 0.25  # of the largest value: median of a photo without light, and black level
+_CALIBRATION = re.compile(r"(?i).*\.(calibration|ya?ml)|(.*/)?cameras\.txt")
+_FAR = 100.0  # median distance of a cloud above which the unit is millimetres
+_RANGE_SUFFIXES = (".tif", ".tiff")
+
+
+@dataclass(frozen=True)
+class ImageForm:
+    """Format of the images: size, bits, black and white level (None: the largest value), and what was seen."""
+
+    width: int
+    height: int
+    bits: int
+    black: int
+    white: int | None
+    colour: bool
+    jpeg: bool
+
+
+@dataclass(frozen=True)
+class Scans:
+    """Patterns of clouds, range maps and calibrations, and the unit of the clouds."""
+
+    clouds: str | None = None
+    range_maps: str | None = None
+    calibration: str | None = None
+    unit: str = "m"
+    stated: StatedCalibration | None = None
+
+
+def write_draft(folder: Path, out: Path) -> list[str]:
+    """Write the draft of a site file for a folder; return lines on what was found."""
+    files = sorted(
+        path for path in existing_folder(folder).rglob("*") if path.is_file() and not path.name.startswith(".")
+    )
+    names = [path.relative_to(folder).as_posix() for path in files]
+    images = largest_group([name for name in names if name.lower().endswith(png.SUFFIXES)])
+    if not images:
+        raise FormatError(f"no images, found {suffix_counts(folder)}", path=folder)
+    fields = find_fields(images)
+    form = image_form(folder, images)
+    scans = find_scans(folder, [name for name in names if name not in set(images)], fields, form)
+    write_text(out, draft_text(out.stem, folder, fields, form, scans))
+    return [
+        f"{len(images)} images of {form.width} x {form.height} pixels with {form.bits} bits: {fields.pattern}",
+        *(f"{field}: {', '.join(list(of)[:8])}{' ...' if len(of) > 8 else ''}" for field, of in fields.names.items()),
+        *(f"{kind}: {text}" for kind, text in (("clouds", scans.clouds), ("range maps", scans.range_maps)) if text),
+        f"calibration: {scans.calibration or 'none found'}",
+        *fields.notes,
+        f"{out}: replace FILL_IN, then: polarsim check-site {out} --root {folder}",
+    ]
+
+
+def image_form(folder: Path, names: Sequence[str]) -> ImageForm:
+    """Return the format of images, from a sample; images of several sizes or depths are an error."""
+    step = max(1, len(names) // _MAX_SAMPLES)
+    sample = {name: png.read_png(folder / name) for name in names[::step]}
+    for what, values in (
+        ("sizes", {(pixels.shape[1], pixels.shape[0]) for pixels in sample.values()}),
+        ("types of values", {str(pixels.dtype) for pixels in sample.values()}),
+    ):
+        if len(values) > 1:
+            raise FormatError(f"images have {len(values)} {what}: {sorted(values)}", path=folder)
+    first = next(iter(sample.values()))
+    largest = max(int(pixels.max()) for pixels in sample.values())
+    bits = 8 if first.dtype == np.uint8 else next(bits for bits in _BITS[1:] if largest < 2**bits)
+    saturated = max(float((pixels == largest).mean()) for pixels in sample.values()) > _SATURATED_SHARE
+    medians = [int(np.median(pixels)) for pixels in sample.values()]
+    # A photo without light shows the black level; in other photos the darkest pixels are in shadows.
+    shadows = min(int(np.percentile(pixels, 1)) for pixels in sample.values())
+    darkest = min(medians) if min(medians) < _DARK_SHARE * largest else shadows
+    return ImageForm(
+        width=first.shape[1],
+        height=first.shape[0],
+        bits=bits,
+        black=darkest if darkest < _BLACK_SHARE * largest else 0,
+        white=largest if saturated and largest < 2**bits - 1 and largest > 2 ** (bits - 1) else None,
+        colour=any(pixels.ndim == 3 for pixels in sample.values()),
+        jpeg=names[0].lower().endswith((".jpg", ".jpeg")),
+    )
+
+
+def find_scans(folder: Path, names: Sequence[str], fields: PathFields, form: ImageForm) -> Scans:
+    """Return the patterns of scans and calibrations among the files that are no photos."""
+    scans = Scans()
+    clouds = [
+        name for name in names if name.lower().endswith(nasa.CLOUD_SUFFIXES) and _reads(nasa.read_cloud, folder / name)
+    ]
+    if pattern := _pattern(clouds, fields):
+        cloud = nasa.read_cloud(folder / clouds[0], "m")
+        far = float(np.median(np.linalg.norm(cloud, axis=1))) > _FAR
+        scans = replace(scans, clouds=pattern, unit="mm" if far else "m")
+    size = form.width, form.height
+    maps = [
+        name
+        for name in names
+        if name.lower().endswith(_RANGE_SUFFIXES)
+        and _reads(lambda path: nasa.read_range_map(path, size), folder / name)
+    ]
+    scans = replace(scans, range_maps=_pattern(maps, fields))
+    found = {name: stated for name in names if _CALIBRATION.fullmatch(name) and (stated := _stated(folder / name))}
+    if found:
+        pattern = _pattern(found, fields, ("terrain",)) or min(found, key=lambda name: (name.count("/"), name))
+        scans = replace(scans, calibration=pattern, stated=next(iter(found.values())))
+    return scans
+
+
+def _reads(read: Callable[[Path], object], path: Path) -> bool:
+    try:
+        read(path)
+    except PolarsimError:
+        return False
+    return True
+
+
+def _stated(path: Path) -> StatedCalibration | None:
+    try:
+        return read_stated(path)
+    except PolarsimError:
+        return None
+
+
+def _pattern(names: Iterable[str], fields: PathFields, chosen: Sequence[str] = ("terrain", "position")) -> str | None:
+    """Return the pattern that most names have when the texts of terrain and position are replaced by the fields."""
+    patterns = Counter(pattern for name in names if (pattern := _replaced(name, fields, chosen)))
+    return patterns.most_common(1)[0][0] if patterns else None
+
+
+def _replaced(name: str, fields: PathFields, chosen: Sequence[str]) -> str | None:
+    """Return a path with fields for the texts of names; None if a text is missing.
+
+    Folders that also contain photos are written as in the pattern of the photos.
+    """
+    needed = [field for field in chosen if field in fields.names]
+    folders = name.split("/")
+    for number, part in enumerate(fields.pattern.split("/")[:-1][: len(folders) - 1]):
+        if set(FIELD.findall(part)) <= {*chosen, "any"} and re.fullmatch(_regex(part, fields), folders[number]):
+            folders[number] = part
+    name = "/".join(folders)
+    for field in needed:
+        if f"{{{field}}}" in name:
+            continue
+        texts = "|".join(map(re.escape, sorted(fields.names[field].values(), key=len, reverse=True)))
+        match = re.search(rf"(?<![A-Za-z0-9{{])[A-Za-z]*?({texts})(?![A-Za-z0-9}}])", name)
+        if match is None:
+            return None
+        name = f"{name[: match.start(1)]}{{{field}}}{name[match.end(1) :]}"
+    return name
+
+
+def _regex(part: str, fields: PathFields) -> str:
+    """Return a regular expression of a folder of the pattern."""
+    texts = {name: "|".join(map(re.escape, of.values())) for name, of in fields.names.items()}
+    pieces = re.split(FIELD.pattern, part)  # texts and names of fields by turns
+    return "".join(
+        f"(?:{texts.get(piece, '.+')})" if number % 2 else re.escape(piece) for number, piece in enumerate(pieces)
+    )
