@@ -281,8 +281,8 @@ class Config(BaseModel, extra="forbid", frozen=True):
 
     @property
     def measures_ranges(self) -> bool:
-        """Whether ranges are measured in stereo photos, because scans are not read."""
-        return self.data_source.has_scans and not self.has_scans
+        """Whether ranges are measured in stereo photos, because scans are not read. A single camera cannot."""
+        return self.data_source.has_scans and not self.has_scans and self.site.cameras.stereo
 
     @property
     def photo_domain(self) -> str:

@@ -111,11 +111,14 @@ def changed_rig(rig: StereoRig, change: np.ndarray) -> StereoRig:
     """Return a rig with a changed calibration.
 
     `change` (14,): rotation, radians, and translation, metres, between the cameras; then focal length, principal point,
-    pixels, and k1 of the left and of the right lens.
+    pixels, and k1 of the left and of the right lens. Only the changes of the left lens apply to a single camera.
     """
+    left = _change_lens(rig.left, change[_OF_RIG : _OF_RIG + _OF_LENS])
+    if not rig.is_stereo:
+        return StereoRig.single(left)
     return replace(
         rig,
-        left=_change_lens(rig.left, change[_OF_RIG : _OF_RIG + _OF_LENS]),
+        left=left,
         right=_change_lens(rig.right, change[_OF_RIG + _OF_LENS :]),
         left_from_right=rig.left_from_right @ Pose.from_rotvec(change[:3], change[3:_OF_RIG]),
     )

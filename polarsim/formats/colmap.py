@@ -22,7 +22,6 @@ from polarsim.formats.files import share_file, writing_folder
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
-from polarsim.photo import CAMERAS
 
 CAMERA_ID = {"L": 1, "R": 2}
 RIG_ID = 1
@@ -57,7 +56,7 @@ def write_model(
     frames = []
     for position in sorted(localised):
         names: dict[str, str] = {}
-        for camera in CAMERAS:
+        for camera in rig.sides:
             default_name = f"Pos{position}_Cam{camera}"
             name = (pictures or {}).get((position, camera), default_name)
             if len(name.split()) > 1:
@@ -102,11 +101,12 @@ def write_pictures(
     import pycolmap
 
     model = pycolmap.Reconstruction()
-    for camera in CAMERAS:
+    for camera in rig.sides:
         model.add_camera(_camera(CAMERA_ID[camera], rig.lens(camera)))
     sensors = pycolmap.Rig(rig_id=RIG_ID)
     sensors.add_ref_sensor(_sensor("L"))
-    sensors.add_sensor(_sensor("R"), _rigid(rig.left_from_right.inverse()))
+    if rig.is_stereo:
+        sensors.add_sensor(_sensor("R"), _rigid(rig.left_from_right.inverse()))
     model.add_rig(sensors)
     for frame_id, (names, sandbox_from_left) in enumerate(frames, 1):
         _add_frame(model, frame_id, names, sandbox_from_left)

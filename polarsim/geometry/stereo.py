@@ -11,6 +11,7 @@ import numpy as np
 
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
+from polarsim.photo import CameraSide
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,11 @@ class StereoRig:
     def is_stereo(self) -> bool:
         """Whether the rig has two cameras."""
         return bool(np.any(self.left_from_right.translation))
+
+    @property
+    def sides(self) -> tuple[CameraSide, ...]:
+        """Names of the cameras."""
+        return ("L", "R") if self.is_stereo else ("L",)
 
     def lens(self, camera: str) -> Lens:
         return self.left if camera == "L" else self.right
