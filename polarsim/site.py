@@ -333,17 +333,26 @@ class ImageIds(_Part):
     list keeps the numbers of all former photos.
     """
 
-    positions: PositiveInt = Field(64, description="Largest number of positions of a terrain.")
-    lamps: PositiveInt = Field(64, description="Largest number of lamps, 'no' included.")
+    positions: PositiveInt = Field(256, description="Largest number of positions of a terrain.")
+    lamps: PositiveInt = Field(32, description="Largest number of lamps, 'no' included.")
     exposures_ms: tuple[PositiveInt, ...] | None = Field(
         None, description="Exposures, ms, in the order of their numbers; null: the exposure is the number."
     )
+
+
+class Licence(_Part):
+    """Terms under which the photos may be published."""
+
+    terms: str = Field(min_length=1, description="Name or summary of the terms, for data cards.")
+    url: str = Field("", description="Address of the text.")
 
 
 class Site(_Part):
     """All that is specific to one sandbox or test yard."""
 
     name: Name = Field(description="Name of the site.")
+    title: str = Field("", description="Name of the data set of photos in published data cards; empty: the site.")
+    licence: Licence | None = Field(None, description="Terms of the photos, for published data; null: not stated.")
     terrains: Mapping[TerrainName, TerrainOptions] = Field(
         min_length=1, description="Terrains by number or name. All are numbers, or all are names."
     )
@@ -428,6 +437,11 @@ class Site(_Part):
                 ),
             }
         return [name for name, needed in several.items() if needed and name not in fields]
+
+    @property
+    def data_set(self) -> str:
+        """Name of the data set of photos."""
+        return self.title or f"site {self.name}"
 
     # Photos
 

@@ -33,7 +33,9 @@ def publish(
     photos: Annotated[
         bool,
         typer.Option(
-            "--photos", help="Include NASA's photos, under NASA's terms. Photos of the analog are always included."
+            "--photos",
+            help="Include the photos of the site, under the terms of their owner. Photos of the analog are always "
+            "included.",
         ),
     ] = False,
     replace: Annotated[

@@ -13,7 +13,6 @@ from polarsim.geometry.matching_numba import match_predictions_of_photo
 from polarsim.photo import BOX_CLASSES, NO_ROCK, ROCK, PhotoKey, Terrain, terrain_text
 from polarsim.run_files.run import PHOTO, Run
 from polarsim.schemas.photos import BOX
-from polarsim.site import polar
 
 EDGES = list(BOX.each)
 MIN_CONFIDENCE = 0.05  # of shown predictions
@@ -95,7 +94,7 @@ def shown_predictions(run: Run, name: str) -> pd.DataFrame:
     predicted = predicted[predicted["confidence"] >= MIN_CONFIDENCE].sort_values(
         ["key", "confidence"], ascending=[True, False], kind="stable", ignore_index=True
     )
-    size = polar().images.size
+    size = run.site.images.size
     labels = clip_labels(run.all_labels(of_twins=domain != PHOTO), size)
     by_photo = labels.groupby(["key", "kind"]).indices
     boxes, rocks = labels[EDGES].to_numpy(float), labels["rock"].to_numpy()

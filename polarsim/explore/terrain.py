@@ -13,11 +13,10 @@ from scipy.spatial import cKDTree
 from polarsim.formats import obj
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.meshes import Mesh
-from polarsim.photo import CAMERAS, NO_ROCK, Terrain, terrain_text
+from polarsim.photo import NO_ROCK, Terrain, terrain_text
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.run import Run
 from polarsim.run_files.scene import mesh_files
-from polarsim.site import polar
 
 GROUND_CELL, ROCK_CELL = 0.018, 0.008  # cell sizes of vertex clustering, metres
 REACH = 0.06  # maximum distance between a measured error and a vertex, metres
@@ -121,9 +120,9 @@ def terrain_setup(run: Run, terrain: Terrain) -> dict[str, Any]:
             "lens": as_rows(rig.rig.lens(side).opencv_matrix()[[0, 1, 0, 1], [0, 1, 2, 2]]),
         }
         for position, rig in localised.items()
-        for side in CAMERAS
+        for side in rig.rig.sides
     ]
-    site = polar()
+    site = run.site
     positions = lamps.read_suns(folder, localised, site, terrain)
     suns = {name: as_rows(position) for name, position in sorted(positions.items())}
     return {

@@ -1,8 +1,8 @@
-"""Stereo rigs of a terrain as a COLMAP model in text: `cameras.txt rigs.txt frames.txt images.txt points3D.txt`.
+"""Cameras of a terrain as a COLMAP model in text: `cameras.txt rigs.txt frames.txt images.txt points3D.txt`.
 
-The model has a single rig, with the left camera as reference sensor, and a frame with two images per position. Images
-are photos, named by the path from the folder of the model, or `PosA_CamL` and `PosA_CamR` without photos. Models of a
-drive have a frame per moment. Points are vertices of meshes, without tracks. COLMAP's world frame is the sandbox frame,
+The model has a single rig, with the left (or only) camera as reference sensor, and a frame per position. Images are
+photos, named by the path from the folder of the model, or `PosA_CamL` and `PosA_CamR` without photos. Models of a drive
+have a frame per moment. Points are vertices of meshes, without tracks. COLMAP's world frame is the sandbox frame,
 metres; pixel centres are at integer + 0.5, as in polarsim.
 
 COLMAP's text format separates fields by blanks, so that a name must not contain blanks.

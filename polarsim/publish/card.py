@@ -45,17 +45,18 @@ def card(catalogue: Catalogue, form: str, description: str) -> str:
         f"`{catalogue.config or 'unknown'}`. Meshes were computed from scans; cameras were localised with scans, "
         "labels and photos; a few human annotations were propagated to every photo by geometry and light; twins were "
         "ray-traced on the meshes with the same cameras, lamps, lens and sensor.",
-        "Origin of values: *measured* (photos, human annotations, NASA's survey), *fitted* (poses, lamps located in "
-        "photos, meshes, propagated labels) or *synthetic* (twins and rendered labels, all data of the analog).",
+        f"Origin of values: *measured* (photos, human annotations, {terms.survey(catalogue)}), *fitted* (poses, lamps "
+        "located in photos, meshes, propagated labels) or *synthetic* (twins and rendered labels, all data of the "
+        "analog).",
         _table(_origins(catalogue)),
         "## Evaluation of this run",
         _evaluation(catalogue),
         "## Limitations",
-        "\n".join(f"- {fault}" for fault in terms.FAULTS),
+        "\n".join(f"- {fault}" for fault in terms.faults(catalogue)),
         "## Licence",
         "\n".join(["| content | licence | terms |", "|---|---|---|", *licences]),
         "## Citation",
-        f"```bibtex\n{terms.CITATION}```",
+        f"```bibtex\n{terms.citation(catalogue)}```",
         f"`{DATASHEET}` is the datasheet; `SHA256SUMS` contains the checksum of every file "
         "(`sha256sum -c SHA256SUMS`).",
     ]
@@ -139,13 +140,13 @@ def _shown(value: object) -> str:
 def rai_answers(catalogue: Catalogue) -> dict[str, object]:
     """Return the fields of Croissant's vocabulary for responsible AI by name in mlcroissant."""
     twins = [domain for domain in catalogue.domains if domain != catalogue.photo_domain]
+    faults = terms.faults(catalogue)
     return {
         "data_collection": terms.summary(catalogue),
         "data_collection_type": ["Experiments", "Software Collection", "Manual Human Curator"],
-        "data_collection_missing_data": "Photos missing in NASA's data have no twin. Fully occluded rocks and shadows "
-        "have no label.",
-        "data_collection_raw_data": "12-bit stereo photos, terrestrial lidar scans, and a survey of tripods and lamps, "
-        "from the POLAR data set; for analog runs, simulated data in the same layout.",
+        "data_collection_missing_data": f"{terms.missing_photos(catalogue)} have no twin. Fully occluded rocks and "
+        "shadows have no label.",
+        "data_collection_raw_data": f"{terms.raw_data(catalogue)}; for analog runs, simulated data in the same layout.",
         "data_imputation_protocol": "Surfaces without scan points are interpolated smoothly.",
         "data_preprocessing_protocol": ["Images are raw: 12-bit values in 16 bits, not rectified."],
         "data_manipulation_protocol": f"Twins ({', '.join(twins) or 'none in this bundle'}) are ray-traced images.",
@@ -159,9 +160,9 @@ def rai_answers(catalogue: Catalogue) -> dict[str, object]:
         "annotations_per_item": "1",
         "annotator_demographics": ["A few people familiar with the data set; no further information."],
         "machine_annotation_tools": [f"polarsim {__version__}"],
-        "data_biases": list(terms.FAULTS[1:3]),
+        "data_biases": faults[1:3],
         "data_use_cases": ["Training and testing of detectors of rocks and shadows, stereo, and sim-to-real gaps"],
-        "data_limitations": [*terms.FAULTS[:1], *terms.FAULTS[3:]],
+        "data_limitations": [*faults[:1], *faults[3:]],
         "data_social_impact": "None known for images of sand and rocks. Hazard maps for a real lander need separate "
         "tests.",
         "personal_sensitive_information": ["None: the images show no persons."],
@@ -201,6 +202,8 @@ def datasheet(catalogue: Catalogue) -> str:
         for name in names:
             answer = answers[name]
             parts += [str(part) for part in answer] if isinstance(answer, list) else [str(answer)]
-    licences = [f"- {content}: {licence} ({url})" for content, licence, url in terms.licences(catalogue)]
+    licences = [
+        f"- {content}: {licence}" + (f" ({url})" if url else "") for content, licence, url in terms.licences(catalogue)
+    ]
     parts += ["## Distribution: under which terms?", "\n".join(licences)]
     return "\n\n".join(parts) + "\n"

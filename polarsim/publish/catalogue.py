@@ -23,12 +23,12 @@ from polarsim.formats import tables
 from polarsim.formats.coco import Annotation, read_coco
 from polarsim.formats.readers import reader
 from polarsim.geometry.camera import Camera
-from polarsim.photo import NO_ROCK, SUNS, TERRAINS, PhotoKey, terrain_text
+from polarsim.photo import NO_ROCK, PhotoKey, Terrain, terrain_text
 from polarsim.run_files import lamps, rigs, scene
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.rigs import SURVEYED, LocalisedRig
 from polarsim.run_files.run import CONFIG, PHOTO, Run
-from polarsim.site import Site, polar
+from polarsim.site import Site
 
 Origin = Literal["measured", "fitted", "synthetic"]
 # Origin of raw data by source: all data of the analog are synthetic.
@@ -83,7 +83,8 @@ class CatalogueImage:
 class CatalogueTerrain:
     """Cameras, lamps, meshes and rocks of a terrain."""
 
-    number: int
+    number: Terrain  # or name
+    site: Site
     kind: str  # of the source
     rigs: Mapping[str, LocalisedRig]  # by position
     suns: Mapping[str, np.ndarray]  # by azimuth, sandbox frame, metres
@@ -94,8 +95,14 @@ class CatalogueTerrain:
     maps: Mapping[str, tuple[Path, ...]]  # renders/maps: depth, normals, photometric angles by name
 
     @property
+    def rig_lamps(self) -> Iterator[tuple[str, np.ndarray, Origin]]:
+        """Position, place (3,) and origin of the rig's lamp at each localised position; empty without such a lamp."""
+        for position, localised in sorted(self.rigs.items()) if self.site.rig_lamp else ():
+            yield position, localised.rover_light(self.site.rig_lamp), self.pose_origin(position)
+
+    @property
     def name(self) -> str:
-        return f"Terrain{self.number:02d}"
+        return f"Terrain{terrain_text(self.number)}"
 
     def sun_origin(self, azimuth: str) -> Origin:
         return "fitted" if azimuth in self.fitted_suns else MEASURED[self.kind]
@@ -112,7 +119,7 @@ class Catalogue:
     run: Path
     site: Site
     kind: str  # of the source: analog, files or release
-    terrains: Mapping[int, CatalogueTerrain]
+    terrains: Mapping[Terrain, CatalogueTerrain]
     pictures: tuple[CatalogueImage, ...]  # in the order of domains and keys
     drives: tuple[Path, ...] = ()  # folders
     tables: tuple[Path, ...] = ()
@@ -213,8 +220,9 @@ def _coco(path: Path, size: tuple[int, int]) -> dict[PhotoKey, list[Annotation]]
 
 def read_catalogue(run: Path, split: str = "") -> Catalogue:
     """Read a run; `split` determines the parts of images (empty: the first split of the run's configuration)."""
-    found = [number for number in TERRAINS if (run / f"acquire/Terrain{number:02d}/inventory.json").is_file()]
-    terrains = {number: _terrain(run, number) for number in found}
+    site = Run(run).site
+    inventories = {number: run / f"acquire/Terrain{terrain_text(number)}/inventory.json" for number in site.terrains}
+    terrains = {number: _terrain(run, site, number) for number, path in inventories.items() if path.is_file()}
     if not terrains:
         raise ConfigError("is not a run: no terrain below acquire/; check the name or run snakemake", path=run)
     kind = next(iter(terrains.values())).kind
@@ -225,7 +233,7 @@ def read_catalogue(run: Path, split: str = "") -> Catalogue:
         raise ConfigError("no images: expected photos below acquire/ or twins below renders/", path=run)
     return Catalogue(
         run=run,
-        site=Run(run).site,
+        site=site,
         kind=kind,
         terrains=terrains,
         pictures=pictures,
@@ -237,17 +245,18 @@ def read_catalogue(run: Path, split: str = "") -> Catalogue:
     )
 
 
-def _terrain(run: Path, number: int) -> CatalogueTerrain:
-    folder = f"Terrain{number:02d}"
+def _terrain(run: Path, site: Site, number: Terrain) -> CatalogueTerrain:
+    folder = f"Terrain{terrain_text(number)}"
     cameras, meshes, rocks = run / "cameras" / folder, run / "meshes" / folder, run / "rocks" / folder
     localised = rigs.read_all_localised(cameras)
-    suns = lamps.read_suns(cameras, localised, polar(), number) if localised else {}
+    suns = lamps.read_suns(cameras, localised, site, number) if localised else {}
     maps = sorted(path for path in (run / "renders" / "maps" / folder).glob("*") if path.is_dir())
     return CatalogueTerrain(
         number=number,
+        site=site,
         kind=read_inventory(run / "acquire" / folder / "inventory.json").kind,
         rigs=localised,
-        suns={azimuth: suns[azimuth] for azimuth in SUNS if azimuth in suns},
+        suns={azimuth: suns[azimuth] for azimuth in site.suns if azimuth in suns},
         fitted_suns=frozenset(lamps.read_localised_suns(cameras)),
         meshes=scene.mesh_files(meshes, number) if meshes.is_dir() else {},
         made_from=scene.mesh_origins(meshes) if meshes.is_dir() else {},

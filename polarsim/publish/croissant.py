@@ -80,7 +80,7 @@ def croissant_metadata(catalogue: Catalogue, tables: dict[str, pd.DataFrame], bu
         description=f"{terms.summary(catalogue)} Images are 16-bit PNG: read the files, since Croissant readers may "
         "convert them to 8 bits; the record set pictures contains their SHA-256.",
         url=terms.URL,
-        cite_as=terms.CITATION,
+        cite_as=terms.citation(catalogue),
         license=terms.licence_urls(catalogue),
         creators=[mlc.Organization(name=terms.CREATOR)],
         date_published=catalogue.made_on,
@@ -116,7 +116,7 @@ def _record_set(name: str, table: pd.DataFrame) -> Any:
         mlc.Field(
             id=f"{name}/{column}",
             name=f"{name}/{column}",
-            description=_description(column),
+            description=_description(table[column]),
             data_types=[_data_type(table[column])],
             source=mlc.Source(file_object=f"{name}.parquet", extract=mlc.Extract(column=column)),
             **({"references": mlc.Source(field=_KEY)} if f"{name}/{column}" == "labels/picture" else {}),
@@ -142,8 +142,8 @@ def _pictures_of(domain: str) -> Any:
     return mlc.RecordSet(id=f"images-{domain}", name=f"images-{domain}", fields=fields)
 
 
-def _description(column: str) -> str:
-    meaning, unit = records.COLUMNS[column]
+def _description(column: pd.Series) -> str:
+    meaning, unit = records.meaning_of(column)
     return f"{meaning} Unit: {unit}." if unit else meaning
 
 

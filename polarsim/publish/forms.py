@@ -62,6 +62,10 @@ def _no_mesh(catalogue: Catalogue) -> str:
     return "" if _meshes(catalogue) else "the run has no meshes"
 
 
+def _no_stereo(catalogue: Catalogue) -> str:
+    return "" if catalogue.site.cameras.stereo else f"the site {catalogue.site.name} has a single camera"
+
+
 def _no_drive(catalogue: Catalogue) -> str:
     return "" if catalogue.drives else "the run has no drive (rover.run in its configuration)"
 
@@ -106,7 +110,7 @@ FORMS: dict[str, Form] = {
         "`image_3` right), `calib`, `label_2` (Rock, Shadow; without 3D boxes), `disp_noc_0` and `disp_occ_0` "
         "(disparity of the meshes in 1/256 px; 0 for no disparity or 256 px and more), `ImageSets`, and `keys.csv` "
         "with the photo keys. The laser frame in `calib` is the sandbox frame.",
-        stereo_set.write_kitti, ImageSize(False, 2, 2000), by_part=True,
+        stereo_set.write_kitti, ImageSize(False, 2, 2000), unavailable=_no_stereo, by_part=True,
     ),
     "colmap": Form(
         "A COLMAP model per domain and terrain: `images/KEY.png` (8 bits), `sparse/0/*.txt` with lenses, the rig, "

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from polarsim.formats.tables import key_columns
-from polarsim.photo import BOX_CLASSES
+from polarsim.photo import BOX_CLASSES, Terrain
 from polarsim.publish import records, terms
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue, CatalogueImage
@@ -140,7 +140,7 @@ def _write_shard(catalogue: Catalogue, pictures: list[CatalogueImage], path: Pat
     import pyarrow as pa
     from pyarrow import parquet
 
-    schema = _schema()
+    schema = _schema(pictures[0].key.terrain)
     with parquet.ParquetWriter(path, schema, compression="none", write_statistics=False) as writer:
         for start in range(0, len(pictures), _GROUP):
             rows = list(_full_rows(catalogue, pictures[start : start + _GROUP]))
@@ -161,29 +161,34 @@ def _write_metadata(rows: list[dict[str, Any]], path: Path) -> None:
     import pyarrow as pa
     from pyarrow import parquet
 
-    fields = {"file_name": pa.string(), "ids_file_name": pa.string(), **_fields()}
+    fields = {"file_name": pa.string(), "ids_file_name": pa.string(), **_fields(rows[0]["terrain"])}
     table = pa.Table.from_pylist(rows, pa.schema(fields))
     parquet.write_table(table, path, compression="none", write_statistics=False)
 
 
-def _fields() -> dict[str, Any]:
+def _picture(terrain: Terrain) -> dict[str, str]:
+    """Return the types of the columns of an image; those of terrains are numbers or names like `terrain`."""
+    return _PICTURE | ({"terrain": "string"} if isinstance(terrain, str) else {})
+
+
+def _fields(terrain: Terrain) -> dict[str, Any]:
     """Return the Arrow types of `row_of`."""
     import pyarrow as pa
 
     label = pa.struct({name: _arrow(kind) for name, kind in _LABEL.items()})
-    return {**{name: _arrow(kind) for name, kind in _PICTURE.items()}, "objects": pa.list_(label)}
+    return {**{name: _arrow(kind) for name, kind in _picture(terrain).items()}, "objects": pa.list_(label)}
 
 
-def _schema() -> Any:
+def _schema(terrain: Terrain) -> Any:
     """Return the Arrow schema with the features of `datasets` in the metadata."""
     import pyarrow as pa
 
     image = pa.struct({"bytes": pa.binary(), "path": pa.string()})
-    fields = {"image": image, "ids": image, **_fields()}
+    fields = {"image": image, "ids": image, **_fields(terrain)}
     features = {
         "image": {"_type": "Image"},
         "ids": {"_type": "Image"},
-        **{name: _feature(kind) for name, kind in _PICTURE.items()},
+        **{name: _feature(kind) for name, kind in _picture(terrain).items()},
         "objects": {"feature": {name: _feature(kind) for name, kind in _LABEL.items()}, "_type": "List"},
     }
     features["objects"]["feature"]["category"] = {"names": list(BOX_CLASSES), "_type": "ClassLabel"}

@@ -20,7 +20,8 @@ class PublishOptions(BaseModel, extra="forbid", frozen=True):
     )
     max_size: str = Field("", description="Maximum size of each format, such as 2GB; empty: unlimited.")
     photos: bool = Field(
-        False, description="Include NASA's photos (NASA's licence); photos of the analog are always included."
+        False,
+        description="Include the photos of the site, under the terms of their owner; always for the analog.",
     )
 
     @field_validator("forms")

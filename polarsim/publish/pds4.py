@@ -18,6 +18,7 @@ from polarsim.publish.bundle import Bundle
 from polarsim.publish.card import card
 from polarsim.publish.catalogue import MAPS, Catalogue, CatalogueImage, Origin
 from polarsim.publish.detection_sets import tone_mapped
+from polarsim.site import DEFAULT
 
 NAMESPACE = "urn:local:polarsim"  # of all identifiers; urn:nasa:pds is reserved for NASA
 FRAMES = (
@@ -25,7 +26,7 @@ FRAMES = (
     "right, y down, z forward; metres. Pixel origin: upper left corner of the image; pixel centres at integer + 0.5."
 )
 _ORIGINS: dict[Origin, str] = {
-    "measured": "All values are measured: a photo of NASA's POLAR data set.",
+    "measured": "All values are measured: a photo of {data_set}.",
     "fitted": "All values are fitted: computed from measurements.",
     "synthetic": "All values are synthetic: simulated or rendered.",
 }
@@ -81,7 +82,10 @@ class Archive:
         self._observation(collection, name, identity, "Derived", area)
 
     def _observation(self, collection: Collection, name: str, identity: Identity, level: str, area: Node) -> None:
-        subject = ("Polar regolith analog, sandbox", "POLAR stereo rig or its twin", "polarsim")
+        cameras = "stereo rig" if self.catalogue.site.cameras.stereo else "camera"
+        site = self.catalogue.site.name
+        rig = f"{'POLAR' if site == DEFAULT else site} {cameras} or its twin"
+        subject = ("Polar regolith analog, sandbox", rig, "polarsim")
         observation = pds4.observation(identity, level, *subject)
         self._label(collection, name, pds4.label("Product_Observational", identity, observation, area))
 
@@ -205,7 +209,8 @@ def _write_domain(archive: Archive, domain: str) -> None:
     browse = archive.collection(f"browse_{domain}", "Browse", f"8-bit images of domain {domain}")
     for picture in catalogue.of_domain(domain):
         origin = catalogue.picture_origin(picture)
-        text = f"Grey values, black at {BLACK_LEVEL} DN, white at {WHITE_LEVEL} DN. {_ORIGINS[origin]} {FRAMES}"
+        of_origin = _ORIGINS[origin].format(data_set=catalogue.site.data_set)
+        text = f"Grey values, black at {BLACK_LEVEL} DN, white at {WHITE_LEVEL} DN. {of_origin} {FRAMES}"
         shape = (picture.height, picture.width)
         archive.array(
             data, str(picture.key), partial(png.read_png, picture.path), [picture.path], title=f"Image {picture.name}",
@@ -247,7 +252,7 @@ def _bands(path: Path) -> np.ndarray:
 
 def _columns(table: pd.DataFrame) -> Iterator[Column]:
     for name in table.columns:
-        meaning, unit = records.COLUMNS[name]
+        meaning, unit = records.meaning_of(table[name])
         kind = "A name, key or count." if name in _NAMES else "Measured, fitted or synthetic: see column origin."
         yield Column(
             name, unit.replace("px2", "pixel**2").replace("px", "pixel").replace("m3", "m**3"), f"{meaning} {kind}"

@@ -12,12 +12,11 @@ from polarsim.formats import png
 from polarsim.formats.tables import key_columns
 from polarsim.geometry.boxes import area
 from polarsim.geometry.poses import Pose
-from polarsim.photo import CAMERAS, NO_ROCK, ROCK
+from polarsim.photo import NO_ROCK, ROCK
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import MAPS, Catalogue, CatalogueImage, shadow_casters
 from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 from polarsim.schemas.photos import BOX
-from polarsim.site import polar
 
 PICTURE_FILE, MAP_FILE = "pictures/{name}.png", "maps/{name}/{stem}.png"
 # Meaning and unit of every column; the unit is empty for names, counts and shares.
@@ -86,6 +85,13 @@ COLUMNS: dict[str, tuple[str, str]] = {
 }
 
 
+def meaning_of(column: pd.Series) -> tuple[str, str]:
+    """Return the meaning and the unit of a column."""
+    if column.name == "terrain" and not pd.api.types.is_integer_dtype(column):
+        return "Name of the sandbox scene.", ""
+    return COLUMNS[str(column.name)]
+
+
 def quaternion(pose: Pose) -> dict[str, float]:
     """Return qw, qx, qy, qz of the rotation of a pose, with qw >= 0."""
     from scipy.spatial.transform import Rotation
@@ -151,7 +157,7 @@ def poses(catalogue: Catalogue) -> pd.DataFrame:
     rows: list[dict[str, object]] = []
     for terrain in catalogue.terrains.values():
         for position, localised in sorted(terrain.rigs.items()):
-            for side in CAMERAS:
+            for side in localised.rig.sides:
                 pose, lens = localised.sandbox_from(side), localised.rig.lens(side)
                 rows.append(
                     {
@@ -179,14 +185,9 @@ def poses(catalogue: Catalogue) -> pd.DataFrame:
 def lamps(catalogue: Catalogue) -> pd.DataFrame:
     """Return a row per Sun lamp of a terrain and per rover light of a localised position."""
     rows: list[dict[str, object]] = []
-    rig_lamp = polar().rig_lamp
     for terrain in catalogue.terrains.values():
         named = [(name, position, terrain.sun_origin(name)) for name, position in terrain.suns.items()]
-        named += [
-            (f"rover_{position}", localised.rover_light(rig_lamp), terrain.pose_origin(position))
-            for position, localised in sorted(terrain.rigs.items())
-            if rig_lamp
-        ]
+        named += [(f"rover_{position}", place, origin) for position, place, origin in terrain.rig_lamps]
         for name, position, origin in named:
             rows.append({"terrain": terrain.number, "lamp": name, **_position(position), "origin": origin})
     return pd.DataFrame(rows)

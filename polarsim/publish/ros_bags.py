@@ -7,6 +7,7 @@ of a stereo pair have the same stamp.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -15,7 +16,7 @@ import numpy as np
 from polarsim.formats import bags, ros
 from polarsim.formats.ros import Stamped
 from polarsim.geometry.poses import Pose
-from polarsim.photo import CAMERAS, terrain_text
+from polarsim.photo import Terrain, terrain_text
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue, CatalogueImage
 from polarsim.schemas.photos import BOX
@@ -42,9 +43,9 @@ def drive_bags(catalogue: Catalogue) -> dict[str, Path]:
     return {folder.name: folder / "drive.mcap" for folder in catalogue.drives if (folder / "drive.mcap").is_file()}
 
 
-def _stations(catalogue: Catalogue) -> dict[tuple[str, int, str], list[CatalogueImage]]:
+def _stations(catalogue: Catalogue) -> dict[tuple[str, Terrain, str], list[CatalogueImage]]:
     """Return the images of localised positions by domain, terrain and position."""
-    stations: dict[tuple[str, int, str], list[CatalogueImage]] = {}
+    stations: dict[tuple[str, Terrain, str], list[CatalogueImage]] = {}
     for picture in catalogue.pictures:
         if catalogue.camera(picture):
             stations.setdefault((picture.domain, *picture.key.station), []).append(picture)
@@ -66,7 +67,7 @@ def stream(catalogue: Catalogue, pictures: list[CatalogueImage]) -> Iterator[Sta
             "transforms": [
                 *(
                     ros.transform(SECOND, "map", f"{SIDES[side]}_optical", localised.sandbox_from(side))
-                    for side in CAMERAS
+                    for side in localised.rig.sides
                 ),
                 *(
                     ros.transform(SECOND, "map", f"sun_{azimuth}", Pose(np.eye(3), position))
@@ -77,7 +78,7 @@ def stream(catalogue: Catalogue, pictures: list[CatalogueImage]) -> Iterator[Sta
     )
     pairs: dict[str, list[CatalogueImage]] = {}
     for picture in pictures:
-        pairs.setdefault(str(picture.key).replace("_R_", "_L_"), []).append(picture)
+        pairs.setdefault(str(replace(picture.key, camera="L")), []).append(picture)
     for number, pair in enumerate(pairs.values(), 1):
         for picture in pair:
             yield from _messages(catalogue, picture, number * SECOND)

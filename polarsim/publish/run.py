@@ -13,6 +13,7 @@ from polarsim.errors import ConfigError
 from polarsim.extras import require
 from polarsim.formats.files import write_json
 from polarsim.progress import progress_bar
+from polarsim.publish import terms
 from polarsim.publish.bundle import Bundle, check_space
 from polarsim.publish.card import write_card
 from polarsim.publish.catalogue import Catalogue, read_catalogue
@@ -41,7 +42,7 @@ def publish_forms(
     """
     for name in FORMS if ALL in forms else forms:
         _check(name)
-    catalogue = select(_without_nasa_photos(read_catalogue(run, split), photos), parse_subset(subset))
+    catalogue = select(_without_photos(read_catalogue(run, split), photos), parse_subset(subset))
     parts, need = {}, 0
     for name in _available(catalogue, forms):
         form = FORMS[name]
@@ -86,16 +87,18 @@ def _check(name: str) -> None:
     require(*FORMS[name].needs)
 
 
-def _without_nasa_photos(catalogue: Catalogue, photos: bool) -> Catalogue:
-    """Exclude NASA's photos unless `photos` is set."""
+def _without_photos(catalogue: Catalogue, photos: bool) -> Catalogue:
+    """Exclude the photos of the site unless `photos` is set; photos of the analog are always included."""
     if photos or "real" not in catalogue.domains:
         return catalogue
     kept = [picture for picture in catalogue.pictures if picture.domain != "real"]
     if not kept:
         raise ConfigError(
-            "all images are NASA's photos: use --photos to include them (NASA's licence)", path=catalogue.run
+            f"all images are photos of {catalogue.site.data_set}: use --photos to include them, under the terms of "
+            "their owner",
+            path=catalogue.run,
         )
-    return catalogue.with_pictures(kept, "NASA's photos are not included: download them from NASA by the photo keys.")
+    return catalogue.with_pictures(kept, terms.photos_left_out(catalogue))
 
 
 def form_summary(form: str, part: Catalogue, folder: Path) -> str:

@@ -13,11 +13,10 @@ from polarsim.formats import gltf, obj
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
-from polarsim.photo import CAMERAS, NO_ROCK, ROCK
+from polarsim.photo import NO_ROCK, ROCK, terrain_text
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue, CatalogueTerrain
 from polarsim.publish.reconstruction import CV_FROM_GL
-from polarsim.site import polar
 
 NEAR, FAR = 0.05, 100.0  # clipping distances of cameras, metres
 FOCAL = 20.0  # focal length of USD cameras; only the ratio to the aperture matters
@@ -67,7 +66,7 @@ def _meshed(catalogue: Catalogue) -> Iterator[CatalogueTerrain]:
 def _cameras(terrain: CatalogueTerrain) -> Iterator[tuple[str, str, Camera]]:
     """Yield name, tripod position and camera."""
     for position, localised in sorted(terrain.rigs.items()):
-        for side in CAMERAS:
+        for side in localised.rig.sides:
             yield f"Pos{position}_Cam{side}", position, localised.camera(side)
 
 
@@ -75,10 +74,8 @@ def _lamps(terrain: CatalogueTerrain) -> Iterator[tuple[str, np.ndarray, str]]:
     """Yield name, position and origin of each lamp."""
     for azimuth, sun in terrain.suns.items():
         yield f"sun_{azimuth}", sun, terrain.sun_origin(azimuth)
-    rig_lamp = polar().rig_lamp
-    for position, localised in sorted(terrain.rigs.items()):
-        if rig_lamp:
-            yield f"rover_light_{position}", localised.rover_light(rig_lamp), terrain.pose_origin(position)
+    for position, place, origin in terrain.rig_lamps:
+        yield f"rover_light_{position}", place, origin
 
 
 def lens_extras(lens: Lens) -> dict[str, Any]:
@@ -131,7 +128,7 @@ def _cameras_and_lamps(terrain: CatalogueTerrain) -> Any:
 def write_usd(catalogue: Catalogue, bundle: Bundle) -> None:
     """Write `terrainNN.usdc`: meshes with semantic labels, cameras, lamps; metres, +Z up, sandbox frame."""
     for terrain in _meshed(catalogue):
-        bundle.make(f"terrain{terrain.number:02d}.usdc", partial(_write_stage, terrain))
+        bundle.make(f"terrain{terrain_text(terrain.number)}.usdc", partial(_write_stage, terrain))
 
 
 def _write_stage(terrain: CatalogueTerrain, path: Path) -> None:

@@ -25,12 +25,11 @@ from polarsim.geometry.lens import HALF_PIXEL, Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.rays_embree import EmbreeCaster
 from polarsim.geometry.stereo import StereoRig
-from polarsim.photo import terrain_text
+from polarsim.photo import Terrain, terrain_text
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue, CatalogueImage
 from polarsim.publish.detection_sets import PARTS
 from polarsim.run_files.scene import read_terrain
-from polarsim.site import polar
 
 _FULLY_VISIBLE, _PARTLY_VISIBLE = 0.98, 0.5  # minimum visible shares of KITTI's occlusion states 0 and 1
 DISPARITIES = ("disp_noc_0", "disp_occ_0")  # pixels visible in both cameras, and all pixels
@@ -82,7 +81,7 @@ def write_kitti(catalogue: Catalogue, bundle: Bundle) -> None:
         table = io.StringIO()
         rows = csv.writer(table, lineterminator="\n")
         rows.writerow(["name", "left", "right", "part", "origin"])
-        rigs: dict[tuple[int, str], Rectification] = {}  # by station
+        rigs: dict[tuple[Terrain, str], Rectification] = {}  # by station
         for number, (left, right) in enumerate(pairs):
             name, part = f"{number:06d}", PARTS[left.part]
             names.setdefault(part, []).append(name)
@@ -107,9 +106,9 @@ class Disparities:
 
     def __init__(self, catalogue: Catalogue) -> None:
         self._catalogue = catalogue
-        self._pngs: dict[tuple[int, str], dict[str, bytes]] = {}  # of the last station; pairs are sorted by station
+        self._pngs: dict[tuple[Terrain, str], dict[str, bytes]] = {}  # of the last station; pairs are sorted by station
 
-    def write(self, station: tuple[int, str], rig: Rectification, kind: str, path: Path) -> None:
+    def write(self, station: tuple[Terrain, str], rig: Rectification, kind: str, path: Path) -> None:
         if station not in self._pngs:
             truth = self._truth(station, rig)
             disparity = rig.disparity(truth.depth)
@@ -117,10 +116,10 @@ class Disparities:
             self._pngs = {station: {name: png.encode_png(disparity_picture(values)) for name, values in maps}}
         path.write_bytes(self._pngs[station][kind])
 
-    def _truth(self, station: tuple[int, str], rig: Rectification) -> DepthTruth:
+    def _truth(self, station: tuple[Terrain, str], rig: Rectification) -> DepthTruth:
         terrain, position = station
         folder = self._catalogue.run / "meshes" / f"Terrain{terrain_text(terrain)}"
-        mesh = read_terrain(folder, terrain, polar().sandbox_of(terrain))
+        mesh = read_terrain(folder, terrain, self._catalogue.site.sandbox_of(terrain))
         caster = EmbreeCaster(mesh.vertices, mesh.faces)
         return depth_truth(mesh, caster, self._catalogue.terrains[terrain].rigs[position], rig)
 

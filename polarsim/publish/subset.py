@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from polarsim.errors import ConfigError
+from polarsim.photo import parse_terrain
 from polarsim.randomness import generator
 
 log = logging.getLogger(__name__)
@@ -25,7 +26,10 @@ FIELDS: Mapping[str, Callable[[CatalogueImage], str]] = {
     "domain": lambda one: one.domain,
     "part": lambda one: one.part,
 }
-_NUMBERS = {"terrain", "exposure"}  # leading zeros are ignored
+_PLAIN: Mapping[str, Callable[[str], str]] = {  # text of a value that can be written in several ways
+    "terrain": lambda word: str(parse_terrain(word)),
+    "exposure": lambda word: str(int(word)),
+}
 _UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "t": 10**12}
 
 
@@ -37,9 +41,9 @@ def parse_subset(text: str) -> dict[str, tuple[str, ...]]:
         if name not in FIELDS or not equals or not values or name in allowed:
             raise ConfigError(f"subset {part!r}, expected for example terrain=1+3; fields: {', '.join(FIELDS)}")
         words = tuple(word.strip() for word in values.split("+"))
-        if name in _NUMBERS and not all(word.isdigit() for word in words):
+        if name == "exposure" and not all(word.isdigit() for word in words):
             raise ConfigError(f"subset {part!r}, expected integers")
-        allowed[name] = tuple(str(int(word)) for word in words) if name in _NUMBERS else words
+        allowed[name] = tuple(_PLAIN.get(name, str)(word) for word in words)
     return allowed
 
 
@@ -53,8 +57,8 @@ def select(catalogue: Catalogue, subset: Mapping[str, Sequence[str]]) -> Catalog
     kept = list(catalogue.pictures)
     for name, values in subset.items():
         present = {FIELDS[name](picture) for picture in kept}
-        numeric_order = sorted(present, key=lambda word: (len(word) if name in _NUMBERS else 0, word))
-        listed = ", ".join(numeric_order[:12])
+        in_order = sorted(present, key=lambda word: (len(word) if name in _PLAIN and word.isdigit() else 0, word))
+        listed = ", ".join(in_order[:12])
         kept = [picture for picture in kept if FIELDS[name](picture) in values]
         if not kept:
             raise ConfigError(f"subset: no image with {name}={'+'.join(values)}, expected values: {listed}")

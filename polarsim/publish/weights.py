@@ -11,6 +11,7 @@ import pandas as pd
 from polarsim import __version__
 from polarsim.formats.files import read_json
 from polarsim.formats.tables import read_parquet
+from polarsim.publish import terms
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue
 
@@ -68,7 +69,7 @@ def _card(catalogue: Catalogue, weights: Weights, scores: pd.DataFrame) -> str:
         _training(catalogue, weights, scores),
         _evaluation(scores),
         "The test images show the same sandbox with the same lamps; results may not transfer to other scenes.",
-        _licence(weights, scores),
+        _licence(catalogue, weights, scores),
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -106,11 +107,11 @@ def _evaluation(scores: pd.DataFrame) -> str:
     return "\n".join(lines)
 
 
-def _licence(weights: Weights, scores: pd.DataFrame) -> str:
+def _licence(catalogue: Catalogue, weights: Weights, scores: pd.DataFrame) -> str:
     text = "**Licence**: BSD-3-Clause, the licence of the code."
     if len(scores) and not str(scores["detector"].iloc[0]).startswith(_COMPACT):
         text = (
             "**Licence**: AGPL-3.0, required by Ultralytics for its models, for models trained with its code, and for "
             "software that loads them."
         )
-    return text + (" Trained on photos of NASA Ames: cite this source." if weights.trained == "real" else "")
+    return text + (terms.source_of_training(catalogue) if weights.trained == "real" else "")
