@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from polarsim.arguments import PLOTS, refuse_existing_folder, sun_above_horizon, writes_file, writes_folder
-from polarsim.cli.application import commands_of
-from polarsim.photo import REFERENCE_EXPOSURE_MS
+from polarsim.cli.application import DEFAULT, SiteName, commands_of
 from polarsim.render.models import Model
 
 if TYPE_CHECKING:
@@ -43,9 +42,8 @@ def render(
             "first argument (default: render_demo).",
         ),
     ] = False,
-    terrain: Annotated[
-        int | None, typer.Option(min=1, max=13, help="Terrain number; default: from the meshes.")
-    ] = None,
+    terrain: Annotated[str | None, typer.Option(help="Terrain number or name; default: from the meshes.")] = None,
+    site: SiteName = DEFAULT,
     camera: Annotated[tuple[float, float, float], typer.Option(help="Camera centre x y z, m, sandbox frame.")] = (
         3.6,
         -0.4,
@@ -68,7 +66,7 @@ def render(
             help="Directional light instead of the lamp: azimuth from +X towards +Y and elevation, deg.",
         ),
     ] = None,
-    exposure: Annotated[float, typer.Option(min=0, help="Exposure time, ms.")] = REFERENCE_EXPOSURE_MS,
+    exposure: Annotated[float, typer.Option(min=0, help="Exposure time, ms.")] = 256,
     model: Annotated[Model, typer.Option(help="Reflectance model.")] = "hapke",
     engine: Annotated[
         Literal["numpy", "taichi"] | None, typer.Option(help="Shading engine; default: from the configuration.")
@@ -122,19 +120,21 @@ def render(
     from polarsim.formats.calibrations import stated_rig
     from polarsim.geometry.camera import Camera
     from polarsim.geometry.poses import camera_pose
+    from polarsim.photo import parse_terrain
     from polarsim.render.lamps import Lamp
     from polarsim.render.maps import write_maps
     from polarsim.render.scene import Scene, Shot
     from polarsim.render.sidecar import write_sidecar
     from polarsim.run_files.rigs import read_localised
     from polarsim.run_files.scene import terrain_of_folder
-    from polarsim.site import polar
+    from polarsim.site import read_site
     from polarsim.tone import to_8bit
 
     writes_file(".png")(out)
     sidecar = out.with_suffix(".json")
     refuse_existing_folder(sidecar)
-    rig = read_localised(cameras).rig if cameras else stated_rig(polar())
+    chosen = read_site(site)
+    rig = read_localised(cameras).rig if cameras else stated_rig(chosen)
     shot = Shot(
         camera=Camera(camera_pose(np.array(camera), *np.radians([yaw, pitch, roll])), rig.left),
         lamps={"sun": Lamp.sun(*sun, intensity) if sun else Lamp(np.array(lamp), intensity, lamp_radius)},
@@ -142,7 +142,8 @@ def render(
         model=model,
     )
     assignments = [*(option or ()), *([f"engine={engine}"] if engine else ())]
-    scene = Scene(meshes, terrain or terrain_of_folder(meshes), render_options(assignments))
+    found = parse_terrain(terrain) if terrain else terrain_of_folder(meshes)
+    scene = Scene(meshes, found, render_options(assignments), chosen)
     scene.refuse_positions(shot)
     picture = scene.picture(shot, threads)
     png.write_png(out, to_8bit(picture) if preview else picture)

@@ -19,7 +19,7 @@ from polarsim.render.sidecar import Shot, Sidecar, digests_of
 from polarsim.render.surfaces import Surfaces, build_surfaces, check_position
 from polarsim.run_files.scene import cameras_of_run, mesh_files, read_terrain
 from polarsim.run_files.walls import walls_file
-from polarsim.site import Site, polar
+from polarsim.site import Sandbox, Site, polar
 
 
 class Scene:
@@ -28,12 +28,15 @@ class Scene:
     def __init__(self, meshes: Path, terrain: Terrain, options: RenderOptions, site: Site | None = None) -> None:
         """`meshes`: folder with `terrainNN_ground.obj` and `terrainNN_rock<k>.obj`.
 
-        The walls are those of twins: fitted to photos, if the folder is part of a run that has fitted them. `site`:
-        site of the terrain; None: NASA's POLAR.
+        The walls are those of twins: fitted to photos, if the folder is part of a run that has fitted them. A terrain
+        that the site (None: NASA's POLAR) does not have has no walls, unless the folder has a file of walls.
         """
         self.meshes, self.terrain, self.options, self.site = meshes, terrain, options, site or polar()
         self._cameras = cameras_of_run(meshes)
-        self._mesh = read_terrain(meshes, terrain, self.site.sandbox_of(terrain), cameras=self._cameras)
+        sandbox = Sandbox(half_width_m=self.site.sandbox.half_width_m)  # of a terrain that the site does not have
+        if terrain in self.site.terrains:
+            sandbox = self.site.sandbox_of(terrain)
+        self._mesh = read_terrain(meshes, terrain, sandbox, cameras=self._cameras)
 
     @cached_property
     def surfaces(self) -> Surfaces:

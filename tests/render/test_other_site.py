@@ -10,6 +10,7 @@ from polarsim.render.brdf import reflectance
 from polarsim.render.gain import calibration_photos, default_gain
 from polarsim.render.lamps import REFERENCE_DISTANCE, ROVER, lamps_of_rig
 from polarsim.render.options import RenderOptions
+from polarsim.render.scene import Scene
 from polarsim.run_files.rigs import read_localised
 from polarsim.site import FAR_M
 from tests.support.other_site import other_site
@@ -82,3 +83,13 @@ def test_twins_of_8_bits_have_the_values_that_files_of_the_site_have(folders):
         assert twin.max() > BLACK_LEVEL + 100
         np.testing.assert_array_equal(twin, as_stored(twin, chosen.images))
         assert len(np.unique(twin)) <= 252  # values 4 to 255
+
+
+def test_meshes_of_a_terrain_that_polar_does_not_have_are_rendered_without_nominal_walls(folders):
+    for path in (folders / "meshes").iterdir():
+        path.rename(path.with_name(path.name.replace("terrain01", "terrainyard-a")))
+    options = RenderOptions(bounce=0)
+    assert Scene(folders / "meshes", "yard-a", options).surfaces.walls is None
+    walled = other_site(sandbox={"half_width_m": [1.5, 3.0], "walls_m": dict.fromkeys(("-x", "+x", "-y", "+y"), 0.2)})
+    bounds = Scene(folders / "meshes", "yard-a", options, walled).surfaces.walls.bounds
+    np.testing.assert_allclose(bounds, [[-1.55, -3.05], [1.55, 3.05]])

@@ -16,7 +16,6 @@ from polarsim.geometry.stereo import StereoRig
 from polarsim.randomness import generator
 from polarsim.render.views.options import OrbitCameras, PathCameras, PinholeLens, PointCameras, RandomCameras, Views
 from polarsim.run_files.rigs import read_localised
-from polarsim.site import polar
 
 Heights = Callable[[np.ndarray], np.ndarray]  # surface height (n,) at points (n, 2), metres; -inf without surface
 _TRIES = 1000  # maximum number of random positions per camera
@@ -55,7 +54,7 @@ def rig_of(views: Views) -> StereoRig:
     if isinstance(views.lens, PinholeLens):
         lens = pinhole(views.lens.hfov_deg, views.lens.width_px, views.lens.height_px)
         return StereoRig(lens, lens, Pose(np.eye(3), np.array([views.lens.baseline_m, 0, 0])))
-    return read_localised(views.lens.localised).rig if views.lens.localised else stated_rig(polar())
+    return read_localised(views.lens.localised).rig if views.lens.localised else stated_rig(views.read_site())
 
 
 def pinhole(hfov_deg: float, width_px: int, height_px: int) -> Lens:

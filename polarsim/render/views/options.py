@@ -11,8 +11,8 @@ from pydantic import AfterValidator, BaseModel, Field, PositiveFloat, PositiveIn
 
 from polarsim.formats.files import resolve_from
 from polarsim.formats.yaml_files import read_model
-from polarsim.photo import HEIGHT, WIDTH, Terrain
 from polarsim.render.options import RenderOptions
+from polarsim.site import DEFAULT, Site, TerrainName, read_site
 from polarsim.user_path import UserPath
 
 Name = Annotated[  # without _, which separates the parts of file names
@@ -40,14 +40,14 @@ class SceneSection(ViewsSection):
 
     name: Name
     meshes: UserPath = Field(description="Folder of the meshes of the terrain, `results/<run>/meshes/TerrainNN`.")
-    terrain: Terrain = Field(ge=1, le=99, description="Number of the terrain in the names of the mesh files.")
+    terrain: TerrainName = Field(description="Number or name of the terrain in the names of the mesh files.")
 
 
 class RigLens(ViewsSection):
     """Lenses of the calibrated rig."""
 
     kind: Literal["rig"] = Field("rig", description="Lens of the calibrated rig.")
-    localised: UserPath | None = Field(None, description="`PosX.json` with the lenses; none: lenses of NASA's rig.")
+    localised: UserPath | None = Field(None, description="`PosX.json` with the lenses; none: lenses of the site's rig.")
 
 
 class PinholeLens(ViewsSection):
@@ -55,8 +55,8 @@ class PinholeLens(ViewsSection):
 
     kind: Literal["pinhole"] = Field(description="Pinhole camera without distortion.")
     hfov_deg: float = Field(gt=0, lt=170, description="Horizontal field of view, degrees.")
-    width_px: PositiveInt = Field(WIDTH, le=16384, description="Width of the images, px.")
-    height_px: PositiveInt = Field(HEIGHT, le=16384, description="Height of the images, px.")
+    width_px: PositiveInt = Field(1936, le=16384, description="Width of the images, px.")
+    height_px: PositiveInt = Field(1216, le=16384, description="Height of the images, px.")
     baseline_m: PositiveFloat = Field(0.3, description="Distance between the cameras of a pair, metres.")
 
 
@@ -159,7 +159,7 @@ class LunarSuns(ViewsSection):
 
 
 class RoverLight(ViewsSection):
-    """Light of POLAR's rig, a point lamp that moves with the (left) camera."""
+    """Light of the site's rig, a point lamp that moves with the (left) camera."""
 
     states: tuple[bool, ...] = Field(
         (False,), min_length=1, description="States to render: false (off), true (on), or both."
@@ -185,6 +185,9 @@ class Views(ViewsSection):
     """Scenes, cameras and lights in the sandbox frame, metres: +X towards azimuth 0, +Y towards 90, +Z up."""
 
     scenes: tuple[SceneSection, ...] = Field(min_length=1, description="Scenes, each rendered with all cameras.")
+    site: str = Field(
+        DEFAULT, description="Site of the terrains: the name of one that polarsim ships, or the path of a site file."
+    )
     lens: RigLens | PinholeLens = Field(RigLens(), discriminator="kind", description="Lens of all cameras.")
     stereo: bool = Field(False, description="Add a right camera to every camera.")
     cameras: tuple[
@@ -202,6 +205,10 @@ class Views(ViewsSection):
     render: RenderOptions = Field(
         RenderOptions(), description="Options as in the configuration of a run; all `models` are rendered."
     )
+
+    def read_site(self) -> Site:
+        """Return the site of the terrains."""
+        return read_site(self.site)
 
     @model_validator(mode="after")
     def _check_duplicates(self) -> Views:
@@ -226,7 +233,9 @@ def read_views(path: str | Path) -> Views:
     lens = views.lens
     if isinstance(lens, RigLens) and lens.localised is not None:
         lens = _resolved(lens, "localised", path)
-    return views.model_copy(update={"scenes": scenes, "lens": lens})
+    is_file = Path(views.site).suffix in (".yaml", ".yml")
+    site = str(resolve_from(Path(views.site), path)) if is_file else views.site
+    return views.model_copy(update={"scenes": scenes, "lens": lens, "site": site})
 
 
 def _resolved(part: AnyPart, name: str, file: str | Path) -> AnyPart:

@@ -21,7 +21,7 @@ from polarsim.render.views.cameras import NamedCamera, cameras_of
 from polarsim.render.views.moon import local_from_celestial, sun_over
 from polarsim.render.views.options import LunarSuns, NearLamps, SceneSection, Suns, Views
 from polarsim.run_files.picture_sets import AUTO, exposure_name
-from polarsim.site import polar
+from polarsim.site import RigLamp, Site
 
 log = logging.getLogger("polarsim.render")
 
@@ -29,8 +29,8 @@ log = logging.getLogger("polarsim.render")
 class NamedScene(Scene):
     """A named terrain."""
 
-    def __init__(self, section: SceneSection, options: RenderOptions) -> None:
-        super().__init__(section.meshes, section.terrain, options)
+    def __init__(self, section: SceneSection, options: RenderOptions, site: Site) -> None:
+        super().__init__(section.meshes, section.terrain, options, site)
         self.name = section.name
 
     def heights(self, points: np.ndarray) -> np.ndarray:
@@ -69,11 +69,9 @@ def lights_of(views: Views) -> list[NamedLight]:
     return lights
 
 
-def rover_lamp(camera: NamedCamera) -> Lamp:
-    """Return the rover light next to a camera; both cameras of a pair share the same light."""
+def rover_lamp(camera: NamedCamera, rig_lamp: RigLamp) -> Lamp:
+    """Return the lamp of the rig of a camera; both cameras of a pair share the same light."""
     left_from_sandbox = camera.left_from_camera @ camera.world_from_camera.inverse()
-    rig_lamp = polar().rig_lamp  # a view has the rover light of POLAR's rig
-    assert rig_lamp is not None
     return Lamp(left_from_sandbox.inverse().apply(np.array(rig_lamp.from_camera_m)), rig_lamp.share)
 
 
@@ -138,7 +136,9 @@ class PlannedImage:
 
     def lamps(self) -> dict[str, Lamp]:
         """Return the lamps that are on; the first casts the labelled shadows."""
-        return {self.light.name: self.light.lamp, **({ROVER: rover_lamp(self.camera)} if self.rover else {})}
+        rig_lamp = self.scene.site.rig_lamp
+        own = {ROVER: rover_lamp(self.camera, rig_lamp)} if self.rover and rig_lamp else {}
+        return {self.light.name: self.light.lamp, **own}
 
     def shot(self, exposure_ms: float) -> Shot:
         """Return the shot of the image at an exposure time, ms."""
@@ -157,12 +157,14 @@ class PlannedImage:
 
 def plan(views: Views, scale: float = 1.0) -> list[PlannedImage]:
     """Return all images, ordered by scene, camera, light, rover light, model and exposure."""
-    lights = lights_of(views)
+    lights, site = lights_of(views), views.read_site()
+    if True in views.rover_light.states and site.rig_lamp is None:
+        raise ConfigError(f"rover_light.states: the site {site.name} has no rig_lamp, expected [false]")
     exposures = [exposure if isinstance(exposure, float) else None for exposure in views.exposures_ms]
     variants = list(product(views.rover_light.states, views.render.reflectance_models, exposures))
     pictures: list[PlannedImage] = []
     for section in views.scenes:
-        scene = NamedScene(section, views.render)
+        scene = NamedScene(section, views.render, site)
         cameras = cameras_of(views, scene.heights, scale)
         for camera in cameras:
             check_position(scene.surfaces, camera.centre, f"camera {camera.name}")

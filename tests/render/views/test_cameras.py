@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from polarsim.errors import ConfigError, RenderError
 from polarsim.render.views.cameras import cameras_of, curve, looking_at, pinhole
 from polarsim.render.views.plan import NamedScene
+from polarsim.site import polar
 
 PLACES = st.tuples(*[st.floats(-5, 5)] * 3).map(np.array)
 LEVEL = lambda points: np.zeros(len(points))  # noqa: E731
@@ -115,5 +116,5 @@ def test_the_lens_of_a_localised_rig_is_used_and_scaled(views_of, folders, lens)
 
 def test_heights_are_those_of_the_highest_surface(views_of):
     views = views_of()
-    heights = NamedScene(views.scenes[0], views.render).heights(np.array([[0.0, 0], [1, 1], [50, 0]]))
+    heights = NamedScene(views.scenes[0], views.render, polar()).heights(np.array([[0.0, 0], [1, 1], [50, 0]]))
     np.testing.assert_allclose(heights, [0.2, 0, -np.inf], atol=1e-6)

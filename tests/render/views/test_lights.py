@@ -7,6 +7,7 @@ from polarsim.errors import ConfigError
 from polarsim.render.views.cameras import cameras_of
 from polarsim.render.views.moon import days_since_j2000, sun_over, sun_seen_from_moon
 from polarsim.render.views.plan import lights_of, rover_lamp
+from polarsim.site import polar
 from tests.support.polar_survey import RIG_LAMP
 
 LUNAR = {"kind": "lunar_sun", "latitude_deg": 20, "longitude_deg": 30, "start_utc": "2026-05-25T06:00:00Z"}
@@ -57,7 +58,7 @@ def test_views_with_only_lunar_nights_are_rejected(views_of):
 def test_the_rover_light_moves_with_the_left_camera(views_of):
     views = views_of(stereo=True, rover_light={"states": [True]})
     left, right = cameras_of(views, lambda points: np.zeros(len(points)))
-    lamps = [rover_lamp(camera) for camera in (left, right)]
+    lamps = [rover_lamp(camera, polar().rig_lamp) for camera in (left, right)]
     expected = left.world_from_camera.apply(np.array(RIG_LAMP.from_camera_m))
     for lamp in lamps:
         np.testing.assert_allclose(lamp.position, expected, atol=1e-12)
