@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from polarsim.geometry.light_field import relative_irradiance
+from polarsim.geometry.light_field import REACH_M, relative_irradiance
 from polarsim.geometry.vectors import dot, length
 from polarsim.photo import PhotoKey
 from polarsim.run_files.rigs import LocalisedRig
@@ -28,6 +28,7 @@ class Lamp:
     radius_m: float = 0.0  # of a disc that faces every lit point
     distant: bool = False  # irradiance does not depend on the distance
     light_field: tuple[float, ...] = ()  # coefficients of `light_field`; measured, replaces the falloff
+    field_reach_m: float = REACH_M  # of the light field
 
     @classmethod
     def sun(cls, azimuth_deg: float, elevation_deg: float, intensity: float = 1.0) -> Lamp:
@@ -44,7 +45,8 @@ class Lamp:
         for axis in range(3):
             np.subtract(points.dtype.type(self.position[axis]), points[:, axis], out=to_lamp[:, axis])
         if self.light_field:
-            return to_lamp, points.dtype.type(self.intensity) * relative_irradiance(self.light_field, points)
+            field = relative_irradiance(self.light_field, points, self.field_reach_m)
+            return to_lamp, points.dtype.type(self.intensity) * field
         if self.distant or not falloff:
             return to_lamp, np.full(len(points), self.intensity, points.dtype)
         return to_lamp, self.intensity * REFERENCE_DISTANCE**2 / dot(to_lamp, to_lamp)
@@ -70,6 +72,11 @@ class Spotlight(Lamp):
 def beam_power(beam_deg: float) -> float:
     """Return the exponent with which the cosine is 0.5 at half of the full beam angle."""
     return float(np.log(0.5) / np.log(np.cos(np.radians(beam_deg / 2))))
+
+
+def field_reach_m(site: Site) -> float:
+    """Return the reach of the light fields of a site: the usual one, or half the longer side of a larger sandbox."""
+    return max(REACH_M, site.sandbox.reach_m)
 
 
 def lamp_names(site: Site) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ import polarsim
 from polarsim.errors import FormatError, with_path
 from polarsim.formats.files import read_json, write_text
 from polarsim.geometry.camera import Camera
-from polarsim.geometry.light_field import POWERS
+from polarsim.geometry.light_field import POWERS, REACH_M
 from polarsim.geometry.poses import Pose
 from polarsim.photo import BLACK_LEVEL, Terrain
 from polarsim.render.lamps import Lamp
@@ -79,6 +79,8 @@ def _lamp_content(lamp: Lamp) -> dict[str, Any]:
     content = asdict(lamp) | {"position": np.asarray(lamp.position, float).tolist()}
     if not lamp.light_field:
         del content["light_field"]
+    if not lamp.light_field or lamp.field_reach_m == REACH_M:
+        del content["field_reach_m"]
     return content
 
 

@@ -16,7 +16,7 @@ from polarsim.photo import PhotoKey, PositionCamera, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.render.gain import calibration_photos, with_fit
 from polarsim.render.ground_truth import label_row, label_view
-from polarsim.render.lamps import Lamp, lamps_of_rig, lamps_on
+from polarsim.render.lamps import Lamp, field_reach_m, lamps_of_rig, lamps_on
 from polarsim.render.maps import write_view_maps
 from polarsim.render.models import Domain, model_of
 from polarsim.render.olat import render_view
@@ -60,8 +60,11 @@ class TwinGroup:
 
     def lamps(self, suns: Mapping[str, np.ndarray], rig: LocalisedRig) -> dict[str, Lamp]:
         """Return the lamps by name, with the light fields of the group."""
-        lamps = lamps_of_rig(suns, rig, self.site, self.options.lamp_radius_m)
-        return {name: replace(lamp, light_field=self.fields.get(name, ())) for name, lamp in lamps.items()}
+        lamps, reach = lamps_of_rig(suns, rig, self.site, self.options.lamp_radius_m), field_reach_m(self.site)
+        return {
+            name: replace(lamp, light_field=self.fields.get(name, ()), field_reach_m=reach)
+            for name, lamp in lamps.items()
+        }
 
 
 def twin_groups(

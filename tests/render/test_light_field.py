@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from polarsim.geometry.light_field import POWERS, REACH_M, relative_irradiance, terms
-from polarsim.render.lamps import Lamp
+from polarsim.render.lamps import Lamp, field_reach_m
+from polarsim.site import polar
+from tests.support.other_site import other_site
 
 POINTS = np.array([[0.0, 0.0, 0.1], [1.0, -0.5, 0.0], [-1.9, 1.2, 0.3], [0.3, 1.9, -0.1]])
 COEFFICIENTS = tuple(np.linspace(-0.4, 0.5, len(POWERS)).tolist())
@@ -44,3 +46,15 @@ def test_a_measured_field_multiplies_the_intensity_and_replaces_the_falloff(fall
 def test_a_field_with_a_wrong_number_of_coefficients_is_an_error():
     with pytest.raises(ValueError, match="coefficients"):
         relative_irradiance((1.0, 2.0), POINTS)
+
+
+def test_the_reach_is_the_unit_of_the_coordinates():
+    np.testing.assert_allclose(
+        relative_irradiance(COEFFICIENTS, 1.5 * POINTS, 1.5 * REACH_M), relative_irradiance(COEFFICIENTS, POINTS)
+    )
+    yard = other_site(sandbox={"half_width_m": [1.5, 3.0]})
+    assert (field_reach_m(polar()), field_reach_m(yard)) == (2.0, 3.0)
+    end = np.array([[0.0, 3.0, 0.0], [0.0, 2.0, 0.0]])
+    lamp = Lamp(np.array([3.5, 1.4, 0.7]), light_field=COEFFICIENTS, field_reach_m=3.0)
+    irradiance = lamp.light_at(end, falloff=True)[1]
+    assert irradiance[0] != irradiance[1]

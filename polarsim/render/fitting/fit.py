@@ -10,13 +10,14 @@ from typing import Any
 
 import numpy as np
 
+from polarsim.geometry.light_field import REACH_M
 from polarsim.photo import NO_SUN, Terrain, terrain_text
 from polarsim.randomness import generator
 from polarsim.render.fitting.samples import FitSamples, Setting, with_light_fields
 from polarsim.render.fitting.search import cells_of, fitted_parameters
 from polarsim.render.fitting.terrain import lamps_in, samples_of_scene, samples_of_terrain
 from polarsim.render.fitting.texels import Solution, Texels, solve, texels_of
-from polarsim.render.lamps import lamp_names
+from polarsim.render.lamps import field_reach_m, lamp_names
 from polarsim.render.materials import Reflectance, between_corners
 from polarsim.render.models import Domain, model_of
 from polarsim.render.olat import reflectance_engine
@@ -50,13 +51,16 @@ def fit_materials(
     `cameras`, `meshes`: folders of the terrain. `photos`: `photos.parquet`, may be empty. `light`: light fields.
     """
     mesh, names = read_terrain(meshes, terrain, site.sandbox_of(terrain), cameras=cameras), lamp_names(site)
+    reach = field_reach_m(site)
     paths = pictures_at(photos) if photos else {}
     found = samples_of_terrain(site, terrain, cameras, mesh, paths, options, threads)
     engine = reflectance_engine(options, threads)
     light_fields = read_light_fields(light) if light else {}
     fields = {domain: sun_coefficients(light_fields.get(domain, {}), site.suns) for domain in domains}
     samples = samples_of_scene(terrain, found[0], names) if found else None
-    fitted = fit(samples, names, mesh, domains, engine, options.as_fitted(), fields, options) if samples else None
+    fitted = (
+        fit(samples, names, mesh, domains, engine, options.as_fitted(), fields, options, reach) if samples else None
+    )
     if fitted is None or found is None:
         log.warning("terrain %s: no fitted photo shows lit surfaces (azimuth %s is held out); twins have "
                     "constant materials", terrain_text(terrain), options.fitting.held_out or NO_SUN)  # fmt: skip
@@ -75,11 +79,12 @@ def fit(
     options: RenderOptions,
     fields: Coefficients | None = None,
     plain: RenderOptions | None = None,
+    reach_m: float = REACH_M,
 ) -> FittedMaterials | None:
     """Fit the materials of every domain of twins to the samples; None if there are too few samples.
 
     The photos of the held-out azimuth affect only the brightness of its lamp. `names`: names of the lamps, indexed by
-    `FitSamples.lamp`. `fields`: light fields of the lamps.
+    `FitSamples.lamp`. `fields`: light fields of the lamps, of a reach.
     `plain`: options of twins without fit, for the comparison; None: `options`.
     """
     held_out = names.index(options.fitting.held_out) if options.fitting.held_out in names else -1
@@ -87,7 +92,7 @@ def fit(
     observations = np.zeros(len(mesh.vertices), np.int64)
     for domain in domains:
         model = model_of(domain)
-        lit = with_light_fields(samples, (fields or {}).get(domain, {}), names)
+        lit = with_light_fields(samples, (fields or {}).get(domain, {}), names, reach_m)
         cells = cells_of(lit.part(lit.lamp != held_out), generator(options.seed, "materials"))
         if cells is None:
             return None

@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats import png
-from polarsim.geometry.light_field import EVEN, POWERS, relative_irradiance, terms
+from polarsim.geometry.light_field import EVEN, POWERS, REACH_M, relative_irradiance, terms
 from polarsim.photo import NO_ROCK, NO_SUN, Terrain
 from polarsim.render.fitting.exposures import read_published_photo
 from polarsim.render.fitting.samples import FitSamples, Setting
 from polarsim.render.fitting.terrain import median_stops, samples_of_scene, samples_of_terrain
-from polarsim.render.lamps import REFERENCE_DISTANCE, ROVER, lamp_names
+from polarsim.render.lamps import REFERENCE_DISTANCE, ROVER, field_reach_m, lamp_names
 from polarsim.render.models import Domain, model_of
 from polarsim.render.olat import reflectance_engine
 from polarsim.render.options import RenderOptions
@@ -94,7 +94,7 @@ def fit_light(
         model = model_of(domain)
         setting = Setting(model, options.parameters(model), engine, options.model_copy(update={"falloff": False}))
         seen = {terrain: photo_over_twin(samples, names, mesh, setting) for terrain, (mesh, samples) in found.items()}
-        for terrain, of_terrain in light_fields(seen, set(light), held_out, site.suns).items():
+        for terrain, of_terrain in light_fields(seen, set(light), held_out, site.suns, field_reach_m(site)).items():
             fields[terrain][domain] = of_terrain
     if not any(fields[terrain].get(domain) for terrain in light for domain in domains):
         log.warning("no light field: no fitted photo shows lit sand (azimuth %s of a terrain is held out); lamps have "
@@ -132,6 +132,7 @@ def light_fields(
     terrains: Set[Terrain],
     held_out: Set[str],
     suns: Sequence[str],
+    reach_m: float = REACH_M,
 ) -> dict[Terrain, dict[str, FittedField]]:
     """Return the fields of every terrain by azimuth, from photo over twin by terrain and azimuth.
 
@@ -143,9 +144,9 @@ def light_fields(
         parts = {terrain: by_lamp[azimuth] for terrain, by_lamp in sorted(seen.items()) if azimuth in by_lamp}
         if not parts:
             continue
-        everywhere = fit_field(list(parts.values()))
+        everywhere = fit_field(list(parts.values()), reach_m)
         others = {
-            terrain: fit_field([part for other, part in parts.items() if other != terrain])
+            terrain: fit_field([part for other, part in parts.items() if other != terrain], reach_m)
             for terrain in terrains
             if set(parts) - {terrain}
         }
@@ -153,7 +154,7 @@ def light_fields(
             terrain: {
                 "even": part.stops(0.0),
                 "inverse_square": part.stops(part.falloff),
-                "field": part.stops(np.log(relative_irradiance(others[terrain], part.point))),
+                "field": part.stops(np.log(relative_irradiance(others[terrain], part.point, reach_m))),
             }
             for terrain, part in parts.items()
             if terrain in others
@@ -181,11 +182,11 @@ def light_fields(
     return fields
 
 
-def fit_field(parts: Sequence[PhotoOverTwin]) -> tuple[float, ...]:
+def fit_field(parts: Sequence[PhotoOverTwin], reach_m: float = REACH_M) -> tuple[float, ...]:
     """Fit a field to photo over twin of terrains, with a free brightness of every view, by Cauchy weights."""
     groups = [part.view + 1000 * number for number, part in enumerate(parts)]
     _, group = np.unique(np.concatenate(groups), return_inverse=True)
-    of_field = np.concatenate([terms(part.point) for part in parts])
+    of_field = np.concatenate([terms(part.point, reach_m) for part in parts])
     ratio = np.concatenate([part.ratio for part in parts])
     design = np.concatenate([of_field, group[:, None] == np.arange(group.max() + 1)], axis=1)
     pull = np.zeros(design.shape[1])

@@ -86,12 +86,14 @@ class Setting:
         return radiance * samples.vignette if self.options.vignetting else radiance
 
 
-def with_light_fields(samples: FitSamples, fields: Mapping[str, Sequence[float]], names: Sequence[str]) -> FitSamples:
-    """Return the samples under lamps with the given light fields, by name; `names`: see `samples_of_view`."""
+def with_light_fields(
+    samples: FitSamples, fields: Mapping[str, Sequence[float]], names: Sequence[str], reach_m: float
+) -> FitSamples:
+    """Return the samples under lamps with light fields of a reach, by name; `names`: see `samples_of_view`."""
     relative, distance = samples.relative.copy(), samples.distance.copy()
     for name, coefficients in fields.items():
         chosen = np.flatnonzero(samples.lamp == names.index(name))
-        relative[chosen] = relative_irradiance(coefficients, samples.point.take(chosen, axis=0))
+        relative[chosen] = relative_irradiance(coefficients, samples.point.take(chosen, axis=0), reach_m)
         distance[chosen] = REFERENCE_DISTANCE  # the field includes the falloff
     return replace(samples, relative=relative, distance=distance)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from polarsim.errors import FormatError
-from polarsim.geometry.light_field import EVEN, POWERS, relative_irradiance
+from polarsim.geometry.light_field import EVEN, POWERS, REACH_M, relative_irradiance
 from polarsim.render.fitting.light import PhotoOverTwin, fit_field, light_fields
 from polarsim.render.fitting.samples import Setting, with_light_fields
 from polarsim.render.lamps import lamp_names
@@ -98,7 +98,7 @@ def test_samples_under_a_field_have_the_radiance_of_the_field_whatever_the_fallo
     options = studio.options.model_copy(update={"falloff": falloff})
     setting = Setting("lambert", options.parameters("lambert"), engine, options)
     even = Setting("lambert", setting.parameters, engine, options.model_copy(update={"falloff": False}))
-    under = with_light_fields(studio.samples, {"180": TRUE}, LAMPS)
+    under = with_light_fields(studio.samples, {"180": TRUE}, LAMPS, REACH_M)
     chosen = studio.samples.lamp == LAMPS.index("180")
     expected = even.radiance(studio.samples) * np.where(chosen, relative_irradiance(TRUE, studio.samples.point), 1)
     np.testing.assert_allclose(setting.radiance(under)[chosen], expected[chosen], rtol=1e-5)
