@@ -11,7 +11,7 @@ import typer
 from polarsim.arguments import refuse_existing_folder, run_folder, writes_file, writes_folder
 from polarsim.cli.application import ConfigFiles, Results, commands_of, core_count, print_table
 from polarsim.errors import PolarsimError
-from polarsim.photo import WIDTH, terrain_text
+from polarsim.photo import terrain_text
 
 command = commands_of("Runs of the pipeline")
 
@@ -149,7 +149,9 @@ def explore(
             help="New folder for a static copy of the page; the page is not served.",
         ),
     ] = None,
-    width: Annotated[int, typer.Option(min=240, max=WIDTH, help="Image width, px.")] = WIDTH // 2,
+    width: Annotated[
+        int | None, typer.Option(min=240, max=16384, help="Image width, px; default: half of the photos' width.")
+    ] = None,
     port: Annotated[
         int | None,
         typer.Option(

@@ -47,9 +47,9 @@ def small_jpeg(path: Path) -> bytes:
     return jpeg(path, SMALL_PX, SMALL_QUALITY)
 
 
-def outlines_of_photos(polygons: Path) -> list[dict[str, Any]]:
-    """Return the polygons of a polygon file, which has no rock ids."""
-    named = [(POLYGON_CLASSES[number], ring) for number, ring in read_polygons(polygons)]
+def outlines_of_photos(polygons: Path, size: tuple[int, int]) -> list[dict[str, Any]]:
+    """Return the polygons, px of a photo of a size, of a polygon file, which has no rock ids."""
+    named = [(POLYGON_CLASSES[number], ring) for number, ring in read_polygons(polygons, size)]
     return [_ring(kind, NO_ROCK, ring) for kind, ring in named if kind in (ROCK, SHADOW)]
 
 

@@ -19,19 +19,22 @@ from polarsim.explore.tables import facts_of_rocks, picture_table, shown_labels,
 from polarsim.explore.terrain import terrain_setup, thinned_terrain
 from polarsim.formats import arrow
 from polarsim.formats.files import check_new_folder, writing_folder
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey, terrain_text
+from polarsim.photo import PhotoKey, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.run_files.run import PHOTO, Run
 
 Files = dict[str, Callable[[], bytes]]  # by address below the page, without leading slash
-WIDTH_PX = WIDTH // 2  # width of the images
 CORRECTIONS = "data/corrections.json"
 NEXT_RUN = "data/next_run.json"
 
 
-def page_of_run(run: Run, width: int = WIDTH_PX) -> Files:
-    """Return all files of a run's page; the server answers no other addresses."""
-    return {**page_files(), **_tables(run), **_terrains(run), **_pictures(run, width), **_drives(run)}
+def page_of_run(run: Run, width: int | None = None) -> Files:
+    """Return all files of a run's page; the server answers no other addresses.
+
+    `width` is the width of the images, px; None: half of the photos' width.
+    """
+    pictures = _pictures(run, width or run.site.images.width // 2)
+    return {**page_files(), **_tables(run), **_terrains(run), **pictures, **_drives(run)}
 
 
 def page_files() -> Files:
@@ -42,7 +45,7 @@ def page_files() -> Files:
     return {name: part.read_bytes for name, part in sorted(named.items()) if part.is_file()}
 
 
-def write_site(run: Run, folder: Path, width: int = WIDTH_PX) -> int:
+def write_site(run: Run, folder: Path, width: int | None = None) -> int:
     """Write the page to a new folder for a static web server; return the number of files."""
     check_new_folder(folder)
     files = page_of_run(run, width)
@@ -60,12 +63,14 @@ def overview(run: Run) -> dict[str, Any]:
         "run": run.name,
         "terrains": list(run.terrains),
         "domains": list(run.domains),
-        "width": WIDTH,
-        "height": HEIGHT,
+        "width": run.site.images.width,
+        "height": run.site.images.height,
+        "suns": [name for name in run.site.suns if any(key.azimuth == name for _, key in run.pictures)],
+        "rig_lamp": any(key.light == "on" and not key.has_sun for _, key in run.pictures),
         "meshes": [name for name in run.terrains if any(run.folder.glob(f"meshes/Terrain{terrain_text(name)}/*.obj"))],
         "predictions": list(run.predictions),
         "drives": [folder.name for folder in run.drives],
-        "seeds": sorted(path.stem for path in run.folder.glob("acquire/Terrain*/seeds/??_*.txt")),
+        "seeds": sorted(path.stem for path in run.folder.glob("acquire/Terrain*/seeds/*_*.txt")),
         "undone": sorted(path.stem for path in run.folder.glob("labels/undone/*.parquet")),
     }
 
@@ -113,7 +118,7 @@ def _terrains(run: Run) -> Files:
     return files
 
 
-def _mesh(run: Run, terrain: int, part: int) -> pd.DataFrame:
+def _mesh(run: Run, terrain: Terrain, part: int) -> pd.DataFrame:
     tables = thinned_terrain(run, terrain)
     return tables[part] if tables else pd.DataFrame()
 
@@ -133,7 +138,7 @@ def _outlines(run: Run, kind: str, key: PhotoKey) -> list[dict[str, Any]]:
     path = run.polygons(key) if kind == "photo" else run.instances(key)
     if not path.exists():
         return []
-    return outlines_of_photos(path) if kind == "photo" else outlines_of_twins(path)
+    return outlines_of_photos(path, run.site.images.size) if kind == "photo" else outlines_of_twins(path)
 
 
 def _drives(run: Run) -> Files:

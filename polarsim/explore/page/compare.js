@@ -7,7 +7,9 @@ import * as overlay from './overlay.js';
 import { difference, exposed, read, summed, whiteOf } from './picture.js';
 import { set, shows, state, switchMark } from './state.js';
 
-const LAMPS = [['30', 'off', '30'], ['180', 'off', '180'], ['270', 'off', '270'], ['350', 'off', '350'], ['rover', 'on', 'no']];
+const LONGEST = 2 ** 40; // ms, longer than any exposure
+/** Lamps of the run: name, light and azimuth of the photos with this lamp only. */
+const lamps = () => [...run.about.suns.map((name) => [name, 'off', name]), ...(run.about.rig_lamp ? [['rover', 'on', 'no']] : [])];
 const MARKS = [['b', 'boxes'], ['m', 'masks'], ['i', 'ids'], ['l', 'lines'], ['p', 'predictions']];
 
 let controls = null, marks = null, canvases = [], svg = null, divider = null, tags = [], note = null, frame = null, status = null;
@@ -80,14 +82,14 @@ const needsLamps = () => state.left === 'olat' || twinOf() === 'olat';
 /** Weights of the lamps in the state, by default those of the photo. */
 function weights() {
   const values = state.lamps.split(',').map(Number);
-  if (state.lamps && values.length === LAMPS.length) return values;
+  if (state.lamps && values.length === lamps().length) return values;
   const { azimuth, light } = parts(state.key);
-  return LAMPS.map(([name]) => Number(name === azimuth || (name === 'rover' && light === 'on')));
+  return lamps().map(([name]) => Number(name === azimuth || (name === 'rover' && light === 'on')));
 }
 
 function lampSliders() {
   const now = weights();
-  return LAMPS.map(([name], index) => slider(`lamp ${name}`, { min: 0, max: 3, step: 0.1, value: now[index], shown: (value) => value.toFixed(1) }, (value) => {
+  return lamps().map(([name], index) => slider(`lamp ${name}`, { min: 0, max: 3, step: 0.1, value: now[index], shown: (value) => value.toFixed(1) }, (value) => {
     now[index] = value;
     set({ lamps: now.join(',') });
   }));
@@ -136,9 +138,9 @@ async function pictureOf(side, key, gain) {
 async function sumOf(key, gain) {
   const fields = parts(key), chosen = [];
   weights().forEach((weight, index) => {
-    const [, light, azimuth] = LAMPS[index];
+    const [, light, azimuth] = lamps()[index];
     const bracket = bracketOf(keyOf({ ...fields, light, azimuth }));
-    const exposure = nearestExposure(bracket, azimuth === 'no' ? 8192 : fields.exposure);
+    const exposure = nearestExposure(bracket, azimuth === 'no' ? LONGEST : fields.exposure);
     const single = keyOf({ ...fields, light, azimuth, exposure });
     if (weight > 0 && has(model(), single)) chosen.push([single, (weight * fields.exposure) / exposure]);
   });

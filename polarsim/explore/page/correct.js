@@ -8,7 +8,6 @@ import { unknown } from './filters.js';
 import { set, state } from './state.js';
 import { read, whiteOf } from './picture.js';
 
-const SUNS = ['30', '180', '270', '350'];
 const EDGES = ['x0', 'y0', 'x1', 'y1'];
 
 let controls = null, editor = null, panels = null, note = null, effects = null, corrections = null, opened = null, saveStatus = null;
@@ -189,7 +188,7 @@ function siblings() {
   return [
     ...bracket.filter((key) => key !== state.key).map((key) => [key, 'exposure', true]),
     ...sameExposure({ camera: fields.camera === 'L' ? 'R' : 'L' }).map((key) => [key, 'other camera', false]),
-    ...SUNS.filter((azimuth) => azimuth !== fields.azimuth).flatMap((azimuth) => sameExposure({ azimuth }).map((key) => [key, `Sun ${azimuth}`, true])),
+    ...run.about.suns.filter((azimuth) => azimuth !== fields.azimuth).flatMap((azimuth) => sameExposure({ azimuth }).map((key) => [key, `Sun ${azimuth}`, true])),
   ];
 }
 

@@ -70,15 +70,24 @@ export function rowsOf(of, key) {
   return Array.from({ length: end - start }, (_, index) => row(of, start + index));
 }
 
+/** The terrain of a text: a number or a name. */
+export const terrainOf = (text) => (/^\d+$/.test(text) ? Number(text) : text);
+
+/** Terrain and rock of a text like `3.154`. */
+export function rockOf(text) {
+  const [terrain, rock] = text.split('.');
+  return [terrainOf(terrain), Number(rock)];
+}
+
 /** The parts of a photo key. */
 export function parts(key) {
   const [terrain, position, light, azimuth, camera, exposure] = key.split('_');
-  return { terrain: Number(terrain), position, light, azimuth, camera, exposure: Number(exposure) };
+  return { terrain: terrainOf(terrain), position, light, azimuth, camera, exposure: Number(exposure) };
 }
 
 export function keyOf({ terrain, position, light, azimuth, camera, exposure }) {
-  const two = String(terrain).padStart(2, '0');
-  return `${two}_${position}_${light}_${azimuth}_${camera}_${String(exposure).padStart(4, '0')}`;
+  const named = typeof terrain === 'number' ? String(terrain).padStart(2, '0') : terrain;
+  return `${named}_${position}_${light}_${azimuth}_${camera}_${String(exposure).padStart(4, '0')}`;
 }
 
 export const bracketOf = (key) => key.slice(0, key.lastIndexOf('_'));

@@ -1,6 +1,6 @@
 // Grid of images; only the visible tiles are created.
 
-import { domainAt, has, keyAt, labelsOf, run, smallUrl } from './data.js';
+import { domainAt, has, keyAt, labelsOf, rockOf, run, smallUrl } from './data.js';
 import { chooser, h, renew, toggle } from './dom.js';
 import { filtered, form, resetButton } from './filters.js';
 import { set, state } from './state.js';
@@ -30,7 +30,7 @@ export function build(section) {
 /** Keys of the photos with the rock that the grid is limited to, or null. */
 async function among() {
   if (!state.only) return null;
-  const [terrain, rock] = state.only.split('.').map(Number);
+  const [terrain, rock] = rockOf(state.only);
   const found = new Set();
   for (const labels of await Promise.all([labelsOf(terrain, false), labelsOf(terrain, true)])) {
     for (let row = 0; row < labels.rows; row += 1) {

@@ -1,6 +1,6 @@
 // Panel of the selected rock: table values and crops of labels.
 
-import { bracketOf, labelsOf, parts, pictureUrl, run, row, spans, table } from './data.js';
+import { bracketOf, labelsOf, parts, pictureUrl, rockOf, row, run, spans, table } from './data.js';
 import { h } from './dom.js';
 import { crop, outline } from './overlay.js';
 import { set, state } from './state.js';
@@ -13,7 +13,7 @@ export const build = (aside) => { panel = aside; };
 export async function refresh() {
   panel.hidden = !state.rock;
   if (!state.rock) return;
-  const selected = state.rock, [terrain, rock] = selected.split('.').map(Number);
+  const selected = state.rock, [terrain, rock] = rockOf(selected);
   const [facts, labels] = await Promise.all([table(`data/rocks/${terrain}.arrow`), labelsOf(terrain, false)]);
   if (selected !== state.rock) return;
   const rows = rowsOfRock(labels, rock);

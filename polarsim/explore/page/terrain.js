@@ -1,6 +1,6 @@
 // The terrain in 3-D: meshes coloured by vertex attributes, camera frustums, lamps.
 
-import { json, row, run, table } from './data.js';
+import { json, rockOf, row, run, table, terrainOf } from './data.js';
 import { chooser, h, renew, soon } from './dom.js';
 import * as matrix from './matrix.js';
 import { set, state } from './state.js';
@@ -54,7 +54,7 @@ function link(vertex, fragment) {
   return linked;
 }
 
-const terrainNow = () => Number(state.terrain || (state.rock || state.key).split(/[._]/)[0]) || run.about.meshes[0] || run.about.terrains[0];
+const terrainNow = () => terrainOf(state.terrain || (state.rock || state.key).split(/[._]/)[0]) || run.about.meshes[0] || run.about.terrains[0];
 
 export async function refresh(changed) {
   if (!gl) return;
@@ -274,7 +274,7 @@ function pick(x, y) {
 }
 
 async function lookAtRock() {
-  const [terrain, rock] = state.rock.split('.').map(Number);
+  const [terrain, rock] = rockOf(state.rock);
   if (terrain !== shown.terrain) return;
   const facts = await table(`data/rocks/${terrain}.arrow`);
   const index = facts.columns.rock ? facts.columns.rock.indexOf(rock) : -1;

@@ -1,0 +1,67 @@
+"""Export, import and pictures of a site with named terrains and smaller photos, with two cameras and with one."""
+
+import json
+
+import numpy as np
+import pytest
+
+from polarsim.annotate.export import export_photos
+from polarsim.annotate.import_labels import import_labels
+from polarsim.annotate.show import show_of_run
+from polarsim.errors import FormatError, LabelError
+from polarsim.formats import png, release
+from polarsim.run_files.run import Run
+from tests.support.other_run import MODEL, TERRAIN, boxes_of, keys_of, make_run
+from tests.support.other_site import SIZE, one_camera, other_site
+
+
+@pytest.fixture(scope="module", params=[other_site, one_camera], ids=["stereo", "one camera"])
+def site(request):
+    return request.param()
+
+
+@pytest.fixture(scope="module")
+def run(site, tmp_path_factory):
+    return make_run(tmp_path_factory.mktemp("other"), site)
+
+
+@pytest.mark.parametrize("tool", ["labelimg", "cvat", "label-studio"])
+def test_exported_labels_can_be_imported(site, run, tmp_path, tool):
+    assert export_photos(folder=tmp_path / "out", run=run, terrains=[TERRAIN], tool=tool) == len(keys_of(site))
+    done = import_labels(tmp_path / "out", tmp_path / "labels", site=site)
+    assert done.photos == len(keys_of(site))
+    found = release.read_annotated_boxes(tmp_path / "labels", SIZE, site.key)
+    for key in keys_of(site):
+        wanted = np.array(sorted(box.tolist() for box in boxes_of(site, key).values()))
+        np.testing.assert_allclose(sorted(found[key][1].tolist()), wanted, atol=0.01)
+
+
+def test_an_export_of_another_site_is_refused(run, tmp_path, site):
+    export_photos(folder=tmp_path / "out", run=run, tool="cvat")
+    with pytest.raises(FormatError, match="640 x 480"):
+        import_labels(tmp_path / "out", tmp_path / "polar", site=other_site(images={"width": 800, "height": 500}))
+    content = json.loads((tmp_path / "out/annotations/instances_default.json").read_text())
+    for image in content["images"]:
+        image["key"] = image["key"].replace("_45_", "_30_")
+    (tmp_path / "other.json").write_text(json.dumps(content))
+    with pytest.raises(FormatError, match="azimuth '30', expected no, 45 or 135"):
+        import_labels(tmp_path / "other.json", tmp_path / "labels", site=site)
+
+
+@pytest.mark.parametrize("domain", ["photo", MODEL])
+def test_a_picture_with_labels_has_the_size_of_the_photo(site, run, tmp_path, domain):
+    key = keys_of(site)[0]
+    for name, masks in (("plain", False), ("filled", True)):
+        show_of_run(key=key, run=Run(run), domain=domain, out=tmp_path / f"{name}.png", masks=masks)
+    plain, filled = (png.read_png(tmp_path / f"{name}.png").astype(int) for name in ("plain", "filled"))
+    assert plain.shape[1] == SIZE[0]
+    changed = np.abs(plain - filled).max(axis=-1) > 0
+    for x0, y0, x1, y1 in np.round(list(boxes_of(site, key).values())).astype(int):
+        assert changed[y0 + 2 : y1 - 2, x0 + 2 : x1 - 2].mean() > 0.3  # without ids and lines
+        changed[y0 - 2 : y1 + 2, x0 - 2 : x1 + 2] = False
+    assert not changed.any()
+
+
+def test_an_unknown_terrain_is_an_error_that_names_the_known_ones(run, tmp_path):
+    with pytest.raises(LabelError, match="terrains with labels: yard-a"):
+        export_photos(folder=tmp_path / "out", run=run, terrains=["yard-b"], tool="labelimg")
