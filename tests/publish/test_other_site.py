@@ -32,7 +32,9 @@ def out(run, tmp_path_factory):
 
 def test_images_have_the_ids_and_names_of_the_site(site, out):
     content = json.loads((out / f"coco/annotations/{MODEL}_unassigned.json").read_text())
-    assert [row["id"] for row in content["images"]] == sorted(site.image_id(key) for key in keys_of(site))
+    assert {row["key"]: row["id"] for row in content["images"]} == {
+        str(key): site.image_id(key) for key in keys_of(site)
+    }
     assert {row["terrain"] for row in content["images"]} == {TERRAIN}
     assert {(row["width"], row["height"]) for row in content["images"]} == {SIZE}
     assert len({row["id"] for row in content["annotations"]}) == len(content["annotations"]) > 0
