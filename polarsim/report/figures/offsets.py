@@ -11,6 +11,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import NO_ROCK, Terrain, terrain_text
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, LETTER_M, PLAIN, SERIES, name_positions, note, page
+from polarsim.report.figures.terrain import map_half_m
 from polarsim.schemas.evaluation import OFFSETS
 from polarsim.site import Sandbox, Site
 
@@ -54,7 +55,7 @@ def _draw_map(sheet: Any, axes: Any, table: pd.DataFrame, title: str, reach: flo
     )  # fmt: skip
     axes.set_title(title)
     axes.set(xlabel="x (Sun azimuth 0), m", ylabel="y (Sun azimuth 90), m", facecolor="#f1f3f4")
-    along_x, along_y = np.maximum(sandbox.half_width_m, 2.0)  # the limits of POLAR's sandbox for smaller boxes
+    along_x, along_y = map_half_m(sandbox)
     axes.set(xlim=(-along_x, along_x), ylim=(-along_y, along_y))
     axes.set_aspect("equal")
     rocks = {str(rock): part for rock, part in table[table["rock"] != NO_ROCK].groupby("rock")}

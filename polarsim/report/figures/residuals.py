@@ -27,6 +27,7 @@ from polarsim.tone import to_8bit
 ARROW_SCALE = 20  # magnification of the arrows
 ANNOTATED, PROJECTED, ARROW = HEX_COLOURS[ROCK], SERIES[5], PREDICTED
 _TITLE_PX, _LEGEND_PX = 105, 60
+_SHORT_NAME = 24  # maximum letters of a terrain and position in one line with the number of boxes
 _GREY = 90  # of a missing image
 
 
@@ -140,8 +141,10 @@ def _draw_position(
     if len(rows):
         off = np.median(np.abs(end - start), axis=0)
         overlap = np.diag(iou(matched, matched_boxes)).mean()
-        name += f": {len(rows)} of {len(boxes)} boxes matched\nmean IoU {overlap:.2f}\n"
-        name += f"median offset {off[0]:.1f} px across, {off[1]:.1f} px down"
+        matches, quality = f"{len(rows)} of {len(boxes)} boxes matched", f"mean IoU {overlap:.2f}"
+        short = f"{name}: {matches}\n{quality}"
+        name = short if len(name) <= _SHORT_NAME else f"{name}\n{matches}, {quality}"
+        name += f"\nmedian offset {off[0]:.1f} px across, {off[1]:.1f} px down"
     elif len(boxes):
         name += f": none of {len(boxes)} boxes\nmatched with a mesh"
         matched_boxes, matched = boxes, projected[np.isfinite(projected).all(axis=1)]

@@ -132,9 +132,15 @@ def _draw_crops(sheet: Any, name: str, table: pd.DataFrame, top: TopView, height
     panels["heights"].set_xlabel("rock id, largest rock first")
 
 
+def map_half_m(sandbox: Sandbox) -> np.ndarray:
+    """Return the half widths (2,) of the maps of a sandbox, metres; maps of small boxes show the floor around them."""
+    half = np.array(sandbox.half_width_m)
+    return half if half.max() >= _MIN_HALF_M else np.full(2, _MIN_HALF_M)
+
+
 def top_view(scene: TerrainMesh, rays: Caster, sandbox: Sandbox) -> TopView:
     """Cast vertical rays onto the terrain."""
-    half = np.maximum(sandbox.half_width_m, _MIN_HALF_M)
+    half = map_half_m(sandbox)
     low = np.maximum(scene.vertices[:, :2].min(axis=0), -half - 0.3)
     high = np.minimum(scene.vertices[:, :2].max(axis=0), half + 0.3)
     x = np.arange(low[0] + STEP / 2, high[0], STEP)
