@@ -13,7 +13,7 @@ from polarsim.geometry.contrast import local_contrast
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
 
-REACH = 2.1  # half width of the orthophotos, metres
+MARGIN = 0.1  # width of the orthophotos beyond the border of the sand, metres
 CONTRAST_CELLS = 4.0  # standard deviation of the window of local contrast
 HALF_WINDOW, STEP_CELLS = 10, 5  # half size of a matched window, and distance of neighbouring windows, cells
 MIN_CORRELATION = 0.45
@@ -26,24 +26,26 @@ class Ortho:
 
     height: np.ndarray  # metres, NaN in empty cells
     patterns: np.ndarray  # (rows, columns, lamps) float32
+    reach: np.ndarray  # (2,) half widths along x and y, metres
 
 
-def orthophotos(seen: RangePoints, level_from_left: Pose, cell: float) -> Ortho:
-    """Average heights and photos in the cells of a map."""
+def orthophotos(seen: RangePoints, level_from_left: Pose, cell: float, half: np.ndarray) -> Ortho:
+    """Average heights and photos in the cells of a map; `half` (2,): half widths of the sand, metres."""
     known = np.isfinite(seen.points_left[..., 2])
     points = level_from_left.apply(seen.points_left[known])
-    side = 2 * round(REACH / cell)
-    column, row = np.floor((points[:, :2] + REACH) / cell).astype(int).T
-    inside = (column >= 0) & (column < side) & (row >= 0) & (row < side) & (np.abs(points[:, 2]) < 0.6)
-    number = (row * side + column)[inside]
-    count = np.bincount(number, minlength=side * side)
+    reach = half + MARGIN
+    columns, rows = (2 * round(float(along) / cell) for along in reach)
+    column, row = np.floor((points[:, :2] + reach) / cell).astype(int).T
+    inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows) & (np.abs(points[:, 2]) < 0.6)
+    number = (row * columns + column)[inside]
+    count = np.bincount(number, minlength=rows * columns)
 
     def mean(values: np.ndarray) -> np.ndarray:
-        total = np.bincount(number, values[inside], side * side)
-        return np.where(count > 0, total / np.maximum(count, 1), np.nan).reshape(side, side)
+        total = np.bincount(number, values[inside], rows * columns)
+        return np.where(count > 0, total / np.maximum(count, 1), np.nan).reshape(rows, columns)
 
     patterns = [local_contrast(mean(logs[known]).astype(np.float32), CONTRAST_CELLS, FLOOR) for logs in seen.logs]
-    return Ortho(mean(points[:, 2]), np.stack(patterns, axis=-1))
+    return Ortho(mean(points[:, 2]), np.stack(patterns, axis=-1), reach)
 
 
 def match_orthophotos(fixed: Ortho, moving: Ortho, cell: float, reach: float) -> tuple[np.ndarray, np.ndarray]:
@@ -55,12 +57,12 @@ def match_orthophotos(fixed: Ortho, moving: Ortho, cell: float, reach: float) ->
 
     search = round(reach / cell)
     border = HALF_WINDOW + search
-    side = len(fixed.height)
+    rows, columns = fixed.height.shape
     shown = np.isfinite(fixed.height)
     share = cv2.blur(shown.astype(np.float32), (2 * HALF_WINDOW + 1,) * 2)
     firsts, seconds = [], []
-    lattice = [(row, column) for row in range(border, side - border, STEP_CELLS)
-               for column in range(border, side - border, STEP_CELLS) if share[row, column] > MIN_KNOWN]  # fmt: skip
+    lattice = [(row, column) for row in range(border, rows - border, STEP_CELLS)
+               for column in range(border, columns - border, STEP_CELLS) if share[row, column] > MIN_KNOWN]  # fmt: skip
     for row, column in lattice:
         area = _window(moving.patterns, row, column, border)
         if not area.any():
@@ -72,7 +74,7 @@ def match_orthophotos(fixed: Ortho, moving: Ortho, cell: float, reach: float) ->
         right, up = _peak(likeness[down - 1 : down + 2, across - 1 : across + 2])
         z = _height(fixed.height, row, column), _height(moving.height, row + down - search, column + across - search)
         if np.isfinite(z).all():
-            x, y = (column + 0.5) * cell - REACH, (row + 0.5) * cell - REACH
+            x, y = (column + 0.5) * cell - float(fixed.reach[0]), (row + 0.5) * cell - float(fixed.reach[1])
             firsts.append((x, y, z[0]))
             seconds.append((x + (across - search + right) * cell, y + (down - search + up) * cell, z[1]))
     return np.array(firsts).reshape(-1, 3), np.array(seconds).reshape(-1, 3)
@@ -104,12 +106,14 @@ def find_crossing(
     poses: Mapping[str, Pose],
     cell: float,
     reach: float,
+    half: np.ndarray,
 ) -> Crossing:
     """Match the ground that two positions measure; return its pixels in all four photos.
 
-    `poses`: `level_from_left` by position. `cell`, `reach`: of `orthophotos` and `match_orthophotos`, metres.
+    `poses`: `level_from_left` by position. `cell`, `reach`, `half` (2,): of `orthophotos` and `match_orthophotos`,
+    metres.
     """
-    fixed, moving = (orthophotos(seen[name], poses[name], cell) for name in pair)
+    fixed, moving = (orthophotos(seen[name], poses[name], cell, half) for name in pair)
     points = match_orthophotos(fixed, moving, cell, reach)
     return Crossing(*(_pixels(rig, poses[name].inverse().apply(part)) for name, part in zip(pair, points, strict=True)))
 

@@ -17,7 +17,6 @@ from polarsim.geometry.contrast import blurred, local_contrast
 from polarsim.geometry.lens import HALF_PIXEL, Lens
 from polarsim.geometry.stereo import StereoRig, rectified_left
 
-DEPTHS_M = (1.2, 9.0)  # range of the search along the optical axis
 FLOOR = 0.03  # log units: contrast of grain and noise, below which a pattern has little weight
 DARK = 0.002  # share of the 99th percentile that is added to all pixels: limits the noise of shadows in logarithms
 CONTRAST_PX, WINDOW_PX = 6.0, 2.0  # standard deviations of the windows of local contrast and of the correlation
@@ -56,20 +55,22 @@ class RangePoints:
     logs: Sequence[np.ndarray]  # (h, w) float32, logarithm of the rectified left photo under each lamp
 
 
-def measure_points(photos: StereoPhotos, rig: StereoRig, levels: Sequence[Refinement]) -> RangePoints:
-    """Match the photos of a position."""
+def measure_points(
+    photos: StereoPhotos, rig: StereoRig, levels: Sequence[Refinement], depths: tuple[float, float]
+) -> RangePoints:
+    """Match the photos of a position; `depths`: range of the search along the optical axis, metres."""
     scale = COARSE_SCALE
     _, left, right = _patterns(photos, rig, scale)
     grid = rectified_left(rig)
     baseline = float(np.linalg.norm(rig.left_from_right.translation))
-    disparity = _searched(left, right, grid.lens.scaled(scale).fx * baseline)
+    disparity = _searched(left, right, grid.lens.scaled(scale).fx * baseline, depths)
     for level in levels:
         logs, left, right = _patterns(photos, rig, level.scale)
         base = _enlarged(ndimage.median_filter(disparity, 5), left[0].shape, round(level.scale / scale))
         disparity, known = _refined(left, right, base, level)
         scale = level.scale
     lens = grid.lens.scaled(scale)
-    known &= disparity > lens.fx * baseline / DEPTHS_M[1]
+    known &= disparity > lens.fx * baseline / depths[1]
     depth = np.where(known, lens.fx * baseline / np.where(known, disparity, 1.0), np.nan)
     points = grid.left_from_rectified.apply(lens.pixel_directions() * depth[..., None])
     return RangePoints(lens, points, logs)
@@ -107,9 +108,11 @@ def _rectified_log(picture: np.ndarray, rig: StereoRig, camera: str, scale: floa
     return np.log(np.maximum(flat, 0) + max(DARK * bright, 1e-9)).astype(np.float32)
 
 
-def _searched(left: Sequence[np.ndarray], right: Sequence[np.ndarray], focal_baseline: float) -> np.ndarray:
+def _searched(
+    left: Sequence[np.ndarray], right: Sequence[np.ndarray], focal_baseline: float, depths: tuple[float, float]
+) -> np.ndarray:
     """Return disparities (h, w) of patterns, among all depths."""
-    nearest, farthest = (focal_baseline / depth for depth in DEPTHS_M)
+    nearest, farthest = (focal_baseline / depth for depth in depths)
     disparities = np.arange(int(farthest), int(nearest) + 1)
     shape = left[0].shape
     cost = np.empty((*shape, len(disparities)), np.float32)

@@ -8,7 +8,7 @@ import numpy as np
 
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.refine import BoxFit, EdgeNoise, PosePrior, check_pose, refine_pose
-from polarsim.cameras.search import candidate_centres, search_pose
+from polarsim.cameras.search import USUAL_WIDTH_PX, SearchRanges, candidate_centres, search_pose
 from polarsim.errors import RegistrationError
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
@@ -45,7 +45,12 @@ class LabelLocalisation:
 
 
 def localise_by_labels(
-    boxes: np.ndarray, outlines: Outlines, lens: Lens, surveyed: Pose | None, options: LocalisationOptions
+    boxes: np.ndarray,
+    outlines: Outlines,
+    lens: Lens,
+    surveyed: Pose | None,
+    options: LocalisationOptions,
+    ranges: SearchRanges,
 ) -> LabelLocalisation:
     """Estimate the pose of the left camera from boxes and meshes without a start; see also `check_localisation`.
 
@@ -60,8 +65,8 @@ def localise_by_labels(
         raise RegistrationError(f"{len(boxes)} boxes and {len(outlines)} meshes, a pose needs {MIN_BOXES} of each")
     prior = survey_prior(surveyed, options)
     azimuth = None if surveyed is None else float(np.arctan2(surveyed.translation[1], surveyed.translation[0]))
-    centres = candidate_centres(azimuth, float(np.median(outlines.centres[:, 2])))
-    starts = [start.sandbox_from_left for start in search_pose(outlines, boxes, lens, centres)]
+    centres = candidate_centres(azimuth, float(np.median(outlines.centres[:, 2])), ranges)
+    starts = [start.sandbox_from_left for start in search_pose(outlines, boxes, lens, centres, surveyed)]
     fits = _distinct(_final_fits(starts, boxes, outlines, lens, prior), prior)
     if not fits:
         raise RegistrationError("no pose projects any rock onto any box")
@@ -127,11 +132,12 @@ def survey_prior(surveyed: Pose | None, options: LocalisationOptions) -> PosePri
 def _final_fits(
     starts: list[Pose], boxes: np.ndarray, outlines: Outlines, lens: Lens, prior: PosePrior
 ) -> list[BoxFit]:
-    thin = outlines.thinned(START_DIRECTIONS)
+    thin, scale = outlines.thinned(START_DIRECTIONS), lens.width / USUAL_WIDTH_PX
+    start_gates, final_gates = ([scale * gate for gate in gates] for gates in (START_GATES_PX, FINAL_GATES_PX))
     fits = []
     for start in starts:
-        near = refine_pose(start, thin, boxes, lens, prior, START_GATES_PX, START_NOISE)
-        pose = refine_pose(near, outlines, boxes, lens, prior, FINAL_GATES_PX, FINAL_NOISE)
+        near = refine_pose(start, thin, boxes, lens, prior, start_gates, START_NOISE)
+        pose = refine_pose(near, outlines, boxes, lens, prior, final_gates, FINAL_NOISE)
         fits.append(check_pose(pose, outlines, boxes, lens, prior, FINAL_NOISE))
     return fits
 

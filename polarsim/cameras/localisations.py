@@ -15,6 +15,7 @@ import numpy as np
 from polarsim.cameras.labels import FINAL_NOISE, MIN_BOXES, LabelLocalisation, check_localisation, localise_by_labels
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.refine import BoxFit, check_pose, pose_of_unknowns
+from polarsim.cameras.search import SearchRanges
 from polarsim.cameras.surveyed import offset_surveyed_pose
 from polarsim.cameras.translations import Translations, fit_translations, no_translations, translated
 from polarsim.errors import RegistrationError
@@ -50,6 +51,7 @@ def localise_all(
     options: LocalisationOptions,
     tripods: Mapping[str, Tripod],
     max_error_m: float,
+    ranges: SearchRanges,
 ) -> Localisations:
     """Localise positions by rock boxes (b, 4) of left photos; skip positions with too few boxes or meshes.
 
@@ -59,7 +61,7 @@ def localise_all(
     result = Localisations({}, no_translations(outlines, options.rock_translation_sd_mm / 1000), {})
     separately = {
         position: _localise_separately(
-            seen[position], outlines, lens, options, offset_surveyed_pose(position, {}, tripods)
+            seen[position], outlines, lens, options, offset_surveyed_pose(position, {}, tripods), ranges
         )
         for position in usable
     }
@@ -70,7 +72,7 @@ def localise_all(
         poses = {other: localisation.fit.sandbox_from_left for other, localisation in result.localised.items()}
         surveyed = offset_surveyed_pose(position, poses, tripods)
         boxes, alone = seen[position], separately[position]
-        result = _add_position(result, position, boxes, outlines, lens, options, alone, surveyed, max_error_m)
+        result = _add_position(result, position, boxes, outlines, lens, options, alone, surveyed, max_error_m, ranges)
     return result
 
 
@@ -85,11 +87,16 @@ def untranslated_fits(result: Localisations, outlines: Outlines, lens: Lens) -> 
 
 
 def _localise_separately(
-    boxes: np.ndarray, outlines: Outlines, lens: Lens, options: LocalisationOptions, surveyed: Pose | None
+    boxes: np.ndarray,
+    outlines: Outlines,
+    lens: Lens,
+    options: LocalisationOptions,
+    surveyed: Pose | None,
+    ranges: SearchRanges,
 ) -> LabelLocalisation | None:
     """Localise a position without the boxes of other positions; None if no pose explains any box."""
     try:
-        return localise_by_labels(boxes, outlines, lens, surveyed, options)
+        return localise_by_labels(boxes, outlines, lens, surveyed, options, ranges)
     except RegistrationError:
         return None
 
@@ -104,13 +111,14 @@ def _add_position(
     separately: LabelLocalisation | None,
     surveyed: Pose | None,
     max_error_m: float,
+    ranges: SearchRanges,
 ) -> Localisations:
     """Add a position and fit all poses and translations again, or refuse the position."""
     best = separately
     try:
         if separately is None or before.localised:  # the rocks have been moved since
             moved = translated(outlines, before.translations.metres)
-            best = localise_by_labels(boxes, moved, lens, surveyed, options)
+            best = localise_by_labels(boxes, moved, lens, surveyed, options, ranges)
         assert best is not None
         after = _fit_jointly({**before.localised, position: best}, before.translations, outlines, lens, options)
         check_localisation(after.localised[position], max_error_m)

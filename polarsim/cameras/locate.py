@@ -18,6 +18,7 @@ from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.rounding import rounded, rounded_metrics
 from polarsim.cameras.sandbox_frame import SandboxFrame, find_sandbox_frame
 from polarsim.cameras.scans import Network, place_scans, register_scans
+from polarsim.cameras.search import SearchRanges
 from polarsim.cameras.search_area import SearchArea
 from polarsim.cameras.small_box import small_box_frame
 from polarsim.cameras.surveyed import expected_survey_pose
@@ -86,7 +87,7 @@ def locate_cameras(
         if scanned:
             located = _locate_by_scans(source, scanned, rig, ranges, site, tripods)
         else:
-            located = _locate_by_labels(source, positions, rig, seeds, options, tripods, site.max_survey_error_m)
+            located = _locate_by_labels(source, positions, rig, seeds, options, site, tripods)
         localised = _complete_positions(located, positions, rig, tripods)
     with writing_folder(cameras) as folder:
         for position in sorted(localised):
@@ -107,7 +108,7 @@ def _locate_by_scans(
 ) -> LocalisationResult:
     scans = {position: read_scan(source, position, rig, site.files) for position in positions}
     surveyed, sandbox = surveyed_poses(tripods), site.sandbox_of(source.terrain)
-    area = SearchArea.of(sandbox, site.max_survey_error_m)
+    area = SearchArea.of(site, source.terrain)
     placed = {} if ranges is None else read_all_localised(ranges)
     if set(scans) <= set(placed):
         network = place_scans(scans, {name: placed[name].sandbox_from_left for name in scans}, area)
@@ -181,14 +182,15 @@ def _locate_by_labels(
     rig: StereoRig,
     seeds: Path,
     options: LocalisationOptions,
+    site: Site,
     tripods: Mapping[str, Tripod],
-    max_error_m: float,
 ) -> LocalisationResult:
     meshes = {rock: obj.read_obj(path) for rock, path in source.rock_meshes().items()}
     outlines = outlines_of(meshes)
     annotated = read_rock_boxes(seeds, source.terrain)
     seen = {position: consensus_boxes(annotated.get(position, [])) for position in positions}
-    result = localise_all(seen, outlines, rig.left, options, tripods, max_error_m)
+    ranges, max_error_m = SearchRanges.of(site.sandbox_of(source.terrain), tripods), site.max_survey_error_m
+    result = localise_all(seen, outlines, rig.left, options, tripods, max_error_m, ranges)
     _warn_refused(result)
     details = {}
     if options.rock_translation_sd_mm and result.localised:

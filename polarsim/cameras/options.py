@@ -33,8 +33,8 @@ class RefinementOptions(BaseModel, extra="forbid", frozen=True):
 
     scales: tuple[float, ...] = Field(
         (0.25, 0.5),
-        description="Scales of the photos that are compared with shaded views, coarse to fine. An empty list disables "
-        "the refinement.",
+        description="Scales of photos 1936 px wide that are compared with shaded views, coarse to fine. Photos of "
+        "another width get the same widths. An empty list disables the refinement.",
     )
 
 

@@ -22,13 +22,14 @@ from polarsim.cameras.features import localise_by_features
 from polarsim.cameras.lamps import LampView, lamp_views, offset_text, refine_lamp
 from polarsim.cameras.options import RefinementOptions
 from polarsim.cameras.rounding import rounded, rounded_metrics, rounded_rig
+from polarsim.cameras.search import USUAL_WIDTH_PX
 from polarsim.cameras.shading import MeshSurface, cast_view, surface_of
 from polarsim.cameras.wall_shadows import refine_by_wall_shadows
 from polarsim.formats import colmap
 from polarsim.formats.files import relative_to, writing_folder
 from polarsim.geometry.patches import MatchingOptions, match_windows
 from polarsim.geometry.poses import angle_between
-from polarsim.photo import REFERENCE_EXPOSURE_MS, PositionCamera, Terrain, terrain_text
+from polarsim.photo import PositionCamera, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.run_files import lamps
 from polarsim.run_files.best_photos import BestPhotos, ViewPhotos, best_pictures, read_all_resized
@@ -102,15 +103,15 @@ def refine_cameras(
             lamps.write_suns(folder, suns)
         if walls is not None:
             write_walls(folder, walls)
-        names = {} if photos is None else image_names(photos, cameras / "colmap")
+        names = {} if photos is None else image_names(photos, cameras / "colmap", site.usual_exposure_ms)
         colmap.write_model(folder / "colmap", localised, names, model_points(mesh.vertices))
 
 
-def image_names(photos: Path, folder: Path) -> dict[tuple[str, str], str]:
+def image_names(photos: Path, folder: Path, usual_exposure_ms: int) -> dict[tuple[str, str], str]:
     """Return a Sun-lit photo of about the usual exposure for each position and camera, as a path from `folder`."""
     best: dict[tuple[str, str], tuple[Any, ...]] = {}
     for key, path in pictures_at(photos).items():
-        rank = (key.azimuth == "no", key.light == "on", abs(math.log2(key.exposure_ms / REFERENCE_EXPOSURE_MS)), key)
+        rank = (not key.has_sun, key.light == "on", abs(math.log2(key.exposure_ms / usual_exposure_ms)), key)
         view = (key.position, key.camera)
         best[view] = min(best.get(view, (*rank, path)), (*rank, path))
     return {view: relative_to(ranked[-1], folder) for view, ranked in best.items()}
@@ -145,7 +146,9 @@ def _refine(
     name, current = f"terrain {terrain_text(terrain)}", located
     surveyed = lamps.surveyed_suns(located, site, terrain)
     suns: dict[str, np.ndarray] = {}
-    for scale in options.scales:
+    width = next(iter(located.values())).rig.left.width
+    for of_usual_photos in options.scales:
+        scale = min(1.0, of_usual_photos * USUAL_WIDTH_PX / width)
         photos = read_all_resized(pictures, located, scale)
         matches = {
             (position, camera): _match_view(
@@ -158,7 +161,7 @@ def _refine(
             log.warning("%s: the photos do not match the meshes, the poses are not refined", name)
             return located, {}
         reliable = {position: located[position] for position, _ in matches}
-        lenses = scale == options.scales[-1]
+        lenses = of_usual_photos == options.scales[-1]
         adjusted = adjust(reliable, matches, PRIORS, INDEPENDENT, lenses)
         rig = next(iter(adjusted.localised.values())).rig
         current = {position: replace(one, rig=rig) for position, one in located.items()} | adjusted.localised

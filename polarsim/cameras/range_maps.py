@@ -49,7 +49,7 @@ ROUNDS = ((0.010, 0.15), (0.008, 0.04))  # cell and maximum displacement of matc
 _CLIPPED = WHITE_LEVEL - 100  # grey values that may be clipped
 _FEATURE_SCALE, _MAX_FEATURES = 0.5, 4000
 _MAX_EPIPOLAR_PX = 6.0  # from the epipolar line of the uncorrected calibration
-_DEPTHS_M = (1.0, 10.0)  # range of matched features
+_DEPTH_MARGINS_M = (0.2, 1.0)  # of matched features around the range of depths
 
 
 def measure_ranges(
@@ -74,12 +74,12 @@ def measure_ranges(
     ReconstructionError
         No position has left and right photos of the same scene under a Sun lamp.
     """
-    rig = read_rig(calibration)
+    rig, area = read_rig(calibration), SearchArea.of(site, terrain)
     pictures = best_pictures(terrain, photos)
     pairs = _read_pairs(terrain, pictures, rig)
     if not pairs:
         raise ReconstructionError("no position has a left and a right photo under the same Sun lamp", path=photos)
-    features = {position: _matched_features(pictures, position, rig) for position in pairs}
+    features = {position: _matched_features(pictures, position, rig, area) for position in pairs}
     for position in [position for position, pixels in features.items() if not len(pixels.left)]:
         log.warning(
             "terrain %s, position %s: left and right photos share too few features, no range map: check that they "
@@ -87,20 +87,20 @@ def measure_ranges(
         )  # fmt: skip
         del features[position], pairs[position]
     by_features, _ = correct_calibration(rig, list(features.values()), {}, {})
-    seen = _measure(terrain, pairs, by_features)
+    seen = _measure(terrain, pairs, by_features, area)
     if not seen:
         raise ReconstructionError(
             "no range map: left and right photos do not match, check that they show the same scene", path=photos
         )
     pairs = {position: pairs[position] for position in seen}
     features = {position: features[position] for position in seen}
-    final, poses = _calibrated_by_ground(site, terrain, rig, by_features, pairs, features, seen)
+    final, poses = _calibrated_by_ground(site, terrain, rig, by_features, pairs, features, seen, area)
     final = rounded_rig(final)
     grid = rectified_left(final)
     paths = {}
     with writing_folder(maps) as folder:
         for position in track(sorted(pairs), f"range maps of terrain {terrain_text(terrain)}"):
-            points = measure_points(pairs[position], final, [HALF, FULL]).points_left
+            points = measure_points(pairs[position], final, [HALF, FULL], area.depths).points_left
             path = nasa.range_map_path(folder, position)
             nasa.write_range_map(path, grid.left_from_rectified.inverse().apply(points))
             paths[position] = (maps / path.name).as_posix()
@@ -134,7 +134,7 @@ def _light(path: Path, lens: Lens) -> np.ndarray:
     return np.where(grey < _CLIPPED, np.maximum(grey - BLACK_LEVEL, 0), np.nan).astype(np.float32)
 
 
-def _matched_features(pictures: BestPhotos, position: str, rig: StereoRig) -> StereoPixels:
+def _matched_features(pictures: BestPhotos, position: str, rig: StereoRig, area: SearchArea) -> StereoPixels:
     """Match features of left and right photos of a position under each Sun lamp."""
     import cv2
 
@@ -149,27 +149,29 @@ def _matched_features(pictures: BestPhotos, position: str, rig: StereoRig) -> St
         first, second = match_features(*found)
         left.append(found[0].pixels[first] / _FEATURE_SCALE)
         right.append(found[1].pixels[second] / _FEATURE_SCALE)
-    return possible_matches(rig, StereoPixels(np.concatenate(left), np.concatenate(right)))
+    return possible_matches(rig, StereoPixels(np.concatenate(left), np.concatenate(right)), area.depths)
 
 
-def possible_matches(rig: StereoRig, pixels: StereoPixels) -> StereoPixels:
+def possible_matches(rig: StereoRig, pixels: StereoPixels, depths: tuple[float, float]) -> StereoPixels:
     """Select the matches near epipolar lines and at depths of the sandbox; none if most matches contradict the rig.
 
     Of the matches of photos of different scenes, few are near epipolar lines.
     """
     depth = triangulated_depth(rig, pixels.left, pixels.right)
-    likely = (depth > _DEPTHS_M[0]) & (depth < _DEPTHS_M[1])
+    likely = (depth > depths[0] - _DEPTH_MARGINS_M[0]) & (depth < depths[1] + _DEPTH_MARGINS_M[1])
     likely &= epipolar_distances(rig, pixels.left, pixels.right) < _MAX_EPIPOLAR_PX
     if likely.sum() < max(MIN_FEATURES, MIN_FEATURE_SHARE * len(likely)):
         likely[:] = False
     return StereoPixels(pixels.left[likely], pixels.right[likely])
 
 
-def _measure(terrain: Terrain, pairs: Mapping[str, StereoPhotos], rig: StereoRig) -> dict[str, RangePoints]:
+def _measure(
+    terrain: Terrain, pairs: Mapping[str, StereoPhotos], rig: StereoRig, area: SearchArea
+) -> dict[str, RangePoints]:
     """Return the points of each position whose photos match."""
     seen = {}
     for position, photos in pairs.items():
-        measured = measure_points(photos, rig, [HALF])
+        measured = measure_points(photos, rig, [HALF], area.depths)
         share = float(np.isfinite(measured.points_left[..., 2]).mean())
         if share < MIN_MATCHED:
             log.warning(
@@ -189,18 +191,19 @@ def _calibrated_by_ground(
     pairs: Mapping[str, StereoPhotos],
     features: Mapping[str, StereoPixels],
     seen: Mapping[str, RangePoints],
+    area: SearchArea,
 ) -> tuple[StereoRig, Mapping[str, Pose]]:
     """Return rig and `level_from_left` of positions, corrected by ground that pairs of positions measure.
 
     Without such ground, return `rig` and no poses.
     """
-    poses = _registered(site, terrain, seen)
+    poses = _registered(site, terrain, seen, area)
     for number, (cell, reach) in enumerate(ROUNDS):
         if number:
-            seen = {position: measure_points(pairs[position], rig, [HALF]) for position in seen}
+            seen = {position: measure_points(pairs[position], rig, [HALF], area.depths) for position in seen}
         crossings = {}
         for pair in combinations(sorted(poses), 2):
-            crossing = find_crossing(seen, pair, rig, poses, cell, reach)
+            crossing = find_crossing(seen, pair, rig, poses, cell, reach, area.half)
             if len(crossing.fixed.left) >= MIN_CROSSINGS:
                 crossings[pair] = crossing
         if not crossings:
@@ -220,9 +223,8 @@ def _calibrated_by_ground(
     return rig, poses
 
 
-def _registered(site: Site, terrain: Terrain, seen: Mapping[str, RangePoints]) -> dict[str, Pose]:
+def _registered(site: Site, terrain: Terrain, seen: Mapping[str, RangePoints], area: SearchArea) -> dict[str, Pose]:
     """Return `level_from_left` of the positions whose range maps show the same terrain."""
-    area = SearchArea.of(site.sandbox_of(terrain), site.max_survey_error_m)
     scans = {name: points.points_left[np.isfinite(points.points_left[..., 2])] for name, points in seen.items()}
     try:
         network = register_scans(scans, surveyed_poses(site.tripods_of(terrain)), area)

@@ -61,6 +61,7 @@ class _Levelled:
     coarse: list[icp.ScanSurface]
     fine: icp.ScanSurface
     area: SearchArea
+    surveyed: bool  # whether the start is a surveyed pose
 
     def sand(self) -> icp.ScanSurface:
         """Return the fine grid without walls: they have two sides, and the cloth on them moves between scans."""
@@ -182,9 +183,8 @@ def _level_scan(position: str, points: np.ndarray, stations: Mapping[str, Pose],
             f"centre, {area.min_sand_area:g} m2 needed: walls do not suffice for a registration"
         )
     fine = icp.thin_to_planes(near, viewpoint, VOXEL)
-    return _Levelled(
-        level_from_left, [icp.thin_to_planes(fine.points, viewpoint, voxel) for voxel in COARSE_VOXELS], fine, area
-    )
+    coarse = [icp.thin_to_planes(fine.points, viewpoint, voxel) for voxel in COARSE_VOXELS]
+    return _Levelled(level_from_left, coarse, fine, area, position in stations)
 
 
 def _metres(reach: np.ndarray) -> str:
@@ -209,17 +209,18 @@ def _align_pair(fixed: str, moving: str, levelled: Mapping[str, _Levelled]) -> P
     starts = correlate_rotations(*grids, first.area.radius, MAP_STEP, yaws, first.area.translation, CANDIDATES)
     tried = [icp.align_coarsely(first.coarse, second.coarse, COARSE_VOXELS, start) for start in starts]
     share = [_agreement(first, second, pose) for pose in tried]
+    remedy = "" if first.surveyed and second.surveyed else "; state the tripods of both positions in the site"
     if max(share) < MIN_FITNESS:
         raise RegistrationError(
             f"the scans of positions {fixed} and {moving} agree on {max(share):.2f} of the ground that both show, "
-            f"{MIN_FITNESS:g} needed"
+            f"{MIN_FITNESS:g} needed{remedy}"
         )
     best = tried[int(np.argmax(share))]
     similarity = _relief_similarity(first, second, best)
     if similarity < MIN_RELIEF_CORRELATION:
         raise RegistrationError(
             f"the scans of positions {fixed} and {moving} show different terrains: their relief correlates by "
-            f"{similarity:.2f}, {MIN_RELIEF_CORRELATION:g} needed"
+            f"{similarity:.2f}, {MIN_RELIEF_CORRELATION:g} needed{remedy}"
         )
     return best
 

@@ -8,23 +8,29 @@ on a plane at distance 1, without distortion.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
-from polarsim.geometry.poses import Pose, camera_pose
+from polarsim.geometry.poses import Pose, camera_pose, yaw_pitch_roll
+from polarsim.site import Sandbox, Tripod
 
 DISTANCE_STEP, HEIGHT_STEP = 0.3, 0.2  # metres: grid of tried positions
 AZIMUTH_RANGE_DEG, AZIMUTH_STEP_DEG = 12.0, 4.0  # of the search about the surveyed azimuth
 SEARCH_SD_PX = 40.0  # tolerance of box centres: about their displacement by a step
-DISTANCE_RANGE = (1.0, 7.0)  # horizontal distance of a tripod from the origin, metres
-HEIGHT_RANGE = (0.8, 2.0)  # height of a camera above the median rock, metres
+# Tried positions of a camera: horizontal distance from the origin and height above the median rock, metres. The ranges
+# include all tripods of the site with these margins.
+NEAREST, BEYOND_SAND, DISTANCE_MARGIN = 1.0, 5.0, 0.5
+HEIGHT_RANGE, HEIGHT_MARGINS = (0.8, 2.0), (0.7, 0.45)
 STARTS = 25  # maximum number of hypotheses that are refined
 SIZE_SD = 0.5  # tolerance of log width and log height
 PITCH = np.radians([2.0, 60.0])  # minimum and maximum, downwards
-YAW_OFF_ORIGIN = np.radians(25.0)  # maximum angle between the optical axis and the terrain's centre
+YAW_OFF_ORIGIN = np.radians(25.0)  # maximum angle between the optical axis and the terrain's centre, or ...
+YAW_MARGIN = np.radians(15.0)  # ... this angle beyond the surveyed heading
+USUAL_WIDTH_PX = 1936  # width of the photos for which tolerances in pixels are stated
 DUPLICATE_DISTANCE, DUPLICATE_ANGLE = 0.35, 0.05  # metres, radians: nearer hypotheses are duplicates
 MAX_PER_POSITION = 20  # maximum number of hypotheses of a position
 
@@ -43,14 +49,32 @@ class Hypothesis:
         return camera_pose(self.centre, self.yaw, self.pitch)
 
 
-def candidate_centres(azimuth: float | None, level: float) -> np.ndarray:
+@dataclass(frozen=True)
+class SearchRanges:
+    """Ranges of tried positions: distance from the origin and height above the median rock, metres."""
+
+    distance: tuple[float, float]
+    height: tuple[float, float]
+
+    @classmethod
+    def of(cls, sandbox: Sandbox, tripods: Mapping[str, Tripod]) -> SearchRanges:
+        """Return the ranges of a site."""
+        near, far, (low, high) = NEAREST, max(sandbox.half_width_m) + BEYOND_SAND, HEIGHT_RANGE
+        for tripod in tripods.values():
+            distance, height = float(np.hypot(*tripod.camera_m[:2])), tripod.camera_m[2]
+            near, far = min(near, distance - DISTANCE_MARGIN), max(far, distance + DISTANCE_MARGIN)
+            low, high = min(low, height - HEIGHT_MARGINS[0]), max(high, height + HEIGHT_MARGINS[1])
+        return cls((max(near, DISTANCE_STEP), far), (low, high))
+
+
+def candidate_centres(azimuth: float | None, level: float, ranges: SearchRanges) -> np.ndarray:
     """Return positions (n, 3) to try.
 
     `azimuth`: azimuth of the tripod from the origin, radians; None tries the full circle.
     `level`: height of the scene, metres.
     """
-    distances = _steps(*DISTANCE_RANGE, DISTANCE_STEP)
-    heights = level + _steps(*HEIGHT_RANGE, HEIGHT_STEP)
+    distances = _steps(*ranges.distance, DISTANCE_STEP)
+    heights = level + _steps(*ranges.height, HEIGHT_STEP)
     if azimuth is None:
         azimuths = np.radians(np.arange(0, 360, AZIMUTH_STEP_DEG))
     else:
@@ -59,11 +83,18 @@ def candidate_centres(azimuth: float | None, level: float) -> np.ndarray:
     return np.stack([grid[:, 0] * np.cos(grid[:, 1]), grid[:, 0] * np.sin(grid[:, 1]), grid[:, 2]], axis=1)
 
 
-def search_pose(outlines: Outlines, boxes: np.ndarray, lens: Lens, centres: np.ndarray) -> list[Hypothesis]:
-    """Return the best distinct hypotheses at positions (n, 3), metres, for rock boxes (b, 4), px, best first."""
-    normalised = _NormalisedBoxes.of(boxes, lens, SEARCH_SD_PX)
-    thin = outlines.thinned(26)
-    hypotheses = [hypothesis for centre in centres for hypothesis in _hypotheses_at(centre, thin, normalised)]
+def search_pose(
+    outlines: Outlines, boxes: np.ndarray, lens: Lens, centres: np.ndarray, surveyed: Pose | None
+) -> list[Hypothesis]:
+    """Return the best distinct hypotheses at positions (n, 3), metres, for rock boxes (b, 4), px, best first.
+
+    The optical axes are near the terrain's centre; `surveyed` widens their range if its axis is not.
+    """
+    normalised = _NormalisedBoxes.of(boxes, lens, SEARCH_SD_PX * lens.width / USUAL_WIDTH_PX)
+    thin, off_origin = outlines.thinned(26), max(YAW_OFF_ORIGIN, _yaw_off_origin(surveyed) + YAW_MARGIN)
+    hypotheses = [
+        hypothesis for centre in centres for hypothesis in _hypotheses_at(centre, thin, normalised, off_origin)
+    ]
     kept: list[Hypothesis] = []
     for hypothesis in sorted(hypotheses, key=lambda hypothesis: -hypothesis.score):
         if len(kept) < STARTS and not any(_is_duplicate(hypothesis, other) for other in kept):
@@ -93,7 +124,17 @@ class _NormalisedBoxes:
         return np.concatenate([self.centre / self.sd, self.log_size / SIZE_SD], axis=1)
 
 
-def _hypotheses_at(centre: np.ndarray, outlines: Outlines, normalised: _NormalisedBoxes) -> list[Hypothesis]:
+def _yaw_off_origin(surveyed: Pose | None) -> float:
+    """Return the angle between the heading of a pose and the direction to the origin, radians; 0 without a pose."""
+    if surveyed is None:
+        return 0.0
+    off = yaw_pitch_roll(surveyed)[0] - np.arctan2(*-surveyed.translation[1::-1])
+    return abs(float((off + np.pi) % (2 * np.pi) - np.pi))
+
+
+def _hypotheses_at(
+    centre: np.ndarray, outlines: Outlines, normalised: _NormalisedBoxes, off_origin: float
+) -> list[Hypothesis]:
     yaw_home = float(np.arctan2(-centre[1], -centre[0]))
     pitch_home = float(np.arctan2(centre[2] - np.median(outlines.centres[:, 2]), np.hypot(centre[0], centre[1])))
     home = camera_pose(centre, yaw_home, pitch_home)
@@ -103,7 +144,7 @@ def _hypotheses_at(centre: np.ndarray, outlines: Outlines, normalised: _Normalis
     yaw, pitch = _aim(directions[rock], normalised.centre[box])
     off = (yaw - yaw_home + np.pi) % (2 * np.pi) - np.pi
     with np.errstate(invalid="ignore"):
-        good = (pitch > PITCH[0]) & (pitch < PITCH[1]) & (np.abs(off) < YAW_OFF_ORIGIN)
+        good = (pitch > PITCH[0]) & (pitch < PITCH[1]) & (np.abs(off) < off_origin)
     yaw, pitch = yaw[good], pitch[good]
     if not len(yaw):
         return []

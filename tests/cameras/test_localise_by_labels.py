@@ -7,6 +7,7 @@ from polarsim.cameras import search
 from polarsim.cameras.labels import check_localisation, localise_by_labels, survey_prior
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.refine import EdgeNoise, EdgeProblem, unknowns_of
+from polarsim.cameras.search import SearchRanges
 from polarsim.cameras.surveyed import (
     SHARED_PITCH_SD_DEG,
     USUAL_PITCH_SD_DEG,
@@ -18,7 +19,7 @@ from polarsim.geometry.boxes import match_by_position_and_size
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between, camera_pose, yaw_pitch_roll
 from tests.support.polar_rig import default_rig
-from tests.support.polar_survey import TRIPODS, surveyed_pose
+from tests.support.polar_survey import RANGES, TRIPODS, surveyed_pose
 
 pytestmark = pytest.mark.usefixtures("coarse_search")
 OPTIONS = LocalisationOptions()
@@ -32,7 +33,7 @@ def outlines(labelled):
 
 @pytest.fixture(scope="module")
 def localisation_of_a(labelled, outlines):
-    return localise_by_labels(labelled.seen("A"), outlines, LENS, surveyed_pose("A"), OPTIONS)
+    return localise_by_labels(labelled.seen("A"), outlines, LENS, surveyed_pose("A"), OPTIONS, RANGES)
 
 
 def spoiled(boxes, rng):
@@ -47,7 +48,7 @@ def spoiled(boxes, rng):
 def test_the_pose_is_found_with_missing_and_false_boxes(labelled, outlines, true_poses, rng):
     position = "C"
     boxes = spoiled(labelled.seen(position), rng)
-    localisation = localise_by_labels(boxes, outlines, LENS, surveyed_pose(position), OPTIONS)
+    localisation = localise_by_labels(boxes, outlines, LENS, surveyed_pose(position), OPTIONS, RANGES)
     found, true = localisation.fit.sandbox_from_left, true_poses[position]
     # Edges of 2 px and 12 rocks at 4 m: about 2 px / sqrt(12) * 4 m / 2070 px = 1 mm across, ten times that in depth.
     assert np.linalg.norm(found.translation - true.translation) < 0.03
@@ -60,14 +61,14 @@ def test_the_pose_is_found_with_missing_and_false_boxes(labelled, outlines, true
 
 def test_the_pose_is_found_without_a_survey(labelled, outlines, true_poses, monkeypatch):
     monkeypatch.setattr(search, "AZIMUTH_STEP_DEG", 6.0)
-    monkeypatch.setattr(search, "DISTANCE_RANGE", (3.0, 4.5))
-    found = localise_by_labels(labelled.seen("A"), outlines, LENS, None, OPTIONS).fit.sandbox_from_left
+    near = SearchRanges((3.0, 4.5), RANGES.height)
+    found = localise_by_labels(labelled.seen("A"), outlines, LENS, None, OPTIONS, near).fit.sandbox_from_left
     assert np.linalg.norm(found.translation - true_poses["A"].translation) < 0.03
 
 
 def test_mirrored_boxes_are_refused(labelled, outlines):
     mirrored = labelled.seen("A") * [-1, 1, -1, 1] + [LENS.width, 0, LENS.width, 0]
-    localisation = localise_by_labels(mirrored[:, [2, 1, 0, 3]], outlines, LENS, surveyed_pose("A"), OPTIONS)
+    localisation = localise_by_labels(mirrored[:, [2, 1, 0, 3]], outlines, LENS, surveyed_pose("A"), OPTIONS, RANGES)
     with pytest.raises(RegistrationError):
         check_localisation(localisation, 1.0)
 
@@ -84,7 +85,7 @@ def test_the_second_best_pose_is_at_another_position(localisation_of_a):
 
 def test_too_few_boxes_are_refused(outlines):
     with pytest.raises(RegistrationError):
-        localise_by_labels(np.zeros((2, 4)), outlines, LENS, surveyed_pose("A"), OPTIONS)
+        localise_by_labels(np.zeros((2, 4)), outlines, LENS, surveyed_pose("A"), OPTIONS, RANGES)
 
 
 def test_boxes_are_matched_by_size_and_distance():

@@ -13,7 +13,7 @@ from polarsim.geometry.outlines import outlines_of
 from polarsim.photo import SUNS
 from polarsim.run_files.rigs import LocalisedRig
 from tests.support.polar_rig import default_rig
-from tests.support.polar_survey import TRIPODS, surveyed_pose
+from tests.support.polar_survey import RANGES, TRIPODS, surveyed_pose
 
 OPTIONS = LocalisationOptions()
 
@@ -44,7 +44,7 @@ def test_real_seeds_localise_the_rig(release_root, terrain, position, stood, lea
     outlines = outlines_of(meshes)
     boxes = consensus_boxes(best_boxes(release_root, terrain, position, "L"))
     localisation = check_localisation(
-        localise_by_labels(boxes, outlines, default_rig().left, surveyed_pose(position), OPTIONS), 1.0
+        localise_by_labels(boxes, outlines, default_rig().left, surveyed_pose(position), OPTIONS, RANGES), 1.0
     )
     pose = localisation.fit.sandbox_from_left
     assert np.linalg.norm(pose.translation - stood) < 0.1  # their lens is 1 % longer: 4 to 6 cm in distance
@@ -64,7 +64,7 @@ def test_every_position_of_a_terrain_with_displaced_rocks_is_localised(release_r
     meshes = {rock: obj.read_obj(path) for rock, path in release.released_meshes(release_root, 12).items()}
     outlines = outlines_of(meshes)
     seen = {position: consensus_boxes(best_boxes(release_root, 12, position, "L")) for position in "ABC"}
-    found = localise_all(seen, outlines, default_rig().left, OPTIONS, TRIPODS, 1.0)
+    found = localise_all(seen, outlines, default_rig().left, OPTIONS, TRIPODS, 1.0, RANGES)
     assert not found.refused
     assert all(localisation.share > 0.55 for localisation in found.localised.values())
     off = np.linalg.norm(found.translations.metres, axis=1)

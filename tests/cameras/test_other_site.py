@@ -10,16 +10,21 @@ from scipy.ndimage import gaussian_filter
 from polarsim.cameras.locate import locate_cameras
 from polarsim.cameras.options import LocalisationOptions, RefinementOptions
 from polarsim.cameras.photos import refine_cameras
+from polarsim.cameras.scans import register_scans
+from polarsim.cameras.search import SearchRanges
+from polarsim.cameras.search_area import SearchArea
 from polarsim.cameras.shading import cast_view, surface_of
+from polarsim.errors import RegistrationError
 from polarsim.formats import nasa, obj, png
 from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.geometry.poses import angle_between, camera_pose
 from polarsim.geometry.stereo import StereoRig, rectified_left
 from polarsim.photo import BLACK_LEVEL, NO_ROCK, WHITE_LEVEL
-from polarsim.run_files.inventory import Inventory, write_inventory
+from polarsim.run_files.inventory import Inventory, read_inventory, write_inventory
 from polarsim.run_files.lamps import read_localised_suns
 from polarsim.run_files.rigs import read_all_localised, write_localised, write_rig
+from polarsim.run_files.scans import read_scan
 from polarsim.run_files.scene import TerrainMesh
 from tests.support.other_site import one_camera, other_rig
 from tests.support.scans import caster_of, range_map
@@ -140,7 +145,7 @@ def test_photos_of_one_camera_refine_poses_and_both_kinds_of_lamps(located, grou
         meshes=yard / "meshes",
         photos=tmp_path / "photos.parquet",
         cameras=tmp_path / "cameras",
-        options=RefinementOptions(scales=(0.4, 0.8)),
+        options=RefinementOptions(),
     )
     refined, suns = read_all_localised(tmp_path / "cameras"), read_localised_suns(tmp_path / "cameras")
     assert {rig.method for rig in refined.values()} == {"scans, photos"}
@@ -154,3 +159,24 @@ def test_photos_of_one_camera_refine_poses_and_both_kinds_of_lamps(located, grou
         assert np.degrees(np.arccos(cosine)) < 0.25
         surveyed = np.array(one_camera().lamps[name].point)
         assert surveyed @ lamp / np.linalg.norm(surveyed) / np.linalg.norm(lamp) < np.cos(np.radians(0.5))
+
+
+def test_search_ranges_follow_the_size_of_the_yard():
+    site = one_camera()
+    area, ranges = SearchArea.of(site, TERRAIN), SearchRanges.of(site.sandbox, site.tripods)
+    np.testing.assert_allclose(area.radius, [2.7, 4.2])
+    np.testing.assert_allclose(area.sand, [1.2, 2.4])
+    assert ranges.distance[1] == 8.0
+    far = one_camera(tripods={"mast": {"camera_m": [0.0, -12.0, 4.0], "yaw_deg": 90, "pitch_deg": 20}})
+    ranges = SearchRanges.of(far.sandbox, far.tripods)
+    assert ranges.distance[0] == 1.0
+    assert ranges.distance[1] == 12.5
+    assert ranges.height == (0.8, 4.45)
+    assert SearchArea.of(far, TERRAIN).depths[1] > np.hypot(12 + 3, 4)
+
+
+def test_scans_from_different_sides_need_the_tripods_of_the_site(yard):
+    inventory, site = read_inventory(yard / "inventory.json"), one_camera()
+    scans = {position: read_scan(inventory, position, RIG, site.files) for position in TRUE}
+    with pytest.raises(RegistrationError, match="tripods"):
+        register_scans(scans, {}, SearchArea.of(site, TERRAIN))

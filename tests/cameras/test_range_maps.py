@@ -19,6 +19,7 @@ from polarsim.run_files.rigs import write_rig
 from polarsim.site import polar
 from tests.relief.scenes import LENS, camera, photograph, relief, texture
 from tests.support.polar_rig import default_rig
+from tests.support.polar_survey import AREA
 
 RIG = StereoRig(LENS, LENS, Pose(np.eye(3), np.array([0.3, 0.0, 0.0])))
 TRUE = default_rig()
@@ -38,7 +39,7 @@ def height_errors(points_left):
 
 
 def test_two_lamps_measure_the_ground():
-    points = measure_points(pair((0, 1)), RIG, [HALF, FULL]).points_left
+    points = measure_points(pair((0, 1)), RIG, [HALF, FULL], AREA.depths).points_left
     errors = height_errors(points)
     assert np.isfinite(points[..., 2]).mean() > 0.3  # the ground fills a part of the photo
     pixel = 0.027  # metres of height for a pixel of disparity, at 3 m with this lens
@@ -50,14 +51,15 @@ def test_brightness_and_slow_light_of_a_photo_do_not_matter():
     photos = pair((0,))
     falloff = np.linspace(1, 3, LENS.width, dtype=np.float32)
     changed = StereoPhotos(photos.left, [picture * falloff for picture in photos.right])
-    first, second = (measure_points(one, RIG, [HALF]).points_left[..., 2] for one in (photos, changed))
+    first, second = (measure_points(one, RIG, [HALF], AREA.depths).points_left[..., 2] for one in (photos, changed))
     both = np.isfinite(first) & np.isfinite(second)
     assert both.sum() > 0.9 * np.isfinite(first).sum()
     assert np.median(np.abs(first - second)[both]) < 0.002
 
 
 def test_photos_of_different_scenes_match_at_fewer_pixels():
-    same, other = (measure_points(pair((0, 1), right), RIG, [HALF]).points_left for right in (None, (5, 6)))
+    photos = (pair((0, 1), right) for right in (None, (5, 6)))
+    same, other = (measure_points(of, RIG, [HALF], AREA.depths).points_left for of in photos)
     assert np.isfinite(other[..., 2]).mean() < 0.3 * np.isfinite(same[..., 2]).mean()
 
 
@@ -67,8 +69,8 @@ def test_matches_of_different_scenes_are_excluded(stations):
     pixels = stereo_pixels(TRUE, stations["A"], points)
     wrong = rng.uniform([0, 0], [TRUE.right.width, TRUE.right.height], (300, 2))
     a_third = StereoPixels(pixels.left, np.where(np.arange(300)[:, None] % 3 == 0, wrong, pixels.right))
-    assert 200 <= len(possible_matches(TRUE, a_third).left) < 215
-    assert len(possible_matches(TRUE, StereoPixels(pixels.left, wrong)).left) == 0
+    assert 200 <= len(possible_matches(TRUE, a_third, AREA.depths).left) < 215
+    assert len(possible_matches(TRUE, StereoPixels(pixels.left, wrong), AREA.depths).left) == 0
 
 
 @pytest.fixture
@@ -115,8 +117,8 @@ def test_windows_of_maps_are_found_at_their_displacement():
     pattern = rng.normal(size=(420, 420, 2)).astype(np.float32)
     x = 0.01 * np.arange(420)
     height = np.broadcast_to(0.02 * x, (420, 420))
-    fixed = Ortho(height, pattern)
-    moving = Ortho(height + 0.003, np.roll(pattern, (4, -3), axis=(0, 1)))
+    fixed = Ortho(height, pattern, np.full(2, 2.1))
+    moving = Ortho(height + 0.003, np.roll(pattern, (4, -3), axis=(0, 1)), np.full(2, 2.1))
     first, second = match_orthophotos(fixed, moving, 0.01, 0.06)
     assert len(first) > 900
     np.testing.assert_allclose((second - first)[:, :2], np.broadcast_to([-0.03, 0.04], (len(first), 2)), atol=0.003)

@@ -11,7 +11,7 @@ from polarsim.cameras.translations import MAX_TRANSLATION, fit_translations, tra
 from polarsim.geometry.outlines import Outlines, outlines_of
 from polarsim.run_files.rock_translations import FILE, read_translations
 from tests.support.polar_rig import default_rig
-from tests.support.polar_survey import TRIPODS
+from tests.support.polar_survey import RANGES, TRIPODS
 
 from .conftest import TRUE_POSES, annotated_boxes
 
@@ -38,7 +38,7 @@ def solved(labelled, annotated, off):
     """Localise all positions with meshes that are `off` (m, 3) metres from their true positions."""
     outlines = translated(outlines_of(labelled.meshes, 0.0, 0.0), off)
     seen = {p: boxes[np.isfinite(boxes).all(axis=1)] for p, boxes in annotated.items()}
-    return Solution(outlines, localise_all(seen, outlines, LENS, OPTIONS, TRIPODS, 1.0))
+    return Solution(outlines, localise_all(seen, outlines, LENS, OPTIONS, TRIPODS, 1.0, RANGES))
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +91,7 @@ def test_a_few_displaced_rocks_do_not_move_the_rest(labelled, annotated):
 def test_a_refused_position_does_not_change_the_rest(labelled, annotated):
     outlines = outlines_of(labelled.meshes, 0.0, 0.0)
     seen = {p: boxes[np.isfinite(boxes).all(axis=1)] for p, boxes in annotated.items()}
-    found = localise_all({**seen, "A": seen["B"]}, outlines, LENS, OPTIONS, TRIPODS, 1.0)
+    found = localise_all({**seen, "A": seen["B"]}, outlines, LENS, OPTIONS, TRIPODS, 1.0, RANGES)
     assert set(found.localised) == set("BC")
     assert set(found.refused) == {"A"}
     assert "2." in found.refused["A"].reason  # B is 2.5 m behind A: its boxes are explained perfectly by a pose at B

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from polarsim.cameras.search import SearchRanges
 from polarsim.cameras.search_area import SearchArea
 from polarsim.geometry.poses import Pose
 from polarsim.run_files import survey
@@ -13,7 +14,8 @@ HALF = np.array(SANDBOX.half_width_m)
 SURELY_WALL = surely_wall(SANDBOX)
 TRIPODS = polar().tripods
 STATIONS = survey.surveyed_poses(TRIPODS)
-AREA = SearchArea.of(SANDBOX, polar().max_survey_error_m)
+RANGES = SearchRanges.of(SANDBOX, TRIPODS)
+AREA = SearchArea.of(polar(), 1)
 SUN_LAMPS = {name: np.array(lamp.point) for name, lamp in polar().lamps.items()}
 SURVEYED_LEFT = {name: np.array(tripod.camera_m) for name, tripod in polar().tripods.items()}
 RIG_LAMP = polar().rig_lamp
