@@ -129,26 +129,34 @@ class Config(BaseModel, extra="forbid", frozen=True):
 
     @model_validator(mode="after")
     def _of_site(self) -> Config:
-        for terrain in self.terrains:
-            if terrain not in self.site.terrains:
-                raise ValueError(f"terrains: terrain {terrain}, expected {self.site.terrains_text}")
+        if wrong := next(self._names_not_of_site(), None):
+            raise ValueError(wrong)
+        return self
+
+    def _names_not_of_site(self) -> Iterator[str]:
+        """Yield a message for each name that the site does not have."""
+        site = self.site
+        for number, terrain in enumerate(self.terrains):
+            if terrain not in site.terrains:
+                yield f"terrains.{number}: terrain {terrain}, expected {site.terrains_text}"
         for position in self.positions:
-            if position not in self.site.all_positions:
-                raise ValueError(f"positions: position {position!r}, expected {', '.join(self.site.all_positions)}")
+            if position not in site.all_positions:
+                yield f"positions: position {position!r}, expected {', '.join(site.all_positions)}"
         for terrain in self.terrains:
-            if not set(self.positions) & set(self.site.positions_of(terrain)):
+            if not set(self.positions) & set(site.positions_of(terrain)):
                 known = " or ".join(self.positions)
-                raise ValueError(f"positions: terrain {terrain_text(terrain)} has no position {known}")
-        if wrong := next(self.grid.wrong_values(self.site), None):
-            raise ValueError(f"grid.{wrong}")
-        if isinstance(seeds := self.labels.seeds, SeedOptions) and (wrong := next(seeds.wrong_values(self.site), None)):
-            raise ValueError(f"labels.seeds.{wrong}")
+                yield f"positions: terrain {terrain_text(terrain)} has no position {known}"
+        yield from (f"grid.{wrong}" for wrong in self.grid.wrong_values(site))
+        if isinstance(seeds := self.labels.seeds, SeedOptions):
+            yield from (f"labels.seeds.{wrong}" for wrong in seeds.wrong_values(site))
         for key in self.labels.excluded_annotations:
             try:
-                self.site.key(key)
+                site.key(key)
             except LabelError as error:
-                raise ValueError(f"labels.excluded_annotations: {error}") from error
-        return self
+                yield f"labels.excluded_annotations: {error}"
+        for terrain in self.labels.min_shadow_exposure_ms_by_terrain:
+            if terrain not in site.terrains:
+                yield f"labels.min_shadow_exposure_ms_by_terrain.{terrain}: expected terrain {site.terrains_text}"
 
     @model_validator(mode="after")
     def _scans_without_seeds(self) -> Config:
@@ -283,6 +291,11 @@ class Config(BaseModel, extra="forbid", frozen=True):
     def measures_ranges(self) -> bool:
         """Whether ranges are measured in stereo photos, because scans are not read. A single camera cannot."""
         return self.data_source.has_scans and not self.has_scans and self.site.cameras.stereo
+
+    @property
+    def has_ranges(self) -> bool:
+        """Whether scans, stereo photos or published meshes show the shape of the terrain."""
+        return self.has_scans or self.measures_ranges or not self.data_source.has_scans
 
     @property
     def photo_domain(self) -> str:

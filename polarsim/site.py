@@ -58,6 +58,8 @@ def _text(value: object) -> object:
     """Convert a name that YAML reads as a number to text; raise ValueError for a boolean."""
     if isinstance(value, bool):
         raise ValueError("YAML reads on, off, yes, no as booleans: put the name in quotes")
+    if isinstance(value, float):
+        raise ValueError(f"{value}, expected a whole number or a name")
     return str(value) if isinstance(value, int) else value
 
 
@@ -99,7 +101,7 @@ class Tripod(_Part):
         return self.pitch_deg if self.usual_pitch_deg is None else self.usual_pitch_deg
 
 
-class Lamp(_Part):
+class SunLamp(_Part):
     """A lamp that stands in for the Sun and does not move with the rig."""
 
     kind: Literal["point", "directional"] = Field(
@@ -110,7 +112,7 @@ class Lamp(_Part):
     elevation_deg: float | None = Field(None, description="Elevation of a directional lamp above the horizon, degrees.")
 
     @model_validator(mode="after")
-    def _placed(self) -> Lamp:
+    def _placed(self) -> SunLamp:
         if (self.kind == "point") != (self.position_m is not None):
             raise ValueError("position_m is required for a point lamp, and only for it")
         if (self.kind == "directional") != (None not in (self.azimuth_deg, self.elevation_deg)):
@@ -358,7 +360,7 @@ class Site(_Part):
     )
     positions: tuple[Name, ...] = Field(min_length=1, description="Names of the camera positions of a terrain.")
     tripods: Mapping[Name, Tripod] = Field({}, description="Approximate poses of the positions, where known.")
-    lamps: Mapping[Name, Lamp] = Field({}, description="Lamps that stand in for the Sun, by name, such as '45'.")
+    lamps: Mapping[Name, SunLamp] = Field({}, description="Lamps that stand in for the Sun, by name, such as '45'.")
     without_lamp: bool = Field(False, description=f"Photos with azimuth '{NO_SUN}': no lamp but the rig's.")
     rig_lamp: RigLamp | None = Field(None, description="Lamp that moves with the rig; null: none, light is always off.")
     exposures_ms: tuple[PositiveInt, ...] = Field(min_length=1, description="Exposures with a lamp, ms.")

@@ -105,7 +105,7 @@ def mixes(**weights):
     ("setting", "named"),
     [
         ({"terains": [1]}, "terains:"),
-        ({"terrains": [14]}, "terrains:"),
+        ({"terrains": [14]}, "terrains.0:"),
         ({"positions": ["H"]}, "positions:"),
         ({"detect": {"splits": ["rock"]}}, "detect.splits"),
         ({"detect": {"others": {"yolo": {"trained_on": ["real"]}}}}, "detect.others.yolo.trained_on:"),

@@ -65,7 +65,7 @@ def test_missing_and_empty_folders_are_distinguished(polarsim, here, call):
         (("export", "out", "--terrain", "4"), ["terrain 4", "1"]),
         (("export", "out", "--terrain", "1", "--terrain", "4"), ["terrain 4", "1"]),
         (("show", "3_A_on_350_R_256"), ["terrain '3'", "exposure '256'"]),
-        (("undo", "01_G_on_350_R_0256"), ["position G", "A, B, C"]),
+        (("undo", "01_G_on_350_R_0256", "--configfile", "config/config.yaml"), ["position 'G'", "A, B or C"]),
     ],
     ids=lambda value: " ".join(value),
 )

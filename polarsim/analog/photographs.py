@@ -34,7 +34,7 @@ from polarsim.photo import BLACK_LEVEL, ROCK, SHADOW, PhotoKey, Terrain, terrain
 from polarsim.photo_format import in_photo_format
 from polarsim.progress import track
 from polarsim.randomness import generator
-from polarsim.site import FAR_M, Lamp, Site
+from polarsim.site import FAR_M, Site, SunLamp
 
 # Photo-electrons per millisecond at unit radiance, for sites with this usual exposure. The sand at the centre of the
 # sandbox is then well exposed by a lamp of unit output that causes this irradiance on level sand (NASA's lamp 30).
@@ -127,7 +127,7 @@ def _outputs(site: Site) -> dict[str, float]:
     return outputs | ({ROVER: site.rig_lamp.share * (near or [1.0])[0]} if site.rig_lamp else {})
 
 
-def _usual_output(lamp: Lamp) -> float:
+def _usual_output(lamp: SunLamp) -> float:
     """Return the intensity that causes the usual irradiance on level sand at the centre of the sandbox."""
     distance = float(np.linalg.norm(lamp.point))
     return _IRRADIANCE * distance**3 / max(lamp.point[2], 0.05 * distance)

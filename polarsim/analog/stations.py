@@ -15,7 +15,7 @@ from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import Terrain
 from polarsim.randomness import generator
-from polarsim.site import FAR_M, Lamp, Site
+from polarsim.site import FAR_M, Site, SunLamp
 
 ROVER = "rover"  # name of the light between the cameras; Sun lamps are named by their azimuth
 # Assumed deviations of the sandbox from survey and calibration; the real deviations of NASA's sandbox are unknown.
@@ -71,7 +71,7 @@ def make_stations(site: Site, terrain: Terrain, options: AnalogOptions) -> Stati
     return Stations(rig, calibration, poses, lamps, site.suns)
 
 
-def _error_scale(lamp: Lamp) -> float:
+def _error_scale(lamp: SunLamp) -> float:
     return FAR_M / _LAMP_DISTANCE if lamp.kind == "directional" else 1.0
 
 

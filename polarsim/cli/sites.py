@@ -30,8 +30,8 @@ def check_site(
     Exit code 0: valid; 1: invalid, or values are to be filled in.
     """
     from polarsim.running.checked_site import checked_config, is_configuration, values_to_fill_in
+    from polarsim.running.found_files import found_files
     from polarsim.running.site_stages import stage_states
-    from polarsim.running.terrain_files import terrain_files
 
     if missing := values_to_fill_in(site):
         print_table(("key", "to be filled in"), missing, f"{site}: values that a person must enter")
@@ -41,7 +41,7 @@ def check_site(
     rows = [(state.stage, "yes" if state.possible else "no", state.reason) for state in states]
     print_table(("stage", "possible", "how, or why not"), rows, f"Site {config.site.name}")
     if config.data_source.has_scans and config.source.root.is_dir() and (root or is_configuration(site)):
-        found = terrain_files(config)
+        found = found_files(config)
         files = [
             (one.terrain, f"{one.photos} of {one.expected}", one.stray, ", ".join(one.scans) or "none", one.calibration)
             for one in found

@@ -48,14 +48,18 @@ class _Loader(yaml.SafeLoader):
     """YAML loader that also reads OpenCV's matrices."""
 
 
+def _matrix(loader: yaml.SafeLoader, node: yaml.MappingNode) -> dict[Any, Any]:
+    return loader.construct_mapping(node, deep=True)
+
+
 for _tag in ("opencv-matrix", "opencv-nd-matrix"):
-    _Loader.add_constructor(f"tag:yaml.org,2002:{_tag}", lambda loader, node: loader.construct_mapping(node, deep=True))
+    _Loader.add_constructor(f"tag:yaml.org,2002:{_tag}", _matrix)
 
 
 @reader("calibration", largest_mb=1)
 def read_calibration(path: str | Path, site: Site) -> StereoRig:
     """Read a calibration in any of the formats; raise an error if it does not fit the cameras of the site."""
-    return rig_of(read_stated(path), site)
+    return checked_rig(read_stated(path), site)
 
 
 @reader("calibration", largest_mb=1)
@@ -82,7 +86,7 @@ def stated_rig(site: Site) -> StereoRig:
     return _stated_rig(resolve_packaged(site.cameras.calibration), site.model_dump_json())
 
 
-def rig_of(stated: StatedCalibration, site: Site) -> StereoRig:
+def checked_rig(stated: StatedCalibration, site: Site) -> StereoRig:
     """Return the rig of a calibration after a check of lenses and baseline; the second camera is ignored for one."""
     left = _lens(stated.left, site)
     if not site.cameras.stereo:

@@ -108,7 +108,7 @@ def expected_folders(site: Site, terrain: Terrain) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def layout_of(site: Site) -> re.Pattern[str]:
+def archive_layout(site: Site) -> re.Pattern[str]:
     """Return the names of the folders at the start of the patterns and inside the folders of terrains.
 
     Other single top folders of an archive are removed.

@@ -102,7 +102,7 @@ def describe_error(error: ValidationError, subject: str) -> str:
 
 def _key(location: tuple[int | str, ...]) -> tuple[str, ...]:
     """Return a key as written in the file, without the types that pydantic tried."""
-    tried = {"int", "float", "str", "bool", *_names_below(BaseModel)}
+    tried = {"int", "constrained-int", "float", "str", "bool", *_names_below(BaseModel)}
     return tuple(str(part) for part in location if part not in tried and "[" not in str(part))
 
 

@@ -97,7 +97,7 @@ def _check_source(config: Config) -> None:
 
 
 def _check_ranges(config: Config) -> None:
-    if config.measures_ranges and not config.site.cameras.stereo:
+    if not config.has_ranges:
         raise ConfigError(
             f"source: without scans, ranges are measured in stereo photos, but the site {config.site.name} has one "
             "camera: expected files.clouds or files.range_maps of the site, and source.scans: true"

@@ -73,7 +73,7 @@ def _acquire(config: Config) -> StageState:
 def _cameras(config: Config) -> StageState:
     if not config.data_source.has_scans:
         return StageState("cameras", True, "from labels and published meshes")
-    if config.measures_ranges and not config.site.cameras.stereo:
+    if not config.has_ranges:
         return StageState("cameras", False, "no scans and one camera: ranges are unknown")
     return StageState("cameras", True, f"{_ranges(config)}; {_frame(config)}")
 

@@ -29,7 +29,7 @@ class FilesSource:
 
     def layout(self, site: Site) -> re.Pattern[str]:
         """Return the names of the top folders of archives."""
-        return site_files.layout_of(site)
+        return site_files.archive_layout(site)
 
     def expected(self, site: Site, terrain: Terrain) -> str:
         """Return the names of the folders of a terrain."""

@@ -12,7 +12,7 @@ from polarsim.photo import terrain_text
 
 
 @dataclass(frozen=True)
-class TerrainFiles:
+class FoundFiles:
     """Files of a terrain that were found below the root, and the number of photos of the site."""
 
     terrain: str
@@ -23,7 +23,7 @@ class TerrainFiles:
     calibration: str
 
 
-def terrain_files(config: Config) -> list[TerrainFiles]:
+def found_files(config: Config) -> list[FoundFiles]:
     """Return the files of each terrain of the run; an invalid calibration is an error."""
     site, root, found = config.site, config.source.root, []
     for terrain in config.terrains:
@@ -35,5 +35,5 @@ def terrain_files(config: Config) -> list[TerrainFiles]:
         selected = set(selected_grid(site, terrain, config.positions, config.grid))
         expected, count = len(selected), len(selected & {key for key, _ in photos})
         name = calibration.name if calibration else "of the site" if site.cameras.calibration else "none"
-        found.append(TerrainFiles(terrain_text(terrain), count, expected, len(strays), tuple(sorted(scans)), name))
+        found.append(FoundFiles(terrain_text(terrain), count, expected, len(strays), tuple(sorted(scans)), name))
     return found
