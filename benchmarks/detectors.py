@@ -54,7 +54,7 @@ def make_dataset(root: Path, imgsz: int, train: int, test: int) -> Path:
         for x0, y0, x1, y1 in np.rint(boxes * imgsz / width_px).astype(int):
             pixels[y0:y1, x0:x1] = 200
         png.write_png(root / "images" / part / f"{key}.png", np.clip(pixels, 0, 255).astype(np.uint8))
-        yolo.write_boxes(root / "labels" / part / f"{key}.txt", np.zeros(20, int), boxes)
+        yolo.write_boxes(root / "labels" / part / f"{key}.txt", np.zeros(20, int), boxes, size=polar().images.size)
     tables.write_csv(root / "pictures.csv", pd.DataFrame({"key": keys, "part": parts}))
     return root
 

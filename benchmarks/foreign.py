@@ -378,7 +378,9 @@ def annotate(folder: Path, seed: int) -> None:
                 if np.sqrt(area(box)) >= SMALLEST_PX:
                     boxes.append(np.round(box))
         key = PhotoKey(TERRAIN, position, "off", "30", "L", 256)
-        yolo.write_boxes(folder / f"seeds/{key}.txt", np.zeros(len(boxes), int), np.array(boxes))
+        yolo.write_boxes(
+            folder / f"seeds/{key}.txt", np.zeros(len(boxes), int), np.array(boxes), size=polar().images.size
+        )
 
 
 def _in_sight(scene: o3d.t.geometry.RaycastingScene, eye: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -70,7 +70,7 @@ def read_truth(root: Path, terrain: int) -> Truth:
     truth: Truth = {}
     for key, path in release.label_files(root, terrain).items():
         try:
-            classes, boxes = yolo.read_boxes(path)
+            classes, boxes = yolo.read_boxes(path, size=polar().images.size)
         except FormatError as error:
             print(f"skipped: {error}")
             continue

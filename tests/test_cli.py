@@ -15,6 +15,7 @@ from polarsim.formats import coco, obj, png, rle, yolo
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import GREY_VALUES, PhotoKey
 from polarsim.site import polar
+from tests.support.polar_photos import SIZE
 
 ROCK_POLYGON = (2, np.array([[100.0, 100], [300, 100], [300, 250], [100, 250]]))
 GROUND_POLYGON = (1, np.array([[0.0, 0], [1936, 0], [1936, 1216], [0, 1216]]))
@@ -45,7 +46,10 @@ def test_every_command_is_called_in_a_test():
 
 def test_a_folder_scored_against_itself_is_perfect(polarsim, tmp_path):
     yolo.write_boxes(
-        tmp_path / "01_A_off_30_L_0256.txt", np.array([0, 1]), np.array([[5, 5, 50, 60], [50, 5, 90, 60.0]])
+        tmp_path / "01_A_off_30_L_0256.txt",
+        np.array([0, 1]),
+        np.array([[5, 5, 50, 60], [50, 5, 90, 60.0]]),
+        size=SIZE,
     )
     done = polarsim("score", tmp_path, tmp_path, "--json", tmp_path / "scores.json")
     assert done.returncode == 0, done.stderr
@@ -66,7 +70,7 @@ def test_a_broken_label_ends_in_one_line_with_file_and_number(tmp_path):
 
 
 def test_masks_show_rocks_above_ground_in_any_order(polarsim, tmp_path):
-    yolo.write_polygons(tmp_path / "in/01_A_off_30_L_0256.txt", [ROCK_POLYGON, GROUND_POLYGON])
+    yolo.write_polygons(tmp_path / "in/01_A_off_30_L_0256.txt", [ROCK_POLYGON, GROUND_POLYGON], size=SIZE)
     done = polarsim("masks", tmp_path / "in", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     grey = png.read_png(tmp_path / "out/01_A_off_30_L_0256.png")

@@ -9,6 +9,7 @@ from polarsim.formats import tables, yolo
 from polarsim.reporting import reporting
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.state import OffGridError
+from tests.support.polar_photos import SIZE
 
 KINDS = [kind for kind in vars(errors).values() if isinstance(kind, type) and issubclass(kind, PolarsimError)]
 
@@ -33,7 +34,7 @@ def test_people_read_position_and_reason(tmp_path):
     path = tmp_path / "01_A_off_180_L_0256.txt"
     path.write_text("0 0.5 0.5 0.1 0.1\n\n0 0.5 0.5 0.1\n")
     with pytest.raises(FormatError) as caught:
-        yolo.read_boxes(path)
+        yolo.read_boxes(path, size=SIZE)
     assert str(caught.value).startswith(f"{path}:3: 4 fields, expected a box of 5")
     table = tmp_path / "split.csv"
     table.write_text("key\n1\n")

@@ -13,6 +13,7 @@ from polarsim.formats import coco, obj, png, rle, yolo
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import PhotoKey
 from polarsim.site import polar
+from tests.support.polar_photos import SIZE
 
 KEY = "01_A_off_30_L_0256"
 COMMANDS = sorted(typer.main.get_command(app).commands)
@@ -30,8 +31,8 @@ def here(tmp_path, monkeypatch):
     """Working folder with an input file of every command."""
     monkeypatch.chdir(tmp_path)
     obj.write_obj(Path("meshes") / obj.ground_name(1), SQUARE, "ground")
-    yolo.write_boxes(Path("boxes") / f"{KEY}.txt", np.array([0]), np.array([[5.0, 5, 50, 60]]))
-    yolo.write_polygons(Path("polygons") / f"{KEY}.txt", [(2, np.array([[10.0, 10], [30, 10], [30, 25]]))])
+    yolo.write_boxes(Path("boxes") / f"{KEY}.txt", np.array([0]), np.array([[5.0, 5, 50, 60]]), size=SIZE)
+    yolo.write_polygons(Path("polygons") / f"{KEY}.txt", [(2, np.array([[10.0, 10], [30, 10], [30, 25]]))], size=SIZE)
     mask = rle.encode_rle(np.ones((15, 20)), polar().images.size, 100, 100)
     coco.write_coco(
         Path("labels.json"),

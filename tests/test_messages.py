@@ -11,6 +11,7 @@ import pytest
 from polarsim.errors import ConfigError
 from polarsim.formats import png, yolo
 from polarsim.running.configuration import check_config
+from tests.support.polar_photos import SIZE
 
 KEY = "01_A_off_30_L_0256"
 WORDS_OF_LIBRARIES = re.compile(
@@ -21,7 +22,7 @@ WORDS_OF_LIBRARIES = re.compile(
 @pytest.fixture
 def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    yolo.write_boxes(Path("boxes") / f"{KEY}.txt", np.array([0]), np.array([[5.0, 5, 50, 60]]))
+    yolo.write_boxes(Path("boxes") / f"{KEY}.txt", np.array([0]), np.array([[5.0, 5, 50, 60]]), size=SIZE)
     for folder in ("empty", "results/demo/renders/hapke/Terrain01", "results/demo/labels/boxes/Terrain01"):
         Path(folder).mkdir(parents=True)
     png.write_png(Path(f"results/demo/renders/hapke/Terrain01/{KEY}.png"), np.zeros((1216, 1936), np.uint16))

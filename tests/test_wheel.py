@@ -142,7 +142,9 @@ def work():
             (folder / place).mkdir(parents=True, exist_ok=True)
             (folder / place / f"{KEY}.txt").write_text(f"0 0.5 0.5 0.1 0.1{confidence}\n")
         png.write_png(folder / "picture.png", np.zeros((48, 64), np.uint8))
-        yolo.write_polygons(folder / f"polygons/{KEY}.txt", [(2, np.array([[10.0, 10], [30, 10], [30, 25]]))])
+        yolo.write_polygons(
+            folder / f"polygons/{KEY}.txt", [(2, np.array([[10.0, 10], [30, 10], [30, 25]]))], size=polar().images.size
+        )
         mask = rle.encode_rle(np.ones((15, 20)), polar().images.size, 100, 100)
         annotation = coco.Annotation("rock", 4, np.array([100.0, 100, 120, 115]), mask)
         coco.write_coco(folder / "coco.json", {PhotoKey.parse(KEY): [annotation]}, polar(), polar().images.size)

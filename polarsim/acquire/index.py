@@ -111,7 +111,7 @@ def index_terrain(
     write_parquet(photos, table)  # all errors of the source were raised above, before the first output
     write_rig(calibration, rig, Path(raw.calibration).name if raw.calibration else STATED)
     write_inventory(inventory, raw)
-    copy_seeds(chosen, seeds)
+    copy_seeds(chosen, seeds, site.images.size)
 
 
 def merge_photos(*, tables: list[Path], merged: Path) -> None:
@@ -142,7 +142,7 @@ def _seeds(
     if log_strays:  # the inventory of a release lists strays
         stray = release.key_files(folder, site.key).stray
         release.log_strays((path for path in stray if folder != root or path.suffix.lower() == ".txt"), str(folder))
-    chosen = choose_seed_files(files, positions, options, site.usual_exposure_ms)
+    chosen = choose_seed_files(site, files, positions, options)
     if not chosen:
         raise no_seed_error(terrain, options, files, folder, site.key)
     unknown = set(positions) - {key.position for key, _ in chosen} - set(raw.scanned)

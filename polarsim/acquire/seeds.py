@@ -13,6 +13,7 @@ from polarsim.errors import FormatError, LabelError
 from polarsim.formats import class_lists, release
 from polarsim.formats.files import writing_folder
 from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, PhotoKey, Terrain, by_bracket, terrain_text
+from polarsim.site import Site
 
 if TYPE_CHECKING:
     import numpy as np  # a plan needs the paths of seeds only
@@ -75,7 +76,7 @@ def no_seed_error(
 
 
 def choose_seed_files(
-    files: Mapping[PhotoKey, Path], positions: Sequence[str], options: SeedOptions, usual_exposure_ms: int
+    site: Site, files: Mapping[PhotoKey, Path], positions: Sequence[str], options: SeedOptions
 ) -> list[tuple[PhotoKey, Path]]:
     """Return at most a single file per exposure bracket, sorted by photo key."""
     from polarsim.formats import yolo  # imports NumPy
@@ -85,11 +86,11 @@ def choose_seed_files(
         for key in files
         if key.position in positions and options.allow(key) and options.exposure in ("best", key.exposure_ms)
     ]
-    names = cache(_stated_names)
+    names, size = cache(_stated_names), site.images.size
     chosen = [
         best_exposure(
-            {key: len(yolo.read_boxes_or_polygons(files[key], names=names(files[key].parent))[0]) for key in keys},
-            usual_exposure_ms,
+            {key: len(yolo.read_boxes_or_polygons(files[key], size, names(files[key].parent))[0]) for key in keys},
+            site.usual_exposure_ms,
         )
         for keys in by_bracket(possible).values()
     ]
@@ -102,8 +103,10 @@ def _stated_names(folder: Path) -> tuple[str, ...] | None:
     return classes.names if classes.path else None
 
 
-def copy_seeds(chosen: Sequence[tuple[PhotoKey, Path]], seeds: Path) -> None:
+def copy_seeds(chosen: Sequence[tuple[PhotoKey, Path]], seeds: Path, size: tuple[int, int]) -> None:
     """Replace the folder of seeds by the chosen files, as boxes (also of polygons) in the same number format.
+
+    `size`: width and height of the photos, px.
 
     Shadows that are rocks in photos of other azimuths are changed to rocks, because a file with swapped classes causes
     errors of cameras and labels.
@@ -111,10 +114,10 @@ def copy_seeds(chosen: Sequence[tuple[PhotoKey, Path]], seeds: Path) -> None:
     from polarsim.formats import yolo
 
     names = cache(_stated_names)  # labelImg changes the order of the classes in classes.txt
-    annotated = {key: yolo.read_boxes_or_polygons(path, names=names(path.parent)) for key, path in chosen}
+    annotated = {key: yolo.read_boxes_or_polygons(path, size, names(path.parent)) for key, path in chosen}
     with writing_folder(seeds) as folder:
         for key, (_, boxes) in annotated.items():
-            yolo.write_boxes(folder / f"{key}.txt", _unswapped(key, annotated), boxes)
+            yolo.write_boxes(folder / f"{key}.txt", _unswapped(key, annotated), boxes, size)
 
 
 def _unswapped(key: PhotoKey, annotated: Mapping[PhotoKey, tuple[np.ndarray, np.ndarray]]) -> np.ndarray:

@@ -187,7 +187,7 @@ def _locate_by_labels(
 ) -> LocalisationResult:
     meshes = {rock: obj.read_obj(path) for rock, path in source.rock_meshes().items()}
     outlines = outlines_of(meshes)
-    annotated = read_rock_boxes(seeds, source.terrain)
+    annotated = read_rock_boxes(seeds, source.terrain, (rig.left.width, rig.left.height))
     seen = {position: consensus_boxes(annotated.get(position, [])) for position in positions}
     ranges, max_error_m = SearchRanges.of(site.sandbox_of(source.terrain), tripods), site.max_survey_error_m
     result = localise_all(seen, outlines, rig.left, options, tripods, max_error_m, ranges)

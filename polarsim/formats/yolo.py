@@ -13,9 +13,8 @@ from polarsim.formats.class_lists import is_whole, plain
 from polarsim.formats.files import lines_of, write_text
 from polarsim.formats.readers import reader
 from polarsim.geometry.boxes import box_around_points
-from polarsim.photo import BOX_CLASSES, HEIGHT, POLYGON_CLASSES, ROCK, WIDTH, PhotoKey, Terrain
+from polarsim.photo import BOX_CLASSES, POLYGON_CLASSES, ROCK, PhotoKey, Terrain
 
-_SIZE = np.array([WIDTH, HEIGHT], float)
 _MAX_OFFSET = 0.6  # maximum distance of a polygon from the image centre, as a share of the image width or height
 
 
@@ -60,20 +59,20 @@ def fields_of(path: str | Path) -> list[tuple[int, list[str]]]:
     return [(number, line.split()) for number, line in enumerate(lines, 1) if line.strip()]
 
 
-def read_shapes(path: str | Path, size: tuple[int, int] | None = None) -> list[LabelLine]:
+def read_shapes(path: str | Path, size: tuple[int, int]) -> list[LabelLine]:
     """Read every line of a label file; all other readers of label files call this function.
 
     A line is `class x y width height` (a box), a box with a confidence of 0 to 1 (a detection), or a class and x and y
     of at least three points (a polygon). Seven fields with an integer at the end could be a triangle or a tracked
     detection, `class x y width height confidence id`. They are accepted as a triangle only if the file also has a
-    larger polygon. `size` is the width and height of the photo; the default is the size of the rig's photos.
+    larger polygon. `size` is the width and height of the photo, px.
     """
     lines = fields_of(path)
     outlined = any(len(fields) > 7 for _, fields in lines)
     shapes = []
     for number, fields in lines:
         try:
-            corners, confidence = _corners(fields, size or (WIDTH, HEIGHT), outlined)
+            corners, confidence = _corners(fields, size, outlined)
         except ValueError as error:
             raise FormatError(str(error), path, number) from error
         shapes.append(LabelLine(Path(path), number, fields[0], corners, confidence, len(fields) > 6, len(fields)))
@@ -131,7 +130,7 @@ def _arrays(classes: Iterable[int], shapes: Iterable[LabelLine]) -> tuple[np.nda
 
 def read_boxes(
     path: str | Path,
-    size: tuple[int, int] | None = None,
+    size: tuple[int, int],
     names: tuple[str, ...] = BOX_CLASSES,
     detections: bool = False,
     polygons: bool = False,
@@ -160,14 +159,14 @@ def write_boxes(
     path: str | Path,
     classes: np.ndarray,
     boxes: np.ndarray,
-    size: tuple[int, int] | None = None,
+    size: tuple[int, int],
     confidences: np.ndarray | None = None,
 ) -> None:
     """Write boxes (n, 4) in pixels with 6 decimals, as in the release. Without boxes, the file is empty.
 
     Confidences (n,) are written as sixth field, which `read_detections` reads. `size` is that of `read_boxes`.
     """
-    boxes, photo = np.asarray(boxes, float).reshape(-1, 4), _SIZE if size is None else np.array(size, float)
+    boxes, photo = np.asarray(boxes, float).reshape(-1, 4), np.array(size, float)
     centre = (boxes[:, :2] + boxes[:, 2:]) / 2 / photo
     extent = (boxes[:, 2:] - boxes[:, :2]) / photo
     ends = [""] * len(boxes) if confidences is None else [f" {confidence:.4f}" for confidence in confidences]
@@ -178,7 +177,7 @@ def write_boxes(
     write_text(path, "".join(lines))
 
 
-def read_detections(path: str | Path, size: tuple[int, int] | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def read_detections(path: str | Path, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Read class numbers (n,) of any classes, boxes (n, 4) in pixels of a photo, and confidences (n,).
 
     The confidence is NaN if a line has no sixth field.
@@ -192,7 +191,7 @@ def read_detections(path: str | Path, size: tuple[int, int] | None = None) -> tu
 
 
 def read_polygons(
-    path: str | Path, size: tuple[int, int] | None = None, names: tuple[str, ...] = POLYGON_CLASSES
+    path: str | Path, size: tuple[int, int], names: tuple[str, ...] = POLYGON_CLASSES
 ) -> list[tuple[int, np.ndarray]]:
     """Read the class, an index in `names`, and the vertices (n, 2) in pixels of each polygon, in file order."""
     shapes = read_shapes(path, size)
@@ -203,7 +202,7 @@ def read_polygons(
 
 
 def read_boxes_or_polygons(
-    path: str | Path, size: tuple[int, int] | None = None, names: tuple[str, ...] | None = None
+    path: str | Path, size: tuple[int, int], names: tuple[str, ...] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Read boxes as `read_boxes` does, or the boxes around the polygons of rocks and shadows, clipped to the photo.
 
@@ -213,7 +212,7 @@ def read_boxes_or_polygons(
     if not has_polygons(path):
         return read_boxes(path, size, names or BOX_CLASSES)
     names = names or POLYGON_CLASSES
-    photo = _SIZE if size is None else np.array(size, float)
+    photo = np.array(size, float)
     rings = [(plain(names[number]), ring) for number, ring in read_polygons(path, size, names)]
     annotated = [(BOX_CLASSES.index(kind), np.clip(ring, 0, photo)) for kind, ring in rings if kind in BOX_CLASSES]
     boxes = np.array([box_around_points(ring) for _, ring in annotated]).reshape(-1, 4)
@@ -227,18 +226,16 @@ def has_polygons(path: str | Path) -> bool:
     return bool(lines) and len(lines[0][1]) > 6
 
 
-def write_polygons(
-    path: str | Path, polygons: list[tuple[int, np.ndarray]], size: tuple[int, int] | None = None
-) -> None:
+def write_polygons(path: str | Path, polygons: list[tuple[int, np.ndarray]], size: tuple[int, int]) -> None:
     """Write polygons (class, vertices (n, 2) in pixels) with 6 decimals."""
-    lines, photo = [], _SIZE if size is None else np.array(size, float)
+    lines, photo = [], np.array(size, float)
     for number, vertices in polygons:
         coordinates = " ".join(f"{value:.6f}" for value in (np.asarray(vertices, float) / photo).ravel())
         lines.append(f"{number} {coordinates}\n")
     write_text(path, "".join(lines))
 
 
-def read_rock_boxes(seeds: Path, terrain: Terrain, size: tuple[int, int] | None = None) -> dict[str, list[np.ndarray]]:
+def read_rock_boxes(seeds: Path, terrain: Terrain, size: tuple[int, int]) -> dict[str, list[np.ndarray]]:
     """Read the rock boxes (n, 4), pixels, of the seeds of a terrain in left photos: an array per file, by position."""
     boxes: dict[str, list[np.ndarray]] = {}
     for path in sorted(Path(seeds).glob("*.txt")):

@@ -195,9 +195,11 @@ def lint_pictures(root: Path) -> Report:
             findings.add(path, Defect("missing_picture"))
             continue
         size = findings.read(pictures[stem], png.size, "unreadable_picture")
+        if size is None:
+            continue
         reader = partial(yolo.read_boxes, size=size, names=names(path.parent), detections=True, polygons=True)
-        content = findings.read(path, reader, "malformed") if size else None
-        if content is not None and size is not None:
+        content = findings.read(path, reader, "malformed")
+        if content is not None:
             boxes += len(content[0])
             for defect in box_defects(*content, size):
                 findings.add(path, defect)

@@ -134,7 +134,7 @@ def label_view(
         rectangles = np.array([label.box for label in of_bracket], float)
         for key in bracket:
             labels[key] = of_bracket
-            yolo.write_boxes(boxes / f"{key}.txt", classes, rectangles)
+            yolo.write_boxes(boxes / f"{key}.txt", classes, rectangles, (camera.lens.width, camera.lens.height))
     return labels
 
 

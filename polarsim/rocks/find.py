@@ -73,7 +73,7 @@ def find_rocks(
     """
     localised = rigs.read_all_localised(cameras)
     typed = read_overrides(overrides) if overrides is not None else Overrides()
-    evidence = Evidence(localised, read_rock_boxes(seeds, terrain), CONFIRMING_IOU)
+    evidence = Evidence(localised, read_rock_boxes(seeds, terrain, site.images.size), CONFIRMING_IOU)
     sandbox = site.sandbox_of(terrain)
     scans = read_scans(read_inventory(inventory), localised, site.files, sandbox)
     if not len(scans):

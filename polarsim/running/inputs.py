@@ -159,5 +159,5 @@ def _check_excluded(config: Config, corrections: set[PhotoKey]) -> None:
             )
         root = seeds.root or config.source.root
         files, folder = find_labels(root, key.terrain, config.site.key) if root.is_dir() else ({}, root)
-        if files and key not in dict(choose_seed_files(files, config.positions, seeds, config.site.usual_exposure_ms)):
+        if files and key not in dict(choose_seed_files(config.site, files, config.positions, seeds)):
             raise ConfigError(f"labels.excluded_annotations: {key} is neither a seed nor a correction", path=folder)

@@ -14,6 +14,7 @@ from polarsim.geometry.stereo import rectified_left
 from polarsim.photo import PhotoKey
 from polarsim.run_files.rigs import read_localised
 from polarsim.site import polar
+from tests.support.polar_photos import SIZE
 
 POLAR = polar()
 TERRAIN = 11
@@ -131,7 +132,7 @@ def test_true_labels_are_the_boxes_of_the_true_meshes(made):
 def test_there_is_one_seed_per_sun_close_to_the_truth(made):
     files = sorted((made / "Labels" / "Terrain11").iterdir())
     assert [path.name for path in files] == ["11_A_off_30_L_0256.txt"]
-    classes, boxes = yolo.read_boxes(files[0])
+    classes, boxes = yolo.read_boxes(files[0], size=SIZE)
     labels = pd.read_parquet(made / "truth" / "Terrain11" / "labels.parquet")
     rocks = labels[(labels["key"] == files[0].stem) & (labels["kind"] == "rock")]
     best = iou(boxes[classes == 0], rocks[["x0", "y0", "x1", "y1"]].to_numpy()).max(axis=1)

@@ -15,6 +15,7 @@ from polarsim.formats.release import read_annotated_boxes
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, write_parquet
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.site import polar
+from tests.support.polar_photos import SIZE
 
 KEYS = [PhotoKey.parse(f"{terrain}_A_off_30_{camera}_0256") for terrain in ("01", "03") for camera in "LR"]
 PIXELS = np.full((38, 60), 500, np.uint16)  # a small image, because only the path is tested
@@ -33,7 +34,7 @@ def make_run(run: Path, drawn: dict[PhotoKey, list[tuple]]) -> Path:
         for key in (key for key in drawn if key.terrain == terrain):
             png.write_png(run / f"photos/{key}.png", PIXELS)
             photos.append(key_columns(key) | {"path": str(run / f"photos/{key}.png")})
-            yolo.write_boxes(run / f"labels/boxes/{folder}/{key}.txt", np.zeros(0, int), np.zeros((0, 4)))
+            yolo.write_boxes(run / f"labels/boxes/{folder}/{key}.txt", np.zeros(0, int), np.zeros((0, 4)), size=SIZE)
             for number, (kind, x, y, width, height) in enumerate(drawn[key], 1):
                 row = {"kind": kind, "rock": number, "source": "fused", "confidence": 0.8}
                 rows.append(key_columns(key) | row | {"x0": x, "y0": y, "x1": x + width, "y1": y + height})

@@ -14,8 +14,9 @@ from polarsim.errors import FormatError
 from polarsim.formats import coco, yolo
 from polarsim.formats.files import write_json
 from polarsim.formats.tables import key_columns, label_table
-from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.site import polar
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 POLAR = polar()
 SIZE = POLAR.images.size
@@ -30,7 +31,7 @@ BRUSH = [0, 0, 3, 192, 57, 27, 255, 1, 3, 0, 196, 127, 248, 172, 2, 255, 252, 96
 
 def read_back(folder, key=KEY):
     """Boxes of a label file by class."""
-    classes, boxes = yolo.read_boxes(folder / f"{key}.txt")
+    classes, boxes = yolo.read_boxes(folder / f"{key}.txt", size=SIZE)
     return [(BOX_CLASSES[number], box.round(1).tolist()) for number, box in zip(classes, boxes, strict=True)]
 
 
@@ -421,7 +422,7 @@ def test_invalid_yolo_lines_are_errors_with_the_line(tmp_path, lines):
     for read in (yolo.read_boxes, yolo.read_detections, yolo.read_boxes_or_polygons,
                  yolo.read_polygons, yolo.read_shapes):  # fmt: skip
         with pytest.raises(FormatError):
-            read(path)
+            read(path, SIZE)
 
 
 def zipped(folder, archive, separator="/"):

@@ -45,7 +45,7 @@ def test_an_export_becomes_corrections_that_the_labels_stage_reads(tmp_path, sou
 def test_an_export_becomes_seeds_that_the_acquire_stage_chooses(tmp_path, source):
     import_labels(source, tmp_path / "seeds", site=polar())
     files, _ = find_labels(tmp_path / "seeds", 1)
-    assert [key for key, _ in choose_seed_files(files, ["A"], SeedOptions(), 256)] == [KEY]
+    assert [key for key, _ in choose_seed_files(polar(), files, ["A"], SeedOptions())] == [KEY]
 
 
 def test_a_photo_without_a_box_is_skipped_unless_empty_photos_are_kept(tmp_path, source):

@@ -15,6 +15,7 @@ from polarsim.photo import COLOURS, PhotoKey
 from polarsim.report.figures.contact import draw_contact
 from polarsim.run_files.run import Run
 from polarsim.site import polar
+from tests.support.polar_photos import SIZE
 
 KEYS = [PhotoKey.parse(f"03_A_off_30_{camera}_{exposure}") for camera in "LR" for exposure in ("0064", "0256")]
 LEFT = KEYS[1]
@@ -46,7 +47,7 @@ def run(tmp_path):
     rows += [label(key, "shadow", (1100, 400, 1300, 500)) for key in KEYS]
     for stage in ("labels", "renders"):
         write_parquet(run / f"{stage}/tables/{folder}.parquet", label_table(rows))
-    yolo.write_polygons(run / f"labels/polygons/{folder}/{LEFT}.txt", REGIONS)
+    yolo.write_polygons(run / f"labels/polygons/{folder}/{LEFT}.txt", REGIONS, size=SIZE)
     ids = np.ones((1216, 1936), np.uint16)
     ids[400:500, 500:700], ids[400:500, 1100:1300] = 1007, 2007
     png.write_png(run / f"renders/instances/{folder}/03_A_off_30_L.png", ids)

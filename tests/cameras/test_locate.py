@@ -15,6 +15,7 @@ from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.rigs import SURVEYED, UNCERTAIN_LABELS, read_all_localised, write_rig
 from polarsim.schemas.stages import ALIGNMENT, MATCHES
 from polarsim.site import polar
+from tests.support.polar_photos import SIZE
 from tests.support.polar_rig import default_rig
 
 pytestmark = pytest.mark.usefixtures("coarse_search", "coarse_scans")
@@ -64,7 +65,7 @@ def annotated(tmp_path, labelled):
         classes = np.append(np.zeros(len(boxes), int), 1)  # and a shadow
         shadow = np.array([[300.0, 300, 900, 900]])
         path = tmp_path / "seeds" / f"03_{position}_off_30_L_0256.txt"
-        yolo.write_boxes(path, classes, np.concatenate([boxes, shadow]))
+        yolo.write_boxes(path, classes, np.concatenate([boxes, shadow]), size=SIZE)
     return Inventory(terrain=3, kind="release", meshes=meshes)
 
 
@@ -150,7 +151,7 @@ def test_labels_of_another_terrain_localise_no_position(tmp_path, annotated, rng
     for position in "AB":
         corner = rng.uniform([100, 300], [1700, 1000], (14, 2))
         boxes = np.column_stack([corner, corner + rng.uniform(30, 150, (14, 2))])
-        yolo.write_boxes(tmp_path / "seeds" / f"03_{position}_off_30_L_0256.txt", np.zeros(14, int), boxes)
+        yolo.write_boxes(tmp_path / "seeds" / f"03_{position}_off_30_L_0256.txt", np.zeros(14, int), boxes, size=SIZE)
     with caplog.at_level(logging.WARNING):
         localised = locate(tmp_path, annotated, default_rig())
     assert all(one.unproven for one in localised.values())
@@ -164,7 +165,7 @@ def test_too_few_boxes_suggest_an_unconfirmed_pose(tmp_path, annotated, labelled
     corner = rng.uniform([100, 300], [1700, 1000], (8, 2))
     stones = np.column_stack([corner, corner + rng.uniform(30, 150, (8, 2))])  # annotated, but without a mesh
     boxes = np.concatenate([labelled.seen("A")[:5], stones])
-    yolo.write_boxes(tmp_path / "seeds" / "03_A_off_30_L_0256.txt", np.zeros(len(boxes), int), boxes)
+    yolo.write_boxes(tmp_path / "seeds" / "03_A_off_30_L_0256.txt", np.zeros(len(boxes), int), boxes, size=SIZE)
     with caplog.at_level(logging.WARNING):
         localised = locate(tmp_path, annotated, default_rig())
     assert {position: one.method for position, one in localised.items()} == {

@@ -12,6 +12,7 @@ from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.outlines import outlines_of
 from polarsim.photo import SUNS
 from polarsim.run_files.rigs import LocalisedRig
+from tests.support.polar_photos import SIZE
 from tests.support.polar_rig import default_rig
 from tests.support.polar_survey import RANGES, TRIPODS, surveyed_pose
 
@@ -24,7 +25,7 @@ def best_boxes(root, terrain, position, camera):
     annotated = []
     for sun in SUNS:
         of_set = [key for key in files if key.bracket == (terrain, position, "off", sun, camera)]
-        rocks = [boxes[classes == 0] for classes, boxes in (yolo.read_boxes(files[key]) for key in of_set)]
+        rocks = [boxes[classes == 0] for classes, boxes in (yolo.read_boxes(files[key], size=SIZE) for key in of_set)]
         annotated.append(max(rocks, key=len))
     return annotated
 

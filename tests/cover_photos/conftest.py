@@ -4,7 +4,7 @@ import pytest
 from polarsim.formats import png, yolo
 from polarsim.photo import PhotoKey
 from polarsim.scenes.strokes import COLOURS, draw_strokes
-from tests.support.polar_photos import HEIGHT, WIDTH
+from tests.support.polar_photos import HEIGHT, SIZE, WIDTH
 
 KEY = PhotoKey.parse("01_A_off_30_L_0256")
 ROCKS = np.array([[200.0, 300, 300, 380], [900, 500, 1000, 620]])
@@ -29,5 +29,5 @@ def made_release(tmp_path, cover):
         for azimuth, shadow in SHADOWS.items():
             path = tmp_path / "Labels" / "Terrain01" / f"01_A_off_{azimuth}_{side}_0256.txt"
             moved = np.array([offset, 0, offset, 0])
-            yolo.write_boxes(path, np.array([0, 0, 1]), np.vstack([ROCKS, [shadow]]) + moved)
+            yolo.write_boxes(path, np.array([0, 0, 1]), np.vstack([ROCKS, [shadow]]) + moved, size=SIZE)
     return tmp_path

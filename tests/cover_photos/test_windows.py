@@ -15,7 +15,7 @@ from polarsim.formats import png, tables, yolo
 from polarsim.photo import PhotoKey
 from polarsim.run_files import class_masks
 from tests.cover_photos.test_datasets import make_scenes
-from tests.support.polar_photos import HEIGHT, WIDTH
+from tests.support.polar_photos import HEIGHT, SIZE, WIDTH
 
 KEYS = ("01_A_off_30_L_0256", "01_C_off_30_L_0256", "03_A_off_30_R_0256")
 BOXES = np.array([[400.0, 300, 800, 700], [1200, 800, 1500, 1000]])
@@ -35,7 +35,7 @@ def covers(tmp_path):
     rows = []
     for key in KEYS:
         png.write_png(tmp_path / "photos" / f"{key}.png", photo_of(BOXES))
-        yolo.write_boxes(tmp_path / f"{key}.txt", [0, 1], BOXES)
+        yolo.write_boxes(tmp_path / f"{key}.txt", [0, 1], BOXES, size=SIZE)
         rows += annotation_rows(PhotoKey.parse(key), tmp_path / f"{key}.txt", (WIDTH, HEIGHT))
     tables.write_parquet(tmp_path / "labels.parquet", tables.label_table(rows))
     return {"photos": tmp_path / "photos", "labels": tmp_path / "labels.parquet"}

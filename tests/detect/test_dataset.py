@@ -12,7 +12,7 @@ from polarsim.detect.split import draw_split, split_photos
 from polarsim.errors import DetectError
 from polarsim.formats import png, tables, yolo
 from polarsim.formats.files import read_json
-from tests.support.polar_photos import HEIGHT, WIDTH
+from tests.support.polar_photos import HEIGHT, SIZE, WIDTH
 
 OPTIONS, SPLIT = PicturesOptions(imgsz=160), SplitOptions()
 
@@ -48,7 +48,7 @@ def test_images_and_labels_of_every_part_agree_with_the_table(few, made, world):
     for key, part in draw_split(few, "photo", SPLIT).items():
         picture = png.read_png(folder / "images" / part / f"{key}.png")
         assert picture.shape == (100, 160)  # 1216 / 1936 of 160 is 100.5
-        classes, boxes = yolo.read_boxes(folder / "labels" / part / f"{key}.txt")
+        classes, boxes = yolo.read_boxes(folder / "labels" / part / f"{key}.txt", size=SIZE)
         assert sorted(classes) == [0] * 5 + [1] * 5
         rows = table[(table["key"] == str(key)) & (table["kind"] == "shadow")]
         expected = np.clip(rows[["x0", "y0", "x1", "y1"]], 0, [1936, 1216, 1936, 1216])

@@ -10,11 +10,12 @@ from polarsim.formats.files import write_json
 from polarsim.formats.npz import write_arrays
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, write_csv, write_parquet
 from polarsim.geometry.poses import camera_pose
-from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey, photo_grid
+from polarsim.photo import BOX_CLASSES, PhotoKey, photo_grid
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.schemas.detect import PREDICTIONS
 from tests.made_terrain import ROCKS, make_cube, make_sand
 from tests.support.label_rows import label_row
+from tests.support.polar_photos import HEIGHT, WIDTH
 from tests.support.polar_rig import default_rig
 
 TERRAIN, FOLDER = 3, "Terrain03"
@@ -75,7 +76,9 @@ def make_run(results: Path, name: str = "made") -> Path:
         for model, gain in zip(MODELS, (1.8, 2.4), strict=True):
             png.write_png(run / f"renders/{model}/{FOLDER}/{key}.png", picture(key, gain))
         classes = np.array([BOX_CLASSES.index(kind) for kind, _ in boxes_of(key)])
-        yolo.write_boxes(run / f"labels/boxes/{FOLDER}/{key}.txt", classes, np.array(list(boxes_of(key).values())))
+        yolo.write_boxes(
+            run / f"labels/boxes/{FOLDER}/{key}.txt", classes, np.array(list(boxes_of(key).values())), size=SIZE
+        )
     write_parquet(run / f"acquire/{FOLDER}/photos.parquet", pd.DataFrame(photos, columns=list(PHOTO_COLUMNS)))
     for stage in ("labels", "renders"):
         write_parquet(run / f"{stage}/tables/{FOLDER}.parquet", label_table(label_rows(KEYS)))
@@ -94,7 +97,7 @@ def _write_masks(run: Path) -> None:
             x0, y0, x1, y1 = np.round(box).astype(int).clip(0)
             rings.append((2 if kind == "rock" else 3, np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], float)))
             ids[y0:y1, x0:x1] = (1000 if kind == "rock" else 2000) + rock
-        yolo.write_polygons(run / f"labels/polygons/{FOLDER}/{key}.txt", rings)
+        yolo.write_polygons(run / f"labels/polygons/{FOLDER}/{key}.txt", rings, size=SIZE)
         path = run / f"renders/instances/{FOLDER}/{str(key).rpartition('_')[0]}.png"
         if not path.exists():
             png.write_png(path, ids)
@@ -130,7 +133,9 @@ def _write_scores(run: Path) -> None:
         found = ((0.9, x0, y0, x1, y1), (0.6, x0 + 2, y0, x1, y1 + 2), (0.8, 20, 1100, 90, 1190), (0.01, 0, 0, 9, 9))
         seen += [dict(zip(PREDICTIONS.columns, (str(key), "rock", *one), strict=True)) for one in found]
     write_parquet(run / "detect/photo/seed0/predictions/analog_on_analog.parquet", pd.DataFrame(seen))
-    yolo.write_boxes(run / f"acquire/{FOLDER}/seeds/{SEED}.txt", np.array([0]), boxes_of(SEED)["rock", 1][None])
+    yolo.write_boxes(
+        run / f"acquire/{FOLDER}/seeds/{SEED}.txt", np.array([0]), boxes_of(SEED)["rock", 1][None], size=SIZE
+    )
     undone = [(str(key), "rock", 1, "moved", 3.5) for key in KEYS[:4]] + [(str(SEED), "rock", 2, "gone", np.nan)]
     columns = ["key", "kind", "rock", "change", "moved_px"]
     write_parquet(run / f"labels/undone/{SEED}.parquet", pd.DataFrame(undone, columns=columns))

@@ -27,9 +27,9 @@ from polarsim.formats import yolo
 from polarsim.formats.coco import write_coco
 from polarsim.formats.files import write_text
 from polarsim.labels.seeds import read_corrections
-from polarsim.photo import HEIGHT, WIDTH
 from polarsim.run_files.run import Run
 from polarsim.site import polar
+from tests.support.polar_photos import HEIGHT, SIZE, WIDTH
 
 from .made_run import KEYS, SEED, boxes_of
 
@@ -300,7 +300,7 @@ def test_class_numbers_follow_the_class_list_of_the_folder(run):
 
 def test_other_files_in_the_folder_are_kept_and_read(run):
     below = run.folder / f"corrections/Terrain03/{SEED}.txt"
-    yolo.write_boxes(below, np.array([0]), np.array([[10.0, 20, 40, 60]]))
+    yolo.write_boxes(below, np.array([0]), np.array([[10.0, 20, 40, 60]]), size=SIZE)
     write_coco(run.folder / "corrections/cvat.json", {KEYS[1]: []}, polar(), polar().images.size)
     with correcting(run) as running:
         assert set(corrections_of(running)["photos"]) == {str(SEED), str(KEYS[1])}

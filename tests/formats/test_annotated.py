@@ -8,6 +8,7 @@ from polarsim.formats import class_lists, yolo
 from polarsim.formats.release import read_annotated_boxes
 from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.site import polar
+from tests.support.polar_photos import SIZE
 
 KEY = PhotoKey.parse("01_A_off_30_L_0256")
 # Boxes: class name, x, y, width, height in pixels of the photo.
@@ -43,7 +44,7 @@ def test_classes_are_identified_by_name_for_any_order_and_line_ends(tmp_path_fac
 
 
 def test_without_a_class_list_the_order_of_the_release_is_used(tmp_path):
-    yolo.write_boxes(tmp_path / f"{KEY}.txt", np.array([0, 1]), np.array([[5, 5, 50, 60]] * 2, float))
+    yolo.write_boxes(tmp_path / f"{KEY}.txt", np.array([0, 1]), np.array([[5, 5, 50, 60]] * 2, float), size=SIZE)
     assert read_annotated_boxes(tmp_path, polar().images.size, PhotoKey.parse)[KEY][0].tolist() == [0, 1]
 
 

@@ -44,11 +44,12 @@ from polarsim.formats.calibrations import read_calibration
 from polarsim.formats.yaml_files import read_model
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, camera_pose
-from polarsim.photo import BOX_CLASSES, HEIGHT, NO_ROCK, WIDTH, PhotoKey
+from polarsim.photo import BOX_CLASSES, NO_ROCK, PhotoKey
 from polarsim.rocks import overrides
 from polarsim.run_files import class_masks, instances, lamps, rigs
 from polarsim.run_files.inventory import Inventory, read_inventory, write_inventory
 from polarsim.site import polar
+from tests.support.polar_photos import HEIGHT, WIDTH
 from tests.support.polar_rig import default_rig
 
 EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "30"))
@@ -183,7 +184,7 @@ def imported(source: Path) -> dict[PhotoKey, Any]:
     out = source.parent / f"{source.name}.out"
     try:
         import_labels(source, out, site=polar())
-        return {PhotoKey.parse(path.stem): yolo.read_boxes(path) for path in out.glob("*.txt")}
+        return {PhotoKey.parse(path.stem): yolo.read_boxes(path, size=SIZE) for path in out.glob("*.txt")}
     finally:
         shutil.rmtree(out, ignore_errors=True)
 

@@ -18,6 +18,7 @@ from polarsim.photo import NO_ROCK, PhotoKey
 from polarsim.run_files import inventory, rigs
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.site import polar
+from tests.support.polar_photos import SIZE
 from tests.support.polar_rig import default_rig
 
 TERRAIN = 3
@@ -105,7 +106,7 @@ def build_scene(folder: Path) -> SceneFiles:
     shadows = {"30": np.array([-60, -40, -60, -40]), "180": np.array([0, 40, 0, 40])}
     for azimuth, offset in shadows.items():
         boxes = np.concatenate([rocks, rocks + offset])
-        yolo.write_boxes(files.seeds / f"03_A_off_{azimuth}_L_0256.txt", np.array([0, 0, 1, 1]), boxes)
+        yolo.write_boxes(files.seeds / f"03_A_off_{azimuth}_L_0256.txt", np.array([0, 0, 1, 1]), boxes, size=SIZE)
     return files
 
 

@@ -31,6 +31,7 @@ from polarsim.labels.propagate import labels_of_terrain
 from polarsim.labels.seeds import AnnotatedBoxes
 from polarsim.photo import PhotoKey
 from polarsim.site import polar
+from tests.support.polar_photos import SIZE
 
 from .conftest import BLOCKS, TERRAIN
 
@@ -112,7 +113,9 @@ def test_a_run_gives_samples_of_both_habits(scene):
     inputs = scene.inputs([key], NO_HABITS)
     (scene.seeds / f"{key}.txt").unlink()
     cast = [label.box for label in labels_of_terrain(inputs, options)[key] if label.kind == "shadow"]
-    yolo.write_boxes(scene.seeds / f"{key}.txt", np.array([0] * 2 + [1] * len(cast)), np.array([*rocks, *cast]) + 0.0)
+    yolo.write_boxes(
+        scene.seeds / f"{key}.txt", np.array([0] * 2 + [1] * len(cast)), np.array([*rocks, *cast]) + 0.0, size=SIZE
+    )
     samples = shadow_edge_samples(files, options)
     assert samples.terms.shape == (4 * 2 * len(cast), len(EDGE_TERMS))  # and as many under lamp 30
     assert np.sort(np.abs(samples.observed))[: 4 * len(cast)].max() < 1  # annotated where cast, but for rounding

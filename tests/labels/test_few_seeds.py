@@ -15,6 +15,7 @@ from polarsim.photo import SUNS, PhotoKey
 from polarsim.rocks.adopt import adopt_rocks
 from polarsim.run_files import rigs
 from polarsim.site import polar
+from tests.support.polar_photos import SIZE
 
 pytestmark = pytest.mark.release
 
@@ -73,7 +74,7 @@ def labels(release_root, tmp_path_factory):
 
 
 def rocks_of(path):
-    classes, boxes = yolo.read_boxes(path)
+    classes, boxes = yolo.read_boxes(path, size=SIZE)
     return boxes[classes == 0]
 
 

@@ -14,6 +14,7 @@ from polarsim.labels.masks import BOX_COLUMNS, draw_masks
 from polarsim.photo import BOX_CLASSES, COLOURS, GREY_VALUES, SHADOW, PhotoKey, photo_grid
 from polarsim.run_files import lamps
 from polarsim.site import polar
+from tests.support.polar_photos import SIZE
 
 from .conftest import BLOCKS, TERRAIN, block, localised
 from .test_propagate import propagate
@@ -79,7 +80,7 @@ def test_the_preview_shows_rocks_and_shadows_in_colour(annotated):
 def test_grey_maps_are_the_painted_polygons_and_show_the_scene(untouched_scene, annotated):
     for folder in ("polygons", "masks"):
         assert {path.stem for path in (annotated / folder).iterdir()} == {str(key) for key in KEYS}
-    polygons = yolo.read_polygons(annotated / "polygons" / "03_A_off_30_L_0128.txt")
+    polygons = yolo.read_polygons(annotated / "polygons" / "03_A_off_30_L_0128.txt", size=SIZE)
     picture = grey(annotated, "03_A_off_30_L_0128")
     assert (picture != paint(polygons, (1216, 1936))).mean() < 1e-5  # the file's six decimals may move a pixel
     assert set(np.unique(picture)) == set(GREY_VALUES.values())
@@ -93,7 +94,7 @@ def test_grey_maps_are_the_painted_polygons_and_show_the_scene(untouched_scene, 
 
 
 def test_polygons_are_valid_and_inside_the_photo(annotated):
-    for number, ring in yolo.read_polygons(annotated / "polygons" / "03_A_off_30_L_0128.txt"):
+    for number, ring in yolo.read_polygons(annotated / "polygons" / "03_A_off_30_L_0128.txt", size=SIZE):
         assert number in range(4)
         assert Polygon(ring).is_valid
         assert signed_area(ring) > 0
@@ -111,7 +112,7 @@ def test_a_photo_without_visible_objects_is_background(untouched_scene, tmp_path
     name = "03_A_off_no_L_0064"  # no lamp, short exposure
     dark = draw(untouched_scene, tmp_path, [PhotoKey.parse(name)])
     assert not grey(dark, name).any()
-    ((number, ring),) = yolo.read_polygons(dark / "polygons" / f"{name}.txt")
+    ((number, ring),) = yolo.read_polygons(dark / "polygons" / f"{name}.txt", size=SIZE)
     assert number == 0
     assert signed_area(ring) == pytest.approx(1936 * 1216)
 
@@ -137,7 +138,7 @@ def key_of(name: str) -> PhotoKey:
 def test_coco_lists_every_photo_with_its_own_labels(annotated, coco_file):
     assert set(coco_file) == set(KEYS)
     for key in KEYS:
-        classes, boxes = yolo.read_boxes(annotated / "boxes" / f"{key}.txt")
+        classes, boxes = yolo.read_boxes(annotated / "boxes" / f"{key}.txt", size=SIZE)
         kinds = [BOX_CLASSES[number] for number in classes]
         expected = sorted(zip(kinds, boxes.round(2).tolist(), strict=True))
         found = sorted((own.kind, own.box.round(2).tolist()) for own in coco_file[key])

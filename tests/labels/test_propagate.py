@@ -39,7 +39,7 @@ def propagate(scene, out, keys=KEYS, **options):
         table=out / "labels.parquet",
         options=LabelsOptions(**{"ray_step_px": 4, "visibility": "annotator", **options}),
     )
-    return {key: yolo.read_boxes(out / "boxes" / f"{key}.txt") for key in keys}
+    return {key: yolo.read_boxes(out / "boxes" / f"{key}.txt", size=SIZE) for key in keys}
 
 
 def key(text: str) -> PhotoKey:
@@ -136,7 +136,7 @@ def test_rocks_without_a_mesh_and_positions_without_a_pose_keep_their_labels_wit
 def test_shadow_edges_follow_the_photo_except_in_annotated_photos(scene, tmp_path):
     """In photos rendered from the scene, dark regions are cast shadows."""
     key_annotated, sibling = key("A_off_30_L_0256"), key("A_off_30_L_1024")
-    rocks_only = yolo.read_boxes(scene.seeds / f"{key_annotated}.txt")[1][: len(BLOCKS)]
+    rocks_only = yolo.read_boxes(scene.seeds / f"{key_annotated}.txt", size=SIZE)[1][: len(BLOCKS)]
     localised_rigs = rigs.read_all_localised(scene.cameras)
     suns = surveyed_suns(localised_rigs, polar(), TERRAIN)
     known = associate_rocks(read_terrain(scene.meshes, TERRAIN, SANDBOX), localised_rigs, suns, polar().rig_lamp, {})
@@ -152,7 +152,7 @@ def test_shadow_edges_follow_the_photo_except_in_annotated_photos(scene, tmp_pat
     annotated = np.array([cast[rock].box + np.array([-4, 3, 4, 3]) for rock in BLOCKS])
     assert all(cast[rock].in_photo for rock in BLOCKS)
     boxes = np.concatenate([rocks_only, annotated])
-    yolo.write_boxes(scene.seeds / f"{key_annotated}.txt", np.array([0, 0, 1, 1]), boxes)
+    yolo.write_boxes(scene.seeds / f"{key_annotated}.txt", np.array([0, 0, 1, 1]), boxes, size=SIZE)
     labels = propagate(scene, tmp_path / "out", keys=[key_annotated, sibling], visibility="photo", ray_step_px=2)
     np.testing.assert_allclose(labels[key_annotated][1], boxes, atol=0.01)
     found = labels[sibling][1][labels[sibling][0] == 1]
@@ -176,7 +176,7 @@ def unlit_keys():
 def test_unlit_photos_have_labels_from_the_minimum_annotated_exposure(scene, tmp_path, unlit_keys):
     """With stray light, as at 04_B, annotations determine the minimum exposure of each position."""
     expected = np.array([scene.expected_box("A", "L", rock) for rock in BLOCKS])
-    yolo.write_boxes(scene.seeds / f"{key('A_off_no_L_4096')}.txt", np.array([0, 0]), expected)
+    yolo.write_boxes(scene.seeds / f"{key('A_off_no_L_4096')}.txt", np.array([0, 0]), expected, size=SIZE)
     labels = propagate(scene, tmp_path / "out", keys=unlit_keys)
     told = {str(one) for one, (classes, _) in labels.items() if len(classes)}
     assert told == {f"03_A_off_no_{camera}_{ms}" for camera in "LR" for ms in (4096, 8192)}
@@ -185,7 +185,7 @@ def test_unlit_photos_have_labels_from_the_minimum_annotated_exposure(scene, tmp
 
 
 def test_an_annotation_without_rocks_does_not_enable_unlit_labels(scene, tmp_path, unlit_keys):
-    yolo.write_boxes(scene.seeds / f"{key('A_off_no_L_2048')}.txt", np.zeros(0, int), np.zeros((0, 4)))
+    yolo.write_boxes(scene.seeds / f"{key('A_off_no_L_2048')}.txt", np.zeros(0, int), np.zeros((0, 4)), size=SIZE)
     assert not any(len(classes) for classes, _ in propagate(scene, tmp_path / "out", keys=unlit_keys).values())
 
 
@@ -232,9 +232,9 @@ def test_a_rock_without_a_mesh_has_one_number_under_all_lamps(scene, tmp_path):
 
 def test_a_correction_overrides_its_photo_and_is_propagated(scene, tmp_path):
     edited = tmp_path / "edited"
-    classes, boxes = yolo.read_boxes(scene.seeds / "03_A_off_30_L_0256.txt")
+    classes, boxes = yolo.read_boxes(scene.seeds / "03_A_off_30_L_0256.txt", size=SIZE)
     moved = boxes + np.where((classes == 0)[:, None], [0, 0, 9, 0], 0)  # both rocks end 9 px further right
-    yolo.write_boxes(edited / "03_A_on_30_L_1024.txt", classes, moved)
+    yolo.write_boxes(edited / "03_A_on_30_L_1024.txt", classes, moved, size=SIZE)
     found = propagate(scene, tmp_path / "out", corrections=edited)
     wanted = moved[classes == 0]
     for photo in ("A_on_30_L_1024", "A_off_30_L_0128", "A_on_30_L_2048"):  # itself, another light, another exposure
@@ -259,7 +259,7 @@ def test_corrections_may_be_a_coco_file(scene, tmp_path):
     found = propagate(scene, tmp_path / "out", corrections=tmp_path / "edited")
     np.testing.assert_allclose(rocks(found, "A_off_30_L_0128"), [box], atol=2e-3)
     assert len(shadows(found, "A_off_30_L_0128")) == 0
-    yolo.write_boxes(tmp_path / "edited" / f"{photo}.txt", np.array([0]), box[None])
+    yolo.write_boxes(tmp_path / "edited" / f"{photo}.txt", np.array([0]), box[None], size=SIZE)
     with pytest.raises(FormatError, match=r"instances_default\.json"):
         propagate(scene, tmp_path / "twice", corrections=tmp_path / "edited")
 
@@ -289,7 +289,7 @@ def test_seeds_of_the_right_camera_label_the_left_camera(scene, tmp_path):
     for path in list(scene.seeds.iterdir()):
         path.unlink()
     annotated = np.array([scene.expected_box("A", "R", rock) for rock in BLOCKS])
-    yolo.write_boxes(scene.seeds / "03_A_off_30_R_0256.txt", np.array([0, 0]), annotated)
+    yolo.write_boxes(scene.seeds / "03_A_off_30_R_0256.txt", np.array([0, 0]), annotated, size=SIZE)
     found = propagate(scene, tmp_path / "right")
     expected = np.array([scene.expected_box("A", "L", rock) for rock in BLOCKS])
     assert iou(rocks(found, "A_off_30_L_0128"), expected).max(axis=1).min() > 0.85
@@ -311,7 +311,7 @@ def test_a_rock_cut_by_the_left_border_is_complete_in_the_right_photo(scene, tmp
     annotated = np.clip([[*left.min(axis=0), *left.max(axis=0)]], 0, [1936, 1216, 1936, 1216])
     assert annotated[0, 2] == 1936
     for path in scene.seeds.iterdir():
-        yolo.write_boxes(path, np.array([0]), annotated)
+        yolo.write_boxes(path, np.array([0]), annotated, size=SIZE)
     (found,) = rocks(propagate(scene, tmp_path / "cut"), "A_off_30_R_0128")
     np.testing.assert_allclose(found, [*right.min(axis=0), *right.max(axis=0)], atol=8)
 
@@ -348,7 +348,7 @@ def lose_pose(scene, position, off, method=rigs.SURVEYED, **metrics):
 def test_exposures_of_a_seeded_bracket_equal_the_seed_for_any_pose(scene, tmp_path, method):
     lose_pose(scene, "A", np.array([0.3, -0.4, 0.1]), method)
     found = propagate(scene, tmp_path / "lost", [one for one in KEYS if (one.position, one.azimuth) == ("A", "30")])
-    _, seed = yolo.read_boxes(scene.seeds / "03_A_off_30_L_0256.txt")
+    _, seed = yolo.read_boxes(scene.seeds / "03_A_off_30_L_0256.txt", size=SIZE)
     for light in ("off", "on"):
         for exposure in (64, 128, 1024, 2048):
             np.testing.assert_array_equal(rocks(found, f"A_{light}_30_L_{exposure:04d}"), seed[: len(BLOCKS)])
@@ -360,7 +360,7 @@ def test_an_unverified_position_copies_rocks_between_azimuths(scene, tmp_path, m
     (scene.seeds / "03_A_off_180_L_0256.txt").unlink()
     lose_pose(scene, "A", np.array([0.3, -0.4, 0.1]), method)
     found = propagate(scene, tmp_path / "lost", [key("A_off_270_L_0128")])
-    _, seed = yolo.read_boxes(scene.seeds / "03_A_off_30_L_0256.txt")
+    _, seed = yolo.read_boxes(scene.seeds / "03_A_off_30_L_0256.txt", size=SIZE)
     np.testing.assert_array_equal(rocks(found, "A_off_270_L_0128"), seed[: len(BLOCKS)])
 
 

@@ -13,6 +13,7 @@ from polarsim.labels.propagate import PropagationInputs, propagate_labels
 from polarsim.photo import PhotoKey
 from polarsim.run_files import inventory, rigs
 from polarsim.site import polar
+from tests.support.polar_photos import SIZE
 from tests.support.polar_rig import default_rig
 
 from .conftest import flat_ground
@@ -53,10 +54,10 @@ def labels(request, release_root, tmp_path_factory):
     for path in sorted((release_root / "Labels" / f"Terrain{terrain:02d}").glob("*_????.txt")):
         key = PhotoKey.parse(path.stem)
         if key.position in POSES[terrain] and key.azimuth != "no" and key.exposure_ms in (64, 256, 1024):
-            files[key] = yolo.read_boxes(path)
+            files[key] = yolo.read_boxes(path, size=SIZE)
     seeds = [key for key in files if (key.camera, key.light, key.exposure_ms) == ("L", "off", 256)]
     for key in seeds:
-        yolo.write_boxes(folder / "seeds" / f"{key}.txt", *files[key])
+        yolo.write_boxes(folder / "seeds" / f"{key}.txt", *files[key], size=SIZE)
     published = obj.rock_files(release_root / "TerrainMeshes" / f"Terrain{terrain:02d}")
     meshes = {rock: obj.read_obj(path) for rock, path in published.items()}
     for rock, mesh in meshes.items():
@@ -74,7 +75,7 @@ def labels(request, release_root, tmp_path_factory):
         table=folder / "labels.parquet",
         options=LabelsOptions(visibility="annotator", min_shadow_exposure_ms_by_terrain={1: 32}, ray_step_px=4),
     )
-    found = {key: yolo.read_boxes(folder / "boxes" / f"{key}.txt") for key in files}
+    found = {key: yolo.read_boxes(folder / "boxes" / f"{key}.txt", size=SIZE) for key in files}
     return {key: value for key, value in files.items() if key not in seeds}, found
 
 

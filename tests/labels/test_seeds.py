@@ -10,13 +10,14 @@ from polarsim.labels.seeds import (
 )
 from polarsim.photo import PhotoKey
 from polarsim.site import polar
+from tests.support.polar_photos import SIZE
 
 ROCK, SHADOW = np.array([100.0, 100, 160, 150]), np.array([60.0, 90, 110, 140])
 
 
 def write(folder, name, shadows=1, offset=0):
     boxes = np.array([ROCK + offset, *[SHADOW] * shadows])
-    yolo.write_boxes(folder / f"{name}.txt", np.array([0] + [1] * shadows), boxes)
+    yolo.write_boxes(folder / f"{name}.txt", np.array([0] + [1] * shadows), boxes, size=SIZE)
 
 
 def chosen_seeds(folder, corrections=None, shadow_start_ms=0):

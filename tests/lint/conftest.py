@@ -3,6 +3,7 @@ import pytest
 
 from polarsim.formats import yolo
 from polarsim.photo import PhotoKey, exposures
+from tests.support.polar_photos import SIZE
 
 KEY = PhotoKey.parse("11_A_off_30_L_0256")
 LABELS = "Labels/Terrain11"
@@ -17,7 +18,7 @@ def root(tmp_path):
     """Write a complete exposure bracket of labels; shadows from 128 ms."""
     for exposure_ms in exposures(11, "30"):
         shown = (2 if exposure_ms >= 128 else 1) > CLASSES
-        yolo.write_boxes(path(tmp_path / "tree", exposure_ms), CLASSES[shown], BOXES[shown])
+        yolo.write_boxes(path(tmp_path / "tree", exposure_ms), CLASSES[shown], BOXES[shown], size=SIZE)
     return tmp_path / "tree"
 
 

@@ -4,9 +4,9 @@ import numpy as np
 
 from polarsim.formats import png, tables, yolo
 from polarsim.lint.errata import lint_and_draw
-from polarsim.photo import HEIGHT, WIDTH
 from polarsim.site import polar
 from tests.lint.conftest import BOXES, CLASSES, KEY, path
+from tests.support.polar_photos import HEIGHT, SIZE, WIDTH
 
 
 class Counted(HTMLParser):
@@ -31,8 +31,8 @@ def annotated(root, tmp_path, twins=()):
 
 
 def test_each_defect_has_a_figure_with_wrong_and_missing_boxes(root, tmp_path):
-    yolo.write_boxes(path(root, 1024), CLASSES[1:], BOXES[1:])  # the first rock is missing
-    yolo.write_boxes(path(root, 512), [*CLASSES, 1], [*BOXES, BOXES[-1]])  # the last shadow is repeated
+    yolo.write_boxes(path(root, 1024), CLASSES[1:], BOXES[1:], size=SIZE)  # the first rock is missing
+    yolo.write_boxes(path(root, 512), [*CLASSES, 1], [*BOXES, BOXES[-1]], size=SIZE)  # the last shadow is repeated
     seen, table = annotated(root, tmp_path)
     assert sorted(table["code"]) == ["B201", "E301", "E305"]
     assert (seen["svg"], seen["lacking"], seen["wrong"]) == (3, 1, 2)
@@ -40,8 +40,8 @@ def test_each_defect_has_a_figure_with_wrong_and_missing_boxes(root, tmp_path):
 
 
 def test_a_defect_is_drawn_on_the_twin_of_its_photo(root, tmp_path):
-    yolo.write_boxes(path(root, 1024), CLASSES[1:], BOXES[1:])
-    yolo.write_boxes(path(root, 512), [*CLASSES, 1], [*BOXES, BOXES[-1]])
+    yolo.write_boxes(path(root, 1024), CLASSES[1:], BOXES[1:], size=SIZE)
+    yolo.write_boxes(path(root, 512), [*CLASSES, 1], [*BOXES, BOXES[-1]], size=SIZE)
     twins = tmp_path / "twins"
     twins.mkdir()
     png.write_png(twins / f"{KEY.with_exposure(512)}.png", np.full((HEIGHT, WIDTH), 900, np.uint16))

@@ -13,6 +13,7 @@ from polarsim.lint.folders import lint_folder
 from polarsim.lint.rules import RULES
 from polarsim.photo import exposures
 from tests.lint.conftest import BOXES, CLASSES, KEY, LABELS, path
+from tests.support.polar_photos import SIZE
 
 BOX, DETECTION = "0 0.5 0.5 0.2 0.2\n", "0 0.5 0.5 0.2 0.2 0.73\n"
 RING = "2 0.1 0.1 0.2 0.1 0.2 0.2 0.1 0.2\n"
@@ -59,17 +60,17 @@ def test_label_files_of_a_run_are_validated_without_its_marker_files(tmp_path, f
     root = tmp_path / "run"
     place = root / folder.format("boxes") / "Terrain11"
     for exposure_ms in exposures(11, "30"):
-        yolo.write_boxes(place / f"{KEY.with_exposure(exposure_ms)}.txt", CLASSES, BOXES)
+        yolo.write_boxes(place / f"{KEY.with_exposure(exposure_ms)}.txt", CLASSES, BOXES, size=SIZE)
     write(place / SNAKEMAKE_FILE, "")
     assert defects(root) == []
-    yolo.write_boxes(place / f"{KEY.with_exposure(512)}.txt", CLASSES[1:], BOXES[1:])
+    yolo.write_boxes(place / f"{KEY.with_exposure(512)}.txt", CLASSES[1:], BOXES[1:], size=SIZE)
     assert [name for name, _ in defects(root)] == ["rock_missing"]
     assert lint_folder(place.parent, set(RULES)).count("warning") == 1
 
 
 def test_flat_label_files_are_validated_by_the_names_of_their_class_list(tmp_path):
     for exposure_ms in exposures(11, "30"):
-        yolo.write_boxes(tmp_path / f"{KEY.with_exposure(exposure_ms)}.txt", 1 - CLASSES, BOXES)
+        yolo.write_boxes(tmp_path / f"{KEY.with_exposure(exposure_ms)}.txt", 1 - CLASSES, BOXES, size=SIZE)
     write(tmp_path / "obj.names", "shadow\nrock\n")
     report = lint_folder(tmp_path, set(RULES))
     assert report.findings == []
@@ -163,17 +164,17 @@ def test_masks_are_painted_from_every_layout_of_polygons(tmp_path, polarsim, pla
 
 def test_a_triangle_is_a_polygon_but_a_box_with_a_track_id_is_not(tmp_path):
     triangle = write(tmp_path / f"{KEY}.txt", "2 0.4 0.5 0.45 0.5 0.45 0.55\n")
-    assert len(yolo.read_polygons(triangle)[0][1]) == 3
+    assert len(yolo.read_polygons(triangle, size=SIZE)[0][1]) == 3
     with pytest.raises(FormatError, match="track id"):
-        yolo.read_polygons(write(triangle, "2 0.5 0.5 0.05 0.05 0.9 1\n"))
+        yolo.read_polygons(write(triangle, "2 0.5 0.5 0.05 0.05 0.9 1\n"), size=SIZE)
     both = write(triangle, RING + "2 0.4 0.5 0.45 0.5 1 0.55\n")  # at the image border, next to a larger polygon
-    assert len(yolo.read_polygons(both)) == 2
+    assert len(yolo.read_polygons(both, size=SIZE)) == 2
 
 
 @pytest.mark.parametrize("below", ["", "Terrain03"])
 def test_polygons_without_boxes_are_read_as_polygons(tmp_path, below):
     ring = np.array([[100.0, 100], [200, 100], [200, 220], [100, 220]])
-    yolo.write_polygons(tmp_path / below / "03_A_off_30_L_0256.txt", [(2, ring), (3, ring + 300)])
+    yolo.write_polygons(tmp_path / below / "03_A_off_30_L_0256.txt", [(2, ring), (3, ring + 300)], size=SIZE)
     report = lint_folder(tmp_path, set(RULES))
     (content,) = report.contents.values()
     assert content["polygon_files"] == 1

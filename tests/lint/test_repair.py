@@ -13,6 +13,7 @@ from polarsim.lint.repair import REPAIR_TABLE, _drop_malformed, write_repaired
 from polarsim.lint.rules import RULES
 from polarsim.photo import exposures
 from tests.lint.conftest import BOXES, CLASSES, KEY, LABELS, path
+from tests.support.polar_photos import SIZE
 
 POLYGONS = "SegmentationLabels/terrain11/labels"
 
@@ -33,7 +34,7 @@ def files_of(folder):
 
 
 def assert_whole(copy, exposure_ms):
-    classes, boxes = yolo.read_boxes(path(copy, exposure_ms))
+    classes, boxes = yolo.read_boxes(path(copy, exposure_ms), size=SIZE)
     order = np.lexsort((boxes[:, 0], classes))
     np.testing.assert_array_equal(classes[order], CLASSES)
     np.testing.assert_allclose(boxes[order], BOXES, atol=0.06)
@@ -60,7 +61,7 @@ def test_a_sound_tree_is_copied_byte_by_byte(root):
     ],
 )
 def test_an_exposure_gets_the_content_of_the_majority(root, classes, boxes):
-    yolo.write_boxes(path(root, 1024), classes, boxes)
+    yolo.write_boxes(path(root, 1024), classes, boxes, size=SIZE)
     out, changes = repaired(root)
     assert len(changes) >= 1
     assert_whole(out, 1024)
@@ -71,7 +72,7 @@ def test_a_missing_file_is_written(root):
     path(root, 32).unlink()
     out, _ = repaired(root)
     assert_whole(out, 512)
-    assert (yolo.read_boxes(path(out, 32))[0] == 0).all()  # too dark for shadows
+    assert (yolo.read_boxes(path(out, 32), size=SIZE)[0] == 0).all()  # too dark for shadows
 
 
 def test_malformed_lines_and_boxes_outside_the_photo_are_removed(root):
@@ -128,9 +129,9 @@ def test_polygons_become_valid_and_are_painted_in_order(root):
     crumb = np.array([[300, 300], [302, 300], [302, 303], [300, 303]], float)
     (root / POLYGONS).mkdir(parents=True)
     target = root / POLYGONS / f"{KEY}.txt"
-    yolo.write_polygons(target, [(2, crossing), (3, crumb), (1, ground)])
+    yolo.write_polygons(target, [(2, crossing), (3, crumb), (1, ground)], size=SIZE)
     out, _ = repaired(root)
-    kinds = [kind for kind, _ in yolo.read_polygons(out / POLYGONS / target.name)]
+    kinds = [kind for kind, _ in yolo.read_polygons(out / POLYGONS / target.name, size=SIZE)]
     assert kinds == [1, 2]
 
 
@@ -179,7 +180,7 @@ def test_a_defect_of_any_number_of_exposures_does_not_spread(folder, data, damag
     for exposure_ms in data.draw(st.permutations(EXPOSURES)):
         shown = (2 if exposure_ms >= 128 else 1) > CLASSES
         file = path(folder / "tree", exposure_ms)
-        yolo.write_boxes(file, CLASSES[shown], BOXES[shown])
+        yolo.write_boxes(file, CLASSES[shown], BOXES[shown], size=SIZE)
         if exposure_ms in sound:
             sound[exposure_ms] = file.read_bytes()
         else:
@@ -201,7 +202,7 @@ def test_a_defect_of_any_number_of_exposures_does_not_spread(folder, data, damag
 
 def assert_boxes(file, shown):
     """Assert the sound boxes of a file, except doubtful shadows that no sound file has."""
-    classes, boxes = yolo.read_boxes(file)
+    classes, boxes = yolo.read_boxes(file, size=SIZE)
     for number in range(1 + shown.all()):
         mine, wanted = boxes[classes == number], BOXES[number == CLASSES]
         np.testing.assert_allclose(mine[np.argsort(mine[:, 0])], wanted, atol=2e-3)

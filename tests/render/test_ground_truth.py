@@ -89,8 +89,7 @@ def test_small_components_are_excluded_from_a_box():
 
 
 @pytest.fixture
-def labelled(folders, lens, monkeypatch):
-    monkeypatch.setattr(yolo, "_SIZE", np.array([lens.width, lens.height], float))  # size of photos with the small lens
+def labelled(folders):
     for path in (folders / "meshes").iterdir():
         path.rename(path.with_name(path.name.replace("terrain01", "terrain03")))
     render_into(folders, {"lambert": folders / "twins"}, KEYS, RenderOptions(walls=False), labels=".", terrain=3)

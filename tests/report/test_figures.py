@@ -29,6 +29,7 @@ from polarsim.scoring.reliability import COLUMNS as RELIABILITY_COLUMNS
 from polarsim.site import polar
 from tests.report.pixels import coloured, is_drawn
 from tests.support.label_rows import label_row
+from tests.support.polar_photos import SIZE
 from tests.support.polar_survey import SANDBOX
 
 NARROW = 600  # px
@@ -121,7 +122,9 @@ def test_displaced_boxes_get_arrows_and_matching_boxes_none(tmp_path, world):
     boxes = np.array([box_around_points(rig.project("L", scene.rock_vertices(rock))) for rock in scene.rocks])
     arrows = []
     for off in (0, 8):
-        yolo.write_boxes(tmp_path / "seeds" / f"03_{position}_off_30_L_0256.txt", np.zeros(len(boxes)), boxes + off)
+        yolo.write_boxes(
+            tmp_path / "seeds" / f"03_{position}_off_30_L_0256.txt", np.zeros(len(boxes)), boxes + off, size=SIZE
+        )
         pixels = residuals_drawn(tmp_path, f"{off}.png")[:-60]  # without the legend
         arrows.append((np.abs(pixels - rgb(PREDICTED)).max(axis=-1) < 40).sum())
     assert arrows[1] > 2 * arrows[0] + 50
@@ -147,7 +150,7 @@ def test_a_cover_photo_of_the_right_camera_is_not_a_background_of_residuals(tmp_
     world.write(tmp_path)
     position = sorted(read_all_localised(tmp_path / "cameras"))[0]
     boxes = np.array([[400.0, 500, 520, 580], [1200, 700, 1290, 760]])
-    yolo.write_boxes(tmp_path / "seeds" / f"03_{position}_off_30_L_0256.txt", np.zeros(len(boxes)), boxes)
+    yolo.write_boxes(tmp_path / "seeds" / f"03_{position}_off_30_L_0256.txt", np.zeros(len(boxes)), boxes, size=SIZE)
     cover = np.full((1216, 1936, 3), 200, np.uint8)
     for x0, y0, x1, y1 in boxes.astype(int):
         cv2.rectangle(cover, (x0 + off_px, y0), (x1 + off_px, y1), (255, 0, 0), 4)
@@ -289,7 +292,7 @@ def test_a_cover_photo_with_numbers_only_is_not_identified(release_root):
 def hand_drawn(root, keys):
     rows = []
     for key in keys:
-        classes, boxes = yolo.read_boxes(release.label_folder(root, key.terrain) / f"{key}.txt")
+        classes, boxes = yolo.read_boxes(release.label_folder(root, key.terrain) / f"{key}.txt", size=SIZE)
         rows += [label_row(key, BOX_CLASSES[number], -1, box) for number, box in zip(classes, boxes, strict=True)]
     return label_table(rows)
 

@@ -11,7 +11,7 @@ from polarsim.run_files.instances import GROUND, ROCK_IDS
 from polarsim.scenes.options import SceneOptions, SceneRanges
 from polarsim.scenes.render_scenes import add_background, render_scenes, rock_contrast, tone_curve
 from tests.scenes.conftest import block
-from tests.support.polar_photos import HEIGHT, WIDTH
+from tests.support.polar_photos import HEIGHT, SIZE, WIDTH
 
 STRAIGHT = tone_curve(1)
 
@@ -37,7 +37,7 @@ def test_every_scene_and_lamp_has_an_image_and_labels(rendered):
     names = [path.stem for path in sorted((folder / "images").iterdir())]
     assert names == [f"t01_s00{scene}_l{lamp}" for scene in (0, 1) for lamp in (0, 1, 2)]
     assert names == [path.stem for path in sorted((folder / "labels").iterdir())]
-    labels = [yolo.read_boxes(folder / "labels" / f"{name}.txt") for name in names]
+    labels = [yolo.read_boxes(folder / "labels" / f"{name}.txt", size=SIZE) for name in names]
     assert all((boxes >= -1e-3).all() and (boxes <= [WIDTH, HEIGHT] * 2).all() for _, boxes in labels)
     assert sum((classes == 0).sum() for classes, _ in labels) >= 6
     assert sum((classes == 1).sum() for classes, _ in labels) >= 3

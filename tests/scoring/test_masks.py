@@ -7,11 +7,12 @@ from polarsim.errors import FormatError, LabelError
 from polarsim.formats import yolo
 from polarsim.formats.release import polygon_folder
 from polarsim.formats.tables import read_csv, read_parquet
-from polarsim.photo import HEIGHT, POLYGON_CLASSES, WIDTH, PhotoKey
+from polarsim.photo import POLYGON_CLASSES, PhotoKey
 from polarsim.report.covers_table import tabulate_masks
 from polarsim.run_files import class_masks
 from polarsim.schemas.covers import MASK_SCORES
 from polarsim.scoring.masks import score_masks
+from tests.support.polar_photos import HEIGHT, SIZE, WIDTH
 
 FIRST, SECOND, WITHOUT = (PhotoKey.parse(f"03_{position}_off_30_L_0256") for position in "ABC")
 GROUND, ROCK, SHADOW = range(3)
@@ -41,7 +42,7 @@ def scores(tmp_path):
 
     def run(polygons, masks):
         for key, annotated in polygons.items():
-            yolo.write_polygons(polygon_folder(tmp_path, 3) / f"{key}.txt", annotated)
+            yolo.write_polygons(polygon_folder(tmp_path, 3) / f"{key}.txt", annotated, size=SIZE)
         for key, shown in masks.items():
             class_masks.write_class_mask(tmp_path / f"masks/{key}.png", shown)
         score_masks(

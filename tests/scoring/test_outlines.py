@@ -4,11 +4,12 @@ import pytest
 from polarsim.formats import coco, rle, yolo
 from polarsim.formats.release import label_folder, polygon_folder
 from polarsim.formats.tables import read_csv
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import PhotoKey
 from polarsim.scoring.metrics import COLUMNS
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.outlines import overlaps, score_outlines
 from polarsim.site import polar
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 POLAR = polar()
 SIZE = POLAR.images.size
@@ -36,9 +37,11 @@ def scores(tmp_path):
 
     def run(polygons, annotations, boxes=None):
         for key, annotated in polygons.items():
-            yolo.write_polygons(polygon_folder(tmp_path, 3) / f"{key}.txt", annotated)
+            yolo.write_polygons(polygon_folder(tmp_path, 3) / f"{key}.txt", annotated, size=SIZE)
         for key, (classes, annotated) in (boxes or {}).items():
-            yolo.write_boxes(label_folder(tmp_path, 3) / f"{key}.txt", np.array(classes), np.array(annotated))
+            yolo.write_boxes(
+                label_folder(tmp_path, 3) / f"{key}.txt", np.array(classes), np.array(annotated), size=SIZE
+            )
         coco.write_coco(tmp_path / "coco.json", annotations, POLAR, SIZE)
         score_outlines(
             site=POLAR,

@@ -10,6 +10,7 @@ from polarsim.errors import FormatError, LabelError
 from polarsim.formats import release, yolo
 from polarsim.photo import SUNS, PhotoKey
 from polarsim.scoring.score import PhotoLabels, count_boxes, score_boxes, score_folders
+from tests.support.polar_photos import SIZE
 
 KEY = PhotoKey.parse("01_A_off_180_L_0256")
 RIGHT = PhotoKey.parse("04_B_on_30_R_0512")
@@ -24,7 +25,7 @@ def labels(*boxes: list[float], kind: int = 0) -> PhotoLabels:
 
 
 def write(folder, key, found: PhotoLabels):
-    yolo.write_boxes(folder / f"{key}.txt", found.classes, found.boxes)
+    yolo.write_boxes(folder / f"{key}.txt", found.classes, found.boxes, size=SIZE)
 
 
 def test_an_equal_box_is_a_hit_and_a_distant_box_a_miss_and_a_false_positive():
@@ -144,7 +145,7 @@ def test_rocks_copied_to_another_azimuth_score_as_measured_before(release_root):
         sets = {}
         for key, path in release.label_files(release_root, terrain).items():
             if key.camera == "L" and key.light == "off" and key.azimuth != "no":
-                sets.setdefault(key.bracket, {})[key] = PhotoLabels(*yolo.read_boxes(path))
+                sets.setdefault(key.bracket, {})[key] = PhotoLabels(*yolo.read_boxes(path, size=SIZE))
         for files in sets.values():
             best = max(files, key=lambda k: (len(files[k].classes), -abs(np.log2(k.exposure_ms / 256)), k.exposure_ms))
             seeds[best.station, best.azimuth] = files[best]
@@ -200,7 +201,7 @@ def test_folders_without_a_common_valid_file_are_an_error(tmp_path, name, text, 
 def test_polygons_of_a_run_are_scored_by_the_boxes_around_them(tmp_path):
     boxes = np.array([[100.0, 100, 200, 220], [400, 400, 500, 520]])
     corners = [np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]) for x0, y0, x1, y1 in boxes]
-    yolo.write_boxes(tmp_path / "truth/03_A_off_30_L_0256.txt", np.array([0, 1]), boxes)
-    yolo.write_polygons(tmp_path / "labels/03_A_off_30_L_0256.txt", list(zip((2, 3), corners, strict=True)))
+    yolo.write_boxes(tmp_path / "truth/03_A_off_30_L_0256.txt", np.array([0, 1]), boxes, size=SIZE)
+    yolo.write_polygons(tmp_path / "labels/03_A_off_30_L_0256.txt", list(zip((2, 3), corners, strict=True)), size=SIZE)
     report = score_folders(tmp_path / "truth", tmp_path / "labels")
     assert [row["miou"] for row in report["classes"].values()] == pytest.approx([1, 1], abs=1e-4)

@@ -24,6 +24,7 @@ from polarsim.scoring.rocks import score_rocks
 from polarsim.scoring.twins import score_twins
 from polarsim.site import polar
 from tests.support.label_rows import label_row
+from tests.support.polar_photos import SIZE
 from tests.support.polar_rig import default_rig
 from tests.support.polar_survey import surveyed_pose
 
@@ -98,7 +99,7 @@ def test_cameras_are_scored_on_consensus_boxes_of_a_view(tmp_path, cube):
             moved = np.array(around) + (off_px if camera == "R" else 0.0)
             path = tmp_path / "annotated" / f"03_A_off_{azimuth}_{camera}_0256.txt"
             path.parent.mkdir(exist_ok=True)
-            yolo.write_boxes(path, np.zeros(3, int), moved)
+            yolo.write_boxes(path, np.zeros(3, int), moved, size=SIZE)
     found = cameras_scored(tmp_path, cameras=tmp_path / "cameras", truth=None, annotated=tmp_path / "annotated")
     for camera in "LR":
         assert found[f"all boxes of {camera}", "box_iou_mean"] > 0.95  # sides are trimmed at the foot
@@ -244,10 +245,10 @@ def test_labels_are_scored_by_task_without_seeds(tmp_path):
     shadow = [300.0, 300.0, 400.0, 330.0]
     rows = []
     for name in names:
-        yolo.write_boxes(tmp_path / f"truth/{name}.txt", [0, 1], [BOX, shadow])
+        yolo.write_boxes(tmp_path / f"truth/{name}.txt", [0, 1], [BOX, shadow], size=SIZE)
         rows += label_rows(name, ("rock", *BOX), *([("shadow", *shadow)] if "_L_" in name else []))
-    yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [BOX])
-    yolo.write_boxes(tmp_path / "truth/03_A_off_30_R_1024.txt", [0], [BOX])
+    yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [BOX], size=SIZE)
+    yolo.write_boxes(tmp_path / "truth/03_A_off_30_R_1024.txt", [0], [BOX], size=SIZE)
     found = labels_scored(tmp_path, names, rows)
     assert found["rock: other exposures", "f1"] == 1
     assert found["rock: Left to Right", "f1"] == 1
@@ -267,7 +268,7 @@ def test_labels_are_scored_by_task_without_seeds(tmp_path):
 
 def test_a_labelled_photo_without_a_row_misses_all_true_boxes(tmp_path):
     name = "03_A_off_30_R_0256"
-    yolo.write_boxes(tmp_path / f"truth/{name}.txt", [0], [BOX])
+    yolo.write_boxes(tmp_path / f"truth/{name}.txt", [0], [BOX], size=SIZE)
     (tmp_path / "seeds").mkdir()
     found = labels_scored(tmp_path, [name], [])
     assert found["rock: all but seeds", "recall"] == 0
@@ -282,7 +283,7 @@ def test_boxes_in_empty_photos_of_the_analog_are_false_positives(tmp_path):
     unseen = true.assign(rock=3, x0=700.0, contrast=4.0)
     write_parquet(tmp_path / "true.parquet", pd.concat([true, tiny, unseen]))
     (tmp_path / "seeds").mkdir()
-    yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [BOX])
+    yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [BOX], size=SIZE)
     rows = [row for key in (lit, dark) for row in label_rows(key, ("rock", *BOX), confidence=0.75)]
     found = labels_scored(tmp_path, [lit, dark], rows, truth="true.parquet")
     assert found["rock: Left to Right", "recall"] == 1
@@ -301,7 +302,7 @@ def test_a_true_shadow_below_the_minimum_width_is_not_annotated(tmp_path):
     )
     write_parquet(tmp_path / "true.parquet", pd.concat([true.assign(width_px=3), line, rock]))
     (tmp_path / "seeds").mkdir()
-    yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [BOX])
+    yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [BOX], size=SIZE)
     rows = label_rows(name, ("shadow", *BOX)) + label_rows(name, ("rock", *BOX))
     found = labels_scored(tmp_path, [name], rows, truth="true.parquet")
     assert found["shadow: no Sun", "recall"] == 1
@@ -311,8 +312,8 @@ def test_a_true_shadow_below_the_minimum_width_is_not_annotated(tmp_path):
 def test_an_invalid_annotated_file_is_skipped_but_an_invalid_result_is_an_error(tmp_path):
     names = ["03_A_off_30_R_0256", "03_A_off_30_R_0512"]
     for name in names:
-        yolo.write_boxes(tmp_path / f"truth/{name}.txt", [0], [BOX])
-    yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [BOX])
+        yolo.write_boxes(tmp_path / f"truth/{name}.txt", [0], [BOX], size=SIZE)
+    yolo.write_boxes(tmp_path / "seeds/03_A_off_30_L_0256.txt", [0], [BOX], size=SIZE)
     (tmp_path / "truth/03_A_off_30_R_0512.txt").write_text("name0 0.5 0.5\n")
     rows = [row for name in names for row in label_rows(name, ("rock", *BOX))]
     assert labels_scored(tmp_path, names, rows)["rock: Left to Right", "f1"] == 1
@@ -331,8 +332,8 @@ def test_twins_are_scored_by_boxes_and_pixels_if_available(tmp_path):
     png.write_png(tmp_path / f"hapke/{key}.png", np.where(shaded, photo, photo + 800).astype(np.uint16))
     ids = np.where(shaded, SHADOW_IDS + 1, GROUND).astype(np.uint16)
     png.write_png(tmp_path / "instances/03_A_off_30_L.png", np.broadcast_to(ids, photo.shape))
-    yolo.write_boxes(tmp_path / f"boxes/{key}.txt", [0], [BOX])
-    yolo.write_boxes(tmp_path / f"truth/{key}.txt", [0, 0], [BOX, [500, 500, 540, 530]])
+    yolo.write_boxes(tmp_path / f"boxes/{key}.txt", [0], [BOX], size=SIZE)
+    yolo.write_boxes(tmp_path / f"truth/{key}.txt", [0, 0], [BOX, [500, 500, 540, 530]], size=SIZE)
     row = {**dict.fromkeys(PHOTO_COLUMNS, 0), **key_columns(key), "path": str(tmp_path / "photo.png"), "sha256": ""}
     write_parquet(tmp_path / "photos.parquet", pd.DataFrame([row]))
     (tmp_path / "none").mkdir()

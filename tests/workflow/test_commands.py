@@ -23,11 +23,12 @@ from polarsim.explore.tables import shown_predictions
 from polarsim.formats import coco, png, yolo
 from polarsim.geometry.boxes import area, clip, iou, match_by_iou
 from polarsim.labels.seeds import read_corrections
-from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.run_files.run import Run
 from polarsim.site import polar
 from tests.rover.drives import SMALL as SMALL_DRIVE
 from tests.rover.drives import configured
+from tests.support.polar_photos import HEIGHT, SIZE, WIDTH
 
 pytestmark = pytest.mark.slow
 
@@ -131,7 +132,7 @@ def same_boxes(folder: Path, wanted: pd.DataFrame) -> None:
     files = {path.stem: path for path in folder.rglob("??_*.txt")}
     assert set(files) == set(wanted["key"])
     for key, rows in wanted.groupby("key"):
-        classes, boxes = yolo.read_boxes(files[key])
+        classes, boxes = yolo.read_boxes(files[key], size=SIZE)
         for number, kind in enumerate(BOX_CLASSES):
             own, other = boxes[classes == number], rows.loc[rows["kind"] == kind, EDGES].to_numpy(float)
             assert len(own) == len(other), (key, kind)

@@ -9,11 +9,12 @@ from polarsim.detect.detectors import read_detector
 from polarsim.formats import obj, png, tables, yolo
 from polarsim.formats.release import polygon_folder
 from polarsim.geometry.meshes import Mesh
-from polarsim.photo import HEIGHT, POLYGON_CLASSES, WIDTH
+from polarsim.photo import POLYGON_CLASSES
 from polarsim.render.surfaces import box_mesh
 from polarsim.run_files import class_masks
 from polarsim.scenes.strokes import COLOURS, draw_strokes
 from tests.support.label_rows import label_row
+from tests.support.polar_photos import HEIGHT, SIZE, WIDTH
 
 ROCK, SHADOW = [900.0, 500, 1000, 620], [1000.0, 520, 1200, 600]
 TERRAINS = (1, 3)
@@ -44,11 +45,11 @@ def release(tmp_path):
         for azimuth in ("30", "180"):
             position = root / "Labels" / f"Terrain{terrain:02d}" / f"{terrain:02d}_A_off_{azimuth}_L_0256.txt"
             shadow = np.array(SHADOW) - (0 if azimuth == "30" else np.array([300, 0, 300, 0]))
-            yolo.write_boxes(position, np.array([0, 1]), np.array([ROCK, shadow]))
+            yolo.write_boxes(position, np.array([0, 1]), np.array([ROCK, shadow]), size=SIZE)
         if terrain == 1:
             things = {"ground": [0, 0, WIDTH, HEIGHT], "rock": ROCK, "shadow": SHADOW}
             outlines = [(POLYGON_CLASSES.index(name), ring(box)) for name, box in things.items()]
-            yolo.write_polygons(polygon_folder(root, 1) / "01_A_off_30_L_0256.txt", outlines)
+            yolo.write_polygons(polygon_folder(root, 1) / "01_A_off_30_L_0256.txt", outlines, size=SIZE)
         rock = root / "TerrainMeshes" / f"Terrain{terrain:02d}" / f"terrain{terrain:02d}_rock1.obj"
         rock.parent.mkdir(parents=True)
         rock.touch()  # replaced by the repaired copies

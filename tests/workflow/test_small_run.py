@@ -11,6 +11,7 @@ import pytest
 
 from polarsim.formats import yolo
 from polarsim.photo import PhotoKey
+from tests.support.polar_photos import SIZE
 
 pytestmark = pytest.mark.slow
 
@@ -31,7 +32,7 @@ def test_a_small_run_ends(small, snakemake):
     keys = [PhotoKey.parse(path.stem) for path in sorted((results / "labels/boxes/Terrain01").glob("*.txt"))]
     assert len(keys) == 2 * 2 * 2  # positions, azimuths, cameras
     assert {path.stem for path in (results / "renders/hapke/Terrain01").glob("*.png")} == set(map(str, keys))
-    rocks, _ = yolo.read_boxes(results / "labels/boxes/Terrain01/01_A_off_30_R_0256.txt")
+    rocks, _ = yolo.read_boxes(results / "labels/boxes/Terrain01/01_A_off_30_R_0256.txt", size=SIZE)
     assert len(rocks) > 5
     detection = pd.read_parquet(results / "detect/detection.parquet")
     assert set(zip(detection["split"], detection["trained"], detection["evaluated"], strict=True)) == {
