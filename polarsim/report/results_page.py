@@ -22,6 +22,7 @@ from polarsim.report import paper
 from polarsim.report.headlines import headlines
 from polarsim.report.layout import markdown
 from polarsim.run_files.pictures import STRIP_TEXT
+from polarsim.site import DEFAULT
 
 _TEMPLATE = Path(__file__).with_name("results_page.html.jinja")
 WIDE, PANEL, THUMBNAIL = 1100, 480, 320  # widths of figures in the text, panels of a strip and thumbnails, px
@@ -39,6 +40,7 @@ def write_results_page(
     datasets: Mapping[tuple[str, str], Path],
     photos: Path | None,
     origin: Mapping[str, str],
+    site: str,
     terrains: Sequence[Terrain],
     positions: Sequence[str],
     models: Sequence[str],
@@ -51,13 +53,14 @@ def write_results_page(
     The page embeds small images that link to the full files. `tables` are Markdown files and `figures` PNG files by
     name (of one detector: `seen_<domain>`, `gap_rocks_<domain>`); the template skips missing ones. `phases` is the
     caption of the figure of the opposition effect, empty for a run without photos, `datasets` has the data set of each
-    split and domain, and `others` maps the file names of further pages to titles.
+    split and domain, and `others` maps the file names of further pages to titles. `site` is the name of the site.
     """
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     source = origin["source"]
     content = _PageContent(tables, figures, source, page.parent)
     count = 0 if photos is None else len(read_parquet(photos, ["key"]))
     facts = {
+        **({} if site == DEFAULT else {"site": site}),
         "terrains": f"{', '.join(map(terrain_text, terrains))} (positions {', '.join(positions)})",
         "photos": f"{count:,}" if count else "none",
         "twins": ", ".join(models),
@@ -66,6 +69,7 @@ def write_results_page(
     }
     text = environment.from_string(_TEMPLATE.read_text(encoding="utf-8")).render(
         origin=origin,
+        site=site,
         facts=facts,
         headlines=headlines({name: path.with_suffix(".csv") for name, path in tables.items()}, photo_domain, source),
         strip=content.strip(strip) if strip else None,

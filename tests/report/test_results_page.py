@@ -52,9 +52,11 @@ def run(tmp_path):
     }  # fmt: skip
 
 
-def written(folder, run):
-    facts = {"origin": ORIGIN, "terrains": [1, 11], "positions": ["A"], "models": ["hapke"], "photo_domain": "real"}
-    write_results_page(**run, **facts, others={"report.html": "Snakemake's report"}, page=folder / "results.html")
+def written(folder, run, site="polar", origin=ORIGIN):
+    facts = {"origin": origin, "terrains": [1, 11], "positions": ["A"], "models": ["hapke"], "photo_domain": "real"}
+    write_results_page(
+        **run, **facts, site=site, others={"report.html": "Snakemake's report"}, page=folder / "results.html"
+    )
     return (folder / "results.html").read_text()
 
 
@@ -98,6 +100,14 @@ def test_the_first_screen_describes_the_run_and_has_metrics_with_intervals(tmp_p
     assert "<strong>0.46</strong>[0.41 to 0.54]" in first
     assert "trained on Analog" in first
     assert "A &lt;photo&gt;" in first
+
+
+def test_the_page_of_another_site_names_the_site_instead_of_nasa(tmp_path, run):
+    analog = ORIGIN | {"source": "analog"}
+    assert "NASA" in written(tmp_path, run, origin=analog)
+    text = written(tmp_path, run, "yard", analog)
+    assert "NASA" not in text
+    assert "<dt>site</dt><dd>yard</dd>" in text
 
 
 def test_images_are_reduced_and_the_page_does_not_depend_on_modification_times(tmp_path, run):

@@ -5,6 +5,7 @@ from pathlib import Path
 from polarsim.job_files import list_of_paths, optional_path
 from polarsim.report.results_page import write_results_page
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     write_results_page(
@@ -15,6 +16,7 @@ with reporting(log=snakemake.log[0]):
         datasets=dict(zip(snakemake.params.datasets, list_of_paths(snakemake.input.datasets), strict=True)),
         photos=optional_path(snakemake.input.photos),
         origin=snakemake.params.origin,
+        site=Site(**snakemake.params.site).name,
         terrains=snakemake.params.terrains,
         positions=snakemake.params.positions,
         models=snakemake.params.models,
