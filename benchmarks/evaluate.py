@@ -24,7 +24,8 @@ from polarsim.detect.breakdown import breakdown, match_predictions
 from polarsim.detect.grouping import BOX_COLUMNS, units_of
 from polarsim.detect.ipd import instance_performance
 from polarsim.geometry import boxes
-from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH, photo_grid
+from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
+from polarsim.site import polar
 
 LABELS, PREDICTIONS, RESAMPLES = 14, 300, 1000
 PAIRS = 9
@@ -33,7 +34,7 @@ PAIRS = 9
 def synthetic_tables(photos: int) -> tuple[list[str], pd.DataFrame, pd.DataFrame]:
     """Return keys, labels and predictions: half of the labels are detected with an error, the rest is random."""
     rng = np.random.default_rng(0)
-    every = [str(key) for terrain in range(1, 14) for key in photo_grid(terrain)]
+    every = [str(key) for terrain in range(1, 14) for key in polar().photos_of(terrain)]
     keys = sorted(rng.choice(every, photos, replace=False).tolist())
     labels, found = [], []
     for kind in BOX_CLASSES:

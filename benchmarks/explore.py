@@ -23,7 +23,7 @@ from polarsim.explore.server import server
 from polarsim.explore.site import Files, page_files
 from polarsim.formats import arrow
 from polarsim.formats.tables import key_columns
-from polarsim.photo import TERRAINS, photo_grid
+from polarsim.site import polar
 
 DOMAINS = ("photo", "hapke", "principled")
 FLAGS = ["--no-sandbox", "--disable-dev-shm-usage", "--use-gl=angle", "--use-angle=swiftshader"]
@@ -31,13 +31,19 @@ FLAGS = ["--no-sandbox", "--disable-dev-shm-usage", "--use-gl=angle", "--use-ang
 
 def synthetic_page() -> Files:
     """Return the page with a table of pictures, without the picture files."""
-    keys = [key for terrain in TERRAINS for key in photo_grid(terrain)]
+    keys = [key for terrain in polar().terrains for key in polar().photos_of(terrain)]
     table = pd.DataFrame([{**key_columns(key), "domain": domain} for key in keys for domain in DOMAINS])
     random = np.random.default_rng(1)
     for name in ("score", "confidence", "min_confidence"):
         table[name] = random.random(len(table))
     table["rocks"], table["shadows"], table["defect"] = 20, 20, ""
-    about = {"run": "made_up", "terrains": list(TERRAINS), "domains": list(DOMAINS), "width": 1936, "height": 1216}
+    about = {
+        "run": "made_up",
+        "terrains": list(polar().terrains),
+        "domains": list(DOMAINS),
+        "width": 1936,
+        "height": 1216,
+    }
     about |= {name: [] for name in ("meshes", "predictions", "drives", "seeds", "undone")}
     columns, told = arrow.encode_arrow(table), json.dumps(about).encode()
     return {**page_files(), "data/run.json": lambda: told, "data/pictures.arrow": lambda: columns}

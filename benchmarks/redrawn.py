@@ -19,7 +19,8 @@ from polarsim.config import RELEASE_ROOT
 from polarsim.cover_photos.photos import annotation_rows
 from polarsim.cover_photos.scores import cover_metrics
 from polarsim.formats import release, tables
-from polarsim.photo import AZIMUTHS, HEIGHT, ROCK, WIDTH, PhotoKey
+from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
+from polarsim.site import polar
 
 
 def redrawn(root: Path, keys: list[PhotoKey], azimuth: str) -> pd.DataFrame:
@@ -50,7 +51,7 @@ def main() -> None:
     labels = labels[labels["kind"] == ROCK]
     keys = [PhotoKey.parse(key) for key in labels["key"].unique()]
     print("rocks, mAP@0.5 of people's labels under another lamp")
-    for azimuth in AZIMUTHS:
+    for azimuth in polar().azimuths:
         found = redrawn(asked.root, keys, azimuth) if azimuth != "no" else pd.DataFrame()
         if found.empty:
             continue

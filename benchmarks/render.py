@@ -31,7 +31,7 @@ import numpy as np
 
 from polarsim.formats import obj
 from polarsim.formats.files import write_json
-from polarsim.photo import NO_ROCK, SUNS, PhotoKey
+from polarsim.photo import NO_ROCK, PhotoKey
 from polarsim.render.lamps import lamps_of_rig, lamps_on
 from polarsim.render.options import Model, RenderOptions
 from polarsim.render.surfaces import build_surfaces
@@ -49,7 +49,7 @@ MODELS: tuple[Model, ...] = ("principled", "hapke")
 
 def grid_keys() -> list[PhotoKey]:
     """Return every photo of one terrain and position with light."""
-    lights = [("off", sun) for sun in SUNS] + [("on", sun) for sun in SUNS] + [("on", "no")]
+    lights = [("off", sun) for sun in polar().suns] + [("on", sun) for sun in polar().suns] + [("on", "no")]
     return [
         PhotoKey(TERRAIN, POSITION, light, azimuth, camera, exposure)
         for light, azimuth in lights

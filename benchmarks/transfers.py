@@ -51,7 +51,7 @@ from polarsim.labels.options import LabelsOptions, rig_lamp_ms
 from polarsim.labels.projection import move_rocks
 from polarsim.labels.propagate import PropagationInputs, propagate_labels
 from polarsim.labels.seeds import AnnotatedBoxes, AnnotationKey, Seeds
-from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, SUNS, Azimuth, PhotoKey
+from polarsim.photo import BOX_CLASSES, ROCK, SHADOW, Azimuth, PhotoKey
 from polarsim.rocks.adopt import adopt_rocks
 from polarsim.run_files import lamps, rigs
 from polarsim.run_files.scene import read_terrain
@@ -220,15 +220,19 @@ def score_run(
 def partial_runs(run: Run, truth: Truth) -> Iterator[tuple[Run, Truth, str]]:
     """Yield runs with seeds of one azimuth, of three, and of two positions, with their left photos, light off."""
     left = {key: annotated for key, annotated in truth.items() if (key.camera, key.light) == ("L", "off")}
-    for azimuth in SUNS:
-        others = tuple(other for other in SUNS if other != azimuth)
+    for azimuth in polar().suns:
+        others = tuple(other for other in polar().suns if other != azimuth)
         rocks = {key: {ROCK: annotated[ROCK]} for key, annotated in left.items()}
         elsewhere = {key: annotated for key, annotated in rocks.items() if key.azimuth in others}
         there = {key: annotated for key, annotated in rocks.items() if key.azimuth == azimuth}
         yield with_seeds(run, (azimuth,), POSITIONS), elsewhere, "one azimuth to another"
         yield with_seeds(run, others, POSITIONS), there, "from the other three azimuths"
     for position in POSITIONS:
-        own = {key: annotated for key, annotated in left.items() if key.position == position and key.azimuth in SUNS}
+        own = {
+            key: annotated
+            for key, annotated in left.items()
+            if key.position == position and key.azimuth in polar().suns
+        }
         yield with_seeds(run, run.azimuths, POSITIONS.replace(position, "")), own, "position without seed"
         yield from unlocalised_run(run, truth, position)
 
@@ -236,7 +240,9 @@ def partial_runs(run: Run, truth: Truth) -> Iterator[tuple[Run, Truth, str]]:
 def unlocalised_run(run: Run, truth: Truth, position: str) -> Iterator[tuple[Run, Truth, str]]:
     """Yield a run with a position without localised cameras."""
     lost = replace(run, unlocalised=position)
-    suns = {key: annotated for key, annotated in truth.items() if key.position == position and key.azimuth in SUNS}
+    suns = {
+        key: annotated for key, annotated in truth.items() if key.position == position and key.azimuth in polar().suns
+    }
     for camera, task in (("L", "not placed, other Left photos"), ("R", "not placed, Left to Right")):
         yield lost, {key: annotated for key, annotated in suns.items() if key.camera == camera}, task
 
@@ -266,7 +272,7 @@ def both_cameras(run: Run, truth: Truth) -> TerrainRocks:
     seeds: Seeds = {}
     fullest = sorted(truth, key=lambda key: (len(truth[key][ROCK]), -abs(np.log2(key.exposure_ms / 256)), key))
     for key in fullest:
-        if key.light == "off" and key.azimuth in SUNS:
+        if key.light == "off" and key.azimuth in polar().suns:
             seeds.setdefault(key.position, {})[key.camera, key.azimuth] = AnnotatedBoxes(truth[key][ROCK], None)
     suns = lamps.read_suns(run.folder / "cameras", localised, polar(), run.terrain)
     return associate_rocks(
@@ -311,13 +317,13 @@ def score_ceilings(run: Run, truth: Truth, options: LabelsOptions, scores: Score
         if key.position not in known.tracks:
             continue
         best = best_boxes(known, key, annotated[ROCK], options)
-        others = [azimuth for azimuth in SUNS if azimuth != key.azimuth]
+        others = [azimuth for azimuth in polar().suns if azimuth != key.azimuth]
         chosen = {"presence known": best.shown}
         if key.azimuth == "no":
             task = task_of(key)
             seen = best.shown & (key.light == "off" or key.exposure_ms >= rig_lamp_ms(polar()))
             chosen["presence known from the usual exposure on"] = seen
-            chosen["in half of the Left drawings"] = best.under(("L", azimuth) for azimuth in SUNS) >= 2
+            chosen["in half of the Left drawings"] = best.under(("L", azimuth) for azimuth in polar().suns) >= 2
         elif key.camera == "R":
             task = task_of(key)
             chosen["as Left has it"] = best.under([("L", key.azimuth)]) == 1

@@ -1,11 +1,10 @@
-"""Photo keys, NASA's photo grid, and constants of the data set."""
+"""Photo keys, polarsim's photo format, and classes of labels."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cache
 from math import log2
 from typing import Literal
 
@@ -20,18 +19,13 @@ Bracket = tuple[Terrain, str, Light, Azimuth, CameraSide]  # fields of a key exc
 
 NO_SUN = "no"  # azimuth of photos without a lamp that stands in for the Sun
 
-TERRAINS = tuple(range(1, 14))
 LIGHTS: tuple[Light, ...] = ("off", "on")
-AZIMUTHS: tuple[Azimuth, ...] = ("no", "30", "180", "270", "350")
-SUNS: tuple[Azimuth, ...] = ("30", "180", "270", "350")
-CAMERAS: tuple[CameraSide, ...] = ("L", "R")
 
 WIDTH, HEIGHT = 1936, 1216  # pixels of every photo
 BLACK_LEVEL = 16  # DN of an unlit pixel
 WHITE_LEVEL = 4095  # DN, 12 bits in a 16-bit file
 ELECTRONS_PER_DN = 8  # not published; value of similar sensors (Sony IMX249: 33,000 electrons at 12 bits)
 READ_NOISE_ELECTRONS = 7  # standard deviation, of similar sensors
-REFERENCE_EXPOSURE_MS = 256  # median exposure with a Sun lamp, at which most labels were annotated
 CENTRE_DN = 768.0  # DN above black of level sand at the centre, a fifth of white: makes the usual exposure optimal
 
 ROCK, SHADOW = "rock", "shadow"
@@ -131,11 +125,6 @@ class PhotoKey:
         return abs(log2(self.exposure_ms / exposure_ms))
 
     @property
-    def stops_off_usual(self) -> float:
-        """Absolute difference to the usual exposure, in stops (factors of two)."""
-        return abs(log2(self.exposure_ms / REFERENCE_EXPOSURE_MS))
-
-    @property
     def other_camera(self) -> PhotoKey:
         """Key of the same photo with the other camera of the rig."""
         return replace(self, camera="R" if self.camera == "L" else "L")
@@ -159,43 +148,3 @@ def by_bracket(keys: Iterable[PhotoKey]) -> dict[Bracket, list[PhotoKey]]:
     for key in sorted(keys):
         found.setdefault(key.bracket, []).append(key)
     return found
-
-
-def is_exposure(exposure_ms: int) -> bool:
-    """Return whether an exposure is one of NASA's: powers of two from 16 to 8192 ms."""
-    return 16 <= exposure_ms <= 8192 and exposure_ms & (exposure_ms - 1) == 0
-
-
-@cache
-def positions(terrain: int) -> tuple[str, ...]:
-    """Return the tripod positions of a terrain."""
-    return tuple("ABCDEFG") if terrain == 13 else tuple("ABC")
-
-
-@cache
-def exposures(terrain: int, azimuth: Azimuth) -> tuple[int, ...]:
-    """Return the exposure times of a terrain and azimuth, ms."""
-    if azimuth == "no":
-        return tuple(2**n for n in range(5, 14))
-    return tuple(2**n for n in (range(4, 11) if terrain == 1 else range(5, 12)))
-
-
-def photo_grid(terrain: int) -> Iterator[PhotoKey]:
-    """Yield the keys of all photos of a terrain; 5,190 for the 13 terrains."""
-    for position in positions(terrain):
-        for light in LIGHTS:
-            for azimuth in AZIMUTHS:
-                if _was_taken(terrain, position, light, azimuth):
-                    for camera in CAMERAS:
-                        for exposure_ms in exposures(terrain, azimuth):
-                            yield PhotoKey(terrain, position, light, azimuth, camera, exposure_ms)
-
-
-def _was_taken(terrain: int, position: str, light: Light, azimuth: Azimuth) -> bool:
-    if terrain == 13:
-        return light == "off" and azimuth == "30"
-    if terrain == 1:
-        return azimuth != "no" and not (position == "C" and light == "on")
-    if terrain == 2 and azimuth == "no":
-        return position == "A"
-    return True

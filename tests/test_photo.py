@@ -115,7 +115,7 @@ def test_parts_of_a_key_name_station_view_and_bracket():
 
 @pytest.mark.parametrize(("exposure_ms", "stops"), [(64, 2), (256, 0), (2048, 3)])
 def test_stops_count_doublings_from_the_usual_exposure(exposure_ms, stops):
-    assert PhotoKey.parse(f"03_A_off_180_L_{exposure_ms:04d}").stops_off_usual == stops
+    assert PhotoKey.parse(f"03_A_off_180_L_{exposure_ms:04d}").stops_from(256) == stops
 
 
 @given(

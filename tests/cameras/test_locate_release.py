@@ -10,8 +10,8 @@ from polarsim.formats import obj, release, yolo
 from polarsim.geometry.boxes import clip, iou, match_by_position_and_size
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.outlines import outlines_of
-from polarsim.photo import SUNS
 from polarsim.run_files.rigs import LocalisedRig
+from polarsim.site import polar
 from tests.support.polar_photos import SIZE
 from tests.support.polar_rig import default_rig
 from tests.support.polar_survey import RANGES, TRIPODS, surveyed_pose
@@ -23,7 +23,7 @@ def best_boxes(root, terrain, position, camera):
     """Return the rock boxes of each Sun azimuth, light off, of the exposure with most boxes."""
     files = release.label_files(root, terrain)
     annotated = []
-    for sun in SUNS:
+    for sun in polar().suns:
         of_set = [key for key in files if key.bracket == (terrain, position, "off", sun, camera)]
         rocks = [boxes[classes == 0] for classes, boxes in (yolo.read_boxes(files[key], size=SIZE) for key in of_set)]
         annotated.append(max(rocks, key=len))

@@ -10,9 +10,10 @@ from polarsim.formats.files import write_json
 from polarsim.formats.npz import write_arrays
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, label_table, write_csv, write_parquet
 from polarsim.geometry.poses import camera_pose
-from polarsim.photo import BOX_CLASSES, PhotoKey, photo_grid
+from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.schemas.detect import PREDICTIONS
+from polarsim.site import polar
 from tests.made_terrain import ROCKS, make_cube, make_sand
 from tests.support.label_rows import label_row
 from tests.support.polar_photos import HEIGHT, WIDTH
@@ -23,7 +24,7 @@ SIZE = (152, 242)  # rows and columns of the images, an eighth of a photo
 MODELS = ("hapke", "principled")
 KEYS = [
     key
-    for key in photo_grid(TERRAIN)
+    for key in polar().photos_of(TERRAIN)
     if key.position == "A" and key.exposure_ms in ((512, 2048) if key.azimuth == "no" else (64, 256, 1024))
 ]
 SEED = PhotoKey.parse("03_A_off_30_L_0256")

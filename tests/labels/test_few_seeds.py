@@ -11,7 +11,7 @@ from polarsim.formats import release, yolo
 from polarsim.geometry.boxes import clip, iou, match_by_iou
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import PropagationInputs, propagate_labels
-from polarsim.photo import SUNS, PhotoKey
+from polarsim.photo import PhotoKey
 from polarsim.rocks.adopt import adopt_rocks
 from polarsim.run_files import rigs
 from polarsim.site import polar
@@ -59,7 +59,7 @@ def labels(release_root, tmp_path_factory):
         meshes=folder / "meshes",
     )
     files = release.label_files(release_root, TERRAIN)
-    keys = [key for key in sorted(files) if key.azimuth in SUNS and key.exposure_ms in EXPOSURES]
+    keys = [key for key in sorted(files) if key.azimuth in polar().suns and key.exposure_ms in EXPOSURES]
     names = ("photos.parquet", "inventory.json", "seeds", "cameras", "meshes")
     propagate_labels(
         PropagationInputs(polar(), TERRAIN, keys, *(folder / name for name in names)),

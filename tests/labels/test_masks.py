@@ -11,7 +11,7 @@ from polarsim.formats.coco import read_coco
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, write_parquet
 from polarsim.geometry.polygons import paint, rasterised, signed_area
 from polarsim.labels.masks import BOX_COLUMNS, draw_masks
-from polarsim.photo import BOX_CLASSES, COLOURS, GREY_VALUES, SHADOW, PhotoKey, photo_grid
+from polarsim.photo import BOX_CLASSES, COLOURS, GREY_VALUES, SHADOW, PhotoKey
 from polarsim.run_files import lamps
 from polarsim.site import polar
 from tests.support.polar_photos import SIZE
@@ -21,7 +21,7 @@ from .test_propagate import propagate
 
 KEYS = [
     key
-    for key in photo_grid(TERRAIN)
+    for key in polar().photos_of(TERRAIN)
     if key.position == "A" and key.camera == "L" and key.exposure_ms in (64, 128, 2048) and key.azimuth in ("no", "30")
 ]
 

@@ -13,7 +13,7 @@ from polarsim.labels.association import associate_rocks
 from polarsim.labels.brightness import OlatBrightness, PhotoBrightness
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import PositionLabels, propagate_labels
-from polarsim.photo import BLACK_LEVEL, FIRST_ID_WITHOUT_MESH, PhotoKey, photo_grid
+from polarsim.photo import BLACK_LEVEL, FIRST_ID_WITHOUT_MESH, PhotoKey
 from polarsim.run_files import inventory, rigs
 from polarsim.run_files.lamps import surveyed_suns
 from polarsim.run_files.scene import read_terrain
@@ -27,7 +27,7 @@ SIZE = POLAR.images.size
 
 KEYS = [
     key
-    for key in photo_grid(TERRAIN)
+    for key in polar().photos_of(TERRAIN)
     if key.position in "AC" and key.exposure_ms in (64, 128, 1024, 2048) and key.azimuth in ("no", "30", "270")
 ]
 

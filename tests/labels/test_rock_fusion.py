@@ -12,7 +12,7 @@ from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import project_rock
 from polarsim.labels.seeds import AnnotatedBoxes
-from polarsim.photo import SUNS
+from polarsim.site import polar
 from tests.support.polar_survey import RIG_LAMP, SUN_LAMPS
 
 from .conftest import BLOCKS, localised, terrain_of
@@ -62,7 +62,7 @@ def beyond_the_left_border():
 
 def test_a_rock_outside_the_annotated_photos_is_projected_into_the_second_camera():
     blocks = beyond_the_left_border()
-    annotated = {"A": {("L", azimuth): [box_of(NEAR), box_of(FAR)] for azimuth in SUNS}}
+    annotated = {"A": {("L", azimuth): [box_of(NEAR), box_of(FAR)] for azimuth in polar().suns}}
     labels = {label.rock: label for label in rocks_at("A", annotated, blocks).labels("R", "30")}
     assert set(labels) == {NEAR, FAR, 9}
     assert labels[9].source == "projected"
@@ -71,13 +71,13 @@ def test_a_rock_outside_the_annotated_photos_is_projected_into_the_second_camera
 
 def test_an_unlit_rock_outside_the_annotated_photos_is_dropped(monkeypatch):
     blocks = beyond_the_left_border()
-    annotated = {"A": {("L", azimuth): [box_of(NEAR), box_of(FAR)] for azimuth in SUNS}}
+    annotated = {"A": {("L", azimuth): [box_of(NEAR), box_of(FAR)] for azimuth in polar().suns}}
     monkeypatch.setattr("polarsim.labels.fusion.lit_rock_share", lambda *_: 0.05)
     assert {label.rock for label in rocks_at("A", annotated, blocks).labels("R", "30")} == {NEAR, FAR}
 
 
 def test_an_unannotated_rock_in_view_is_not_labelled():
-    annotated = {"A": {("L", azimuth): [box_of(NEAR)] for azimuth in SUNS}}
+    annotated = {"A": {("L", azimuth): [box_of(NEAR)] for azimuth in polar().suns}}
     assert {label.rock for label in rocks_at("A", annotated).labels("R", "30")} == {NEAR}
 
 
@@ -99,7 +99,7 @@ def test_a_missing_annotation_of_a_dark_rock_is_no_evidence():
 @pytest.mark.parametrize(("elsewhere", "propagated"), [(False, False), (True, True), (None, True)])
 def test_a_box_of_a_single_annotation_requires_a_second_position(elsewhere, propagated):
     """`elsewhere`: whether the rock is annotated at C; None: C has no annotations."""
-    annotated = {"A": {("L", azimuth): [box_of(NEAR)] for azimuth in SUNS}}
+    annotated = {"A": {("L", azimuth): [box_of(NEAR)] for azimuth in polar().suns}}
     annotated["A"]["L", "30"].append(box_of(FAR))
     if elsewhere is not None:
         annotated["C"] = {("L", "30"): [box_of(rock, "C") for rock in ((NEAR, FAR) if elsewhere else (NEAR,))]}
@@ -113,7 +113,7 @@ def test_labels_without_a_sun_lamp_follow_the_annotator_model(monkeypatch):
         2: (np.array([-1.9, -0.5, 0.0]), np.array([0.05, 0.05, 0.03])),
         3: (np.array([-1.9, 0.6, 0.0]), np.array([0.3, 0.3, 0.2])),
     }
-    annotated = {"A": {("L", azimuth): [box_of(rock, blocks=blocks) for rock in blocks] for azimuth in SUNS}}
+    annotated = {"A": {("L", azimuth): [box_of(rock, blocks=blocks) for rock in blocks] for azimuth in polar().suns}}
     labels = {label.rock: label.confidence for label in rocks_at("A", annotated, blocks).labels("L", "no")}
     assert set(labels) == {1, 3}
     assert labels[1] > labels[3] > fusion.MIN_PROBABILITY

@@ -11,14 +11,15 @@ from polarsim.labels.label import Label
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import propagate_labels
 from polarsim.labels.undo import derived_labels, label_changes
-from polarsim.photo import PhotoKey, photo_grid
+from polarsim.photo import PhotoKey
+from polarsim.site import polar
 
 from .conftest import TERRAIN
 
 SEED = PhotoKey.parse("03_A_off_180_L_0256")
 KEYS = [
     key
-    for key in photo_grid(TERRAIN)
+    for key in polar().photos_of(TERRAIN)
     if key.position == "A" and key.exposure_ms in (128, 1024) and key.azimuth in ("30", "180")
 ]
 OPTIONS = LabelsOptions(ray_step_px=4, visibility="annotator")

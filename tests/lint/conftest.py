@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from polarsim.formats import yolo
-from polarsim.photo import PhotoKey, exposures
+from polarsim.photo import PhotoKey
+from polarsim.site import polar
 from tests.support.polar_photos import SIZE
 
 KEY = PhotoKey.parse("11_A_off_30_L_0256")
@@ -16,7 +17,7 @@ BOXES = np.concatenate([ROCKS, SHADOWS])
 @pytest.fixture
 def root(tmp_path):
     """Write a complete exposure bracket of labels; shadows from 128 ms."""
-    for exposure_ms in exposures(11, "30"):
+    for exposure_ms in polar().exposures_of(11, "30"):
         shown = (2 if exposure_ms >= 128 else 1) > CLASSES
         yolo.write_boxes(path(tmp_path / "tree", exposure_ms), CLASSES[shown], BOXES[shown], size=SIZE)
     return tmp_path / "tree"

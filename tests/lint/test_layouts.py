@@ -11,7 +11,7 @@ from polarsim.formats import png, yolo
 from polarsim.formats.release import SNAKEMAKE_FILE
 from polarsim.lint.folders import lint_folder
 from polarsim.lint.rules import RULES
-from polarsim.photo import exposures
+from polarsim.site import polar
 from tests.lint.conftest import BOXES, CLASSES, KEY, LABELS, path
 from tests.support.polar_photos import SIZE
 
@@ -59,7 +59,7 @@ def test_label_files_with_pictures_are_validated_in_every_usual_layout(tmp_path,
 def test_label_files_of_a_run_are_validated_without_its_marker_files(tmp_path, folder):
     root = tmp_path / "run"
     place = root / folder.format("boxes") / "Terrain11"
-    for exposure_ms in exposures(11, "30"):
+    for exposure_ms in polar().exposures_of(11, "30"):
         yolo.write_boxes(place / f"{KEY.with_exposure(exposure_ms)}.txt", CLASSES, BOXES, size=SIZE)
     write(place / SNAKEMAKE_FILE, "")
     assert defects(root) == []
@@ -69,12 +69,12 @@ def test_label_files_of_a_run_are_validated_without_its_marker_files(tmp_path, f
 
 
 def test_flat_label_files_are_validated_by_the_names_of_their_class_list(tmp_path):
-    for exposure_ms in exposures(11, "30"):
+    for exposure_ms in polar().exposures_of(11, "30"):
         yolo.write_boxes(tmp_path / f"{KEY.with_exposure(exposure_ms)}.txt", 1 - CLASSES, BOXES, size=SIZE)
     write(tmp_path / "obj.names", "shadow\nrock\n")
     report = lint_folder(tmp_path, set(RULES))
     assert report.findings == []
-    assert report.contents["Terrain11"]["rock_boxes"] == (CLASSES == 0).sum() * len(exposures(11, "30"))
+    assert report.contents["Terrain11"]["rock_boxes"] == (CLASSES == 0).sum() * len(polar().exposures_of(11, "30"))
     write(tmp_path / "notes of mine.txt", "")
     assert defects(tmp_path) == [("stray_name", "notes of mine.txt")]
 

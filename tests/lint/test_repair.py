@@ -11,7 +11,7 @@ from polarsim.formats import tables, yolo
 from polarsim.lint.folders import lint_folder
 from polarsim.lint.repair import REPAIR_TABLE, _drop_malformed, write_repaired
 from polarsim.lint.rules import RULES
-from polarsim.photo import exposures
+from polarsim.site import polar
 from tests.lint.conftest import BOXES, CLASSES, KEY, LABELS, path
 from tests.support.polar_photos import SIZE
 
@@ -119,7 +119,7 @@ def test_files_with_wrong_names_are_removed_and_impossible_exposures_renamed(roo
     out, changes = repaired(root)
     assert sorted(changes["code"]) == ["F101", "F102", "F103", "F104", "F105"]
     assert sorted(one.name for one in (out / LABELS).iterdir()) == sorted(
-        f"{KEY.with_exposure(exposure_ms)}.txt" for exposure_ms in exposures(11, "30")
+        f"{KEY.with_exposure(exposure_ms)}.txt" for exposure_ms in polar().exposures_of(11, "30")
     )
 
 
@@ -158,7 +158,7 @@ def with_garbage(lines, row):
     return [*lines[:row], "rock 1 2", *lines[row:]]
 
 
-EXPOSURES = exposures(11, "30")
+EXPOSURES = polar().exposures_of(11, "30")
 DEFECTS = [twice, nearly_twice, cut_short, with_garbage]
 
 

@@ -6,7 +6,7 @@ import pytest
 from polarsim.lint.rules import RULES
 from polarsim.lint.siblings import sibling_defects
 from polarsim.lint.views import view_defects
-from polarsim.photo import SUNS, PhotoKey
+from polarsim.photo import PhotoKey
 from polarsim.site import polar
 from tests.lint.test_boxes import ROCK, SHADOW
 from tests.support.polar_rig import default_rig
@@ -47,7 +47,7 @@ def files():
     found = {}
     for position in "AB":
         for camera in "LR":
-            for azimuth in SUNS:
+            for azimuth in polar().suns:
                 off = PhotoKey(3, position, "off", azimuth, camera, 256)
                 seed = [ord(position), ord(camera), int(azimuth)]
                 found[off] = labels(off, np.random.default_rng(seed))

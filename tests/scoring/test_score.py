@@ -8,8 +8,9 @@ import pytest
 
 from polarsim.errors import FormatError, LabelError
 from polarsim.formats import release, yolo
-from polarsim.photo import SUNS, PhotoKey
+from polarsim.photo import PhotoKey
 from polarsim.scoring.score import PhotoLabels, count_boxes, score_boxes, score_folders
+from polarsim.site import polar
 from tests.support.polar_photos import SIZE
 
 KEY = PhotoKey.parse("01_A_off_180_L_0256")
@@ -152,7 +153,7 @@ def test_rocks_copied_to_another_azimuth_score_as_measured_before(release_root):
     stations = sorted({station for station, _ in seeds})
     truth_boxes, hits, iou_sum = 0, 0, 0.0
     for station in stations:
-        for source, target in itertools.permutations(SUNS, 2):
+        for source, target in itertools.permutations(polar().suns, 2):
             truth, found = seeds[station, target], seeds[station, source]
             counts = count_boxes(truth.boxes[truth.classes == 0], found.boxes[found.classes == 0])
             truth_boxes, hits, iou_sum = truth_boxes + counts.tp + counts.fn, hits + counts.tp, iou_sum + counts.iou_sum

@@ -72,8 +72,8 @@ def shown_pictures(results: Path, terrain: str, position: str) -> dict[str, list
     """Return the photos and twins in the figures of a position, by path of the figure."""
     photos = pictures_at(results / f"acquire/Terrain{terrain}/photos.parquet")
     keys = [key for key in photos if key.position == position]
-    usual = min(keys, key=lambda key: (key.azimuth != "30", key.light, key.camera, key.stops_off_usual))
-    brackets = {key.bracket: key for key in sorted(keys, key=lambda key: -key.stops_off_usual)}  # the usual exposures
+    usual = min(keys, key=lambda key: (key.azimuth != "30", key.light, key.camera, key.stops_from(256)))
+    brackets = {key.bracket: key for key in sorted(keys, key=lambda key: -key.stops_from(256))}  # the usual exposures
     twin = next((results / "renders").glob(f"*/Terrain{terrain}/{usual}.png"))
     seeds = (PhotoKey.parse(path.stem) for path in sorted((results / f"acquire/Terrain{terrain}/seeds").glob("*.txt")))
     of_position = [key for key in seeds if (key.camera, key.position) == ("L", position)]
