@@ -2,6 +2,11 @@
 
 Each lamp shows other shadows and relief, and a pixel must match under every lamp that lights it. Disparities are
 searched coarsely over all depths, by semi-global aggregation, and refined at finer scales.
+
+A window at the edge of a rock contains rock and sand, and the surface with more contrast extends over the other. Three
+measures limit this: patterns are the texture between edges (`contrast.texture`); next to an edge, the disparities of
+both sides are refined and the one with the larger correlation is kept; and windows follow the slope of the surface,
+because disparities of the coarser scale are interpolated on surfaces, but not over edges.
 """
 
 from __future__ import annotations
@@ -13,17 +18,25 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.geometry.aggregation import aggregate, minima
-from polarsim.geometry.contrast import blurred, local_contrast
+from polarsim.geometry.contrast import blurred, texture
 from polarsim.geometry.lens import HALF_PIXEL, Lens
 from polarsim.geometry.stereo import StereoRig, rectified_left
 
 FLOOR = 0.03  # log units: contrast of grain and noise, below which a pattern has little weight
 DARK = 0.002  # share of the 99th percentile that is added to all pixels: limits the noise of shadows in logarithms
-CONTRAST_PX, WINDOW_PX = 6.0, 2.0  # standard deviations of the windows of local contrast and of the correlation
+EDGE = 0.2  # log units: higher steps are edges and no texture
+WINDOW_PX = 2.0  # standard deviation of the window of the correlation
 SMALL_STEP, LARGE_STEP = 0.1, 0.6  # costs of neighbouring pixels that differ by one candidate, and by more
 MIN_CORRELATION = 0.4
 MIN_EVIDENCE = 0.2  # minimum contrast: squared patterns, summed over the lamps
 COARSE_SCALE = 0.25  # of the photos in which all depths are tried
+EVEN_PX = 1.0  # maximum difference of the disparities of neighbours on a surface
+SMOOTHING_PX = 1.5  # standard deviation of the window in which disparities of a surface are smoothed, before refinement
+REACH_PX = 3  # distance from an edge in which disparities of both sides are tried
+MIN_STEP_PX = 3.0  # minimum step of disparities at an edge, at the finer scale
+CHOICE_PX = 0.8  # standard deviation of the window of correlations that are compared
+LEAD = 0.02  # minimum lead of the correlation of the other side
+AT_LIMIT = 0.3  # correlation that a minimum at the limit of the candidates loses in this comparison
 
 
 @dataclass(frozen=True)
@@ -35,7 +48,7 @@ class Refinement:
     step_px: float  # between candidates
 
 
-HALF, FULL = Refinement(0.5, 4.0, 0.5), Refinement(1.0, 2.0, 0.5)
+HALF, FULL = Refinement(0.5, 4.0, 0.5), Refinement(1.0, 2.0, 0.25)
 
 
 @dataclass(frozen=True)
@@ -66,8 +79,8 @@ def measure_points(
     disparity = _searched(left, right, grid.lens.scaled(scale).fx * baseline, depths)
     for level in levels:
         logs, left, right = _patterns(photos, rig, level.scale)
-        base = _enlarged(ndimage.median_filter(disparity, 5), left[0].shape, round(level.scale / scale))
-        disparity, known = _refined(left, right, base, level)
+        starts = _starts(ndimage.median_filter(disparity, 5), left[0].shape, round(level.scale / scale))
+        disparity, known = _best([_refined(left, right, start, level) for start in starts], starts[2] - starts[1])
         scale = level.scale
     lens = grid.lens.scaled(scale)
     known &= disparity > lens.fx * baseline / depths[1]
@@ -76,9 +89,35 @@ def measure_points(
     return RangePoints(lens, points, logs)
 
 
+def _starts(disparity: np.ndarray, shape: tuple[int, ...], factor: int) -> list[np.ndarray]:
+    """Return disparities (h, w) in a photo that is `factor` times as large: own, farthest and nearest surface around.
+
+    The window of the coarser scale moves edges by up to `REACH_PX`.
+    """
+    side = 2 * REACH_PX + 1
+    around = (disparity, ndimage.minimum_filter(disparity, side), ndimage.maximum_filter(disparity, side))
+    return [_enlarged(values, shape, factor) for values in around]
+
+
 def _enlarged(disparity: np.ndarray, shape: tuple[int, ...], factor: int) -> np.ndarray:
-    """Return the disparity of each pixel of a photo that is `factor` times as large; steps at edges stay steps."""
-    return np.asarray(np.kron(disparity, np.ones((factor, factor)))[: shape[0], : shape[1]] * factor)
+    """Return the disparity of each pixel of a photo that is `factor` times as large.
+
+    Disparities are smoothed and interpolated on surfaces, so that windows of the next scale have no steps on slopes.
+    Steps at edges stay steps.
+    """
+    import cv2
+
+    values = disparity.astype(np.float32)
+    even = (ndimage.maximum_filter(values, 3) - ndimage.minimum_filter(values, 3) < EVEN_PX).astype(np.float32)
+    inner = cv2.erode(even, np.ones((2 * round(2 * SMOOTHING_PX) + 1,) * 2, np.uint8)) > 0
+    mean = blurred(values * even, SMOOTHING_PX) / np.maximum(blurred(even, SMOOTHING_PX), np.float32(1e-6))
+    values = np.where(inner, mean, values)
+    block = np.ones((factor, factor), np.float32)
+    on_surface = np.kron(cv2.erode(even, np.ones((3, 3), np.uint8)), block) > 0
+    size = (values.shape[1] * factor, values.shape[0] * factor)
+    interpolated = cv2.resize(values, size, interpolation=cv2.INTER_LINEAR)
+    enlarged = np.where(on_surface, interpolated, np.kron(values, block))
+    return np.asarray(enlarged[: shape[0], : shape[1]], float) * factor
 
 
 def _patterns(
@@ -86,8 +125,8 @@ def _patterns(
 ) -> tuple[list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
     """Return the logarithms of rectified left photos, and the patterns of left and right photos."""
     logs = [_rectified_log(picture, rig, "L", scale) for picture in photos.left]
-    left = [local_contrast(values, CONTRAST_PX, FLOOR) for values in logs]
-    right = [local_contrast(_rectified_log(picture, rig, "R", scale), CONTRAST_PX, FLOOR) for picture in photos.right]
+    left = [texture(values, EDGE, FLOOR) for values in logs]
+    right = [texture(_rectified_log(picture, rig, "R", scale), EDGE, FLOOR) for picture in photos.right]
     return logs, left, right
 
 
@@ -125,18 +164,36 @@ def _searched(
     return disparities[0] + minima(aggregate(cost, SMALL_STEP, LARGE_STEP))
 
 
-def _refined(
-    left: Sequence[np.ndarray], right: Sequence[np.ndarray], base: np.ndarray, level: Refinement
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return disparities (h, w) of patterns near a base disparity, and whether the photos match."""
+@dataclass(frozen=True)
+class _Match:
+    """Disparities (h, w) near a start, whether the photos match, and the correlation."""
+
+    disparity: np.ndarray
+    known: np.ndarray
+    correlation: np.ndarray  # float32, reduced if the minimum of the cost is at the limit of the candidates
+
+
+def _best(matches: Sequence[_Match], step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return disparities (h, w), and whether the photos match, of the match with the largest correlation.
+
+    `step` (h, w): difference of the nearest and farthest start; the first match is kept where it is small.
+    """
+    correlation = np.stack([blurred(match.correlation, CHOICE_PX) for match in matches])
+    correlation[0] += LEAD
+    best = np.where(step < MIN_STEP_PX, 0, correlation.argmax(axis=0))
+    return np.choose(best, [match.disparity for match in matches]), np.choose(best, [match.known for match in matches])
+
+
+def _refined(left: Sequence[np.ndarray], right: Sequence[np.ndarray], start: np.ndarray, level: Refinement) -> _Match:
+    """Match patterns near start disparities (h, w)."""
     import cv2
 
     count = round(level.reach_px / level.step_px)
     candidates = np.arange(-count, count + 1) * level.step_px
-    v, u = np.mgrid[: base.shape[0], : base.shape[1]].astype(np.float32)
-    correlation, evidence = (np.empty((*base.shape, len(candidates)), np.float32) for _ in range(2))
+    v, u = np.mgrid[: start.shape[0], : start.shape[1]].astype(np.float32)
+    correlation, evidence = (np.empty((*start.shape, len(candidates)), np.float32) for _ in range(2))
     for number, change in enumerate(candidates.tolist()):
-        at = (u - base - change).astype(np.float32)
+        at = (u - start - change).astype(np.float32)
         moved = [
             cv2.remap(pattern, at, v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_CONSTANT, borderValue=0.0)
             for pattern in right
@@ -145,8 +202,10 @@ def _refined(
     best = minima(aggregate((1 - correlation) * np.minimum(evidence, 1), SMALL_STEP, LARGE_STEP))
     nearest = np.clip(np.rint(best), 0, len(candidates) - 1).astype(int)[..., None]
     reached, contrast = (np.take_along_axis(part, nearest, axis=2)[..., 0] for part in (correlation, evidence))
-    known = (best > 0.5) & (best < len(candidates) - 1.5) & (reached > MIN_CORRELATION) & (contrast > MIN_EVIDENCE)
-    return base + np.interp(best, np.arange(len(candidates)), candidates), known
+    inside = (best > 0.5) & (best < len(candidates) - 1.5)
+    known = inside & (reached > MIN_CORRELATION) & (contrast > MIN_EVIDENCE)
+    disparity = start + np.interp(best, np.arange(len(candidates)), candidates)
+    return _Match(disparity, known, np.where(inside, reached, reached - np.float32(AT_LIMIT)))
 
 
 def _correlation(left: Sequence[np.ndarray], right: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from polarsim.acquire.index import photo_table
 from polarsim.cameras.crossings import Ortho, match_orthophotos
@@ -55,6 +56,35 @@ def test_brightness_and_slow_light_of_a_photo_do_not_matter():
     both = np.isfinite(first) & np.isfinite(second)
     assert both.sum() > 0.9 * np.isfinite(first).sum()
     assert np.median(np.abs(first - second)[both]) < 0.002
+
+
+def before_a_wall(far, near, seeds):
+    """Return photos of a bright square with much contrast at a depth, before a wall with little, and its edge, px."""
+    left, right = [], []
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        wall, square = (
+            ndimage.gaussian_filter(rng.normal(size=(LENS.height, LENS.width)), 1.0, mode="wrap") for _ in range(2)
+        )
+        wall, square = 100 + 10 * wall / wall.std(), 200 + 50 * square / square.std()
+        mask = np.zeros(wall.shape, bool)
+        mask[100:180, 200:280] = True
+        left.append(np.where(mask, square, wall).astype(np.float32))
+        shift = [round(LENS.fx * 0.3 / depth) for depth in (far, near)]
+        moved = np.where(np.roll(mask, -shift[1], 1), np.roll(square, -shift[1], 1), np.roll(wall, -shift[0], 1))
+        right.append(moved.astype(np.float32))
+    return StereoPhotos(left, right), 280
+
+
+def test_foreground_does_not_extend_over_the_background():
+    far, near = 3.03, 2.4145  # 51 and 64 px
+    photos, edge = before_a_wall(far, near, (0, 1))
+    depth = measure_points(photos, RIG, [HALF, FULL]).points_left[110:170, :, 2]
+    beside, inside = depth[:, edge + 2 : edge + 10], depth[:, edge - 10 : edge - 2]
+    assert np.isfinite(beside).mean() > 0.6
+    assert np.nanmean(beside < (far + near) / 2) < 0.1
+    assert np.isfinite(inside).mean() > 0.6
+    assert np.nanmean(inside < (far + near) / 2) > 0.95
 
 
 def test_photos_of_different_scenes_match_at_fewer_pixels():
