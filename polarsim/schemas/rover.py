@@ -50,12 +50,15 @@ ONBOARD = SHARED.table("""
     count | float64 | count | Sample size
 """)
 AUTONOMY_EVENTS = SHARED.table("""
-    rover/autonomy/<drive>/events.parquet: An event of a drive
+    rover/autonomy/<drive>/events.parquet: A stop, or all contacts of a part of the rover with a rock
     what | str | | `collision` (with a rock above 10 cm), `touch` (of a lower rock), `stop` (no path)
-    time_s | float64 | s | Time from the start
-    x_m y_m | float64 | m | Position of the rover
+    time_s | float64 | s | Time from the start, of the first contact
+    x_m y_m | float64 | m | Position of the rock, or of the rover at a stop
     rock | int64 | | Rock id
     height_m | float64 | m | Height of the rock
+    part | str | | Part of the rover that touches the rock: `tread` or `flank` of a wheel, `leg`, `body`; empty for a stop
+    duration_s | float64 | s | Time in contact
+    impulse_n_s | float64 | N s | Absolute contact force over time
 """)
 AUTONOMY_METRICS = SHARED.table("""
     rover/autonomy_metrics.parquet: A drive and metric

@@ -1,26 +1,46 @@
-"""MuJoCo model of the rover and the rocks, without the ground; soil forces are applied separately."""
+"""MuJoCo model of the rover, the rocks and the ground under the body; soil forces are applied separately.
+
+Wheels collide with rocks; their contact with the ground is that of the soil. Body and legs have the shapes of the
+vehicle's table and collide with rocks and with the ground as it was before the drive, which is rigid for them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from polarsim.rover.vehicle.table import Vehicle, WheelPart, cube_inertia
+from polarsim.rover.vehicle.mounts import link_from_part
+from polarsim.rover.vehicle.table import WHEELS, ShapePart, Vehicle, WheelPart, cube_inertia
 from polarsim.rover.world.hulls import RockPart
+from polarsim.rover.world.surface import World
 
-# MuJoCo's collision bits: wheels collide with rocks, no other bodies collide.
-WHEEL_BITS, ROCK_BITS = {"contype": 1, "conaffinity": 2}, {"contype": 2, "conaffinity": 1}
+# MuJoCo's collision bits: two geoms collide if one's `contype` shares a bit with the other's `conaffinity`.
+WHEEL_BITS, BODY_BITS = {"contype": 1, "conaffinity": 2}, {"contype": 1, "conaffinity": 2 | 4}
+ROCK_BITS, GROUND_BITS = {"contype": 2, "conaffinity": 1}, {"contype": 4, "conaffinity": 0}
 HARD_BRAKE = (0.9999, 0.9999, 0.001, 0.5, 2)  # solimp: by default a braked wheel creeps 0.1 mm/s
+_NET_FORCE = 3  # reduction of a contact sensor: the sum of all contacts (`netforce` in MuJoCo's XML)
 STIFF_ROCK = (0.01, 1)  # solref: contacts end within hundredths of a second, without rebound
 
 
-def compile_model(vehicle: Vehicle, rocks: Sequence[RockPart], gravity: float, dt: float) -> Any:
-    """Return MuJoCo's model: free `base_link`, three links with one joint each per wheel, a body per rock.
+GROUND = "ground"  # name of the body with the height fields
+# Spacing of their nodes, and nodes along a side of a height field. Only fields whose box reaches the rover's body take
+# time, so small fields are faster than a single field.
+GROUND_STEP_M, GROUND_TILE = 0.06, 12
+_GROUND_BASE_M = 0.5  # thickness of a height field below its lowest node
+_FLAT_M = 1e-3  # minimum range of heights of a field
+# Links that collide, in the order of the contact sensors; uprights have no shape of their own.
+LINKS = (*(f"{code}_wheel" for code in WHEELS), *(f"{code}_arm" for code in WHEELS), "base_link")
 
-    After the accelerometer there is a contact sensor for each rock (in the order of `rocks`) and wheel (in the order
-    of the vehicle): whether they touch, and the normal of the contact.
+
+def compile_model(vehicle: Vehicle, world: World, rocks: Sequence[RockPart], gravity: float, dt: float) -> Any:
+    """Return MuJoCo's model: free `base_link`, three links with one joint each per wheel, a body per rock, the ground.
+
+    After the accelerometer there is a contact sensor for each rock (in the order of `rocks`), then for the ground, and
+    each of `LINKS`: the number of contacts, and the force on the rock or the ground, N, in the world frame.
     """
     import mujoco  # an optional dependency
 
@@ -48,18 +68,58 @@ def compile_model(vehicle: Vehicle, rocks: Sequence[RockPart], gravity: float, d
             type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"part{number}", solref=STIFF_ROCK,
             friction=_friction(vehicle), **ROCK_BITS,
         )  # fmt: skip
+    _add_ground(mujoco, spec, world, vehicle)
+    for shape in vehicle.shapes:
+        if shape.link in LINKS and not shape.link.endswith("_wheel"):
+            _add_shape(mujoco, spec.body(shape.link), shape, vehicle)
     _add_actuators(mujoco, spec, vehicle)
     sensor, kind = mujoco.mjtSensor, mujoco.mjtObj
     spec.add_sensor(name="imu", type=sensor.mjSENS_ACCELEROMETER, objtype=kind.mjOBJ_SITE, objname="imu")
     field = mujoco.mjtConDataField
-    data = 1 << int(field.mjCONDATA_FOUND) | 1 << int(field.mjCONDATA_NORMAL)
-    for rock in bodies:
-        for wheel in vehicle.wheels:
+    data = 1 << int(field.mjCONDATA_FOUND) | 1 << int(field.mjCONDATA_FORCE)
+    for other in (*(f"rock{rock}" for rock in bodies), GROUND):
+        for link in LINKS:
             spec.add_sensor(
-                type=sensor.mjSENS_CONTACT, objtype=kind.mjOBJ_GEOM, objname=f"{wheel.code}_rim",
-                reftype=kind.mjOBJ_BODY, refname=f"rock{rock}", intprm=[data, 0, 1],  # one contact, not reduced
+                type=sensor.mjSENS_CONTACT, objtype=kind.mjOBJ_BODY, objname=link, reftype=kind.mjOBJ_BODY,
+                refname=other, intprm=[data, _NET_FORCE, 1],
             )  # fmt: skip
     return spec.compile()
+
+
+def _add_ground(mujoco: Any, spec: Any, world: World, vehicle: Vehicle) -> None:
+    """Add the ground before the drive as height fields side by side."""
+    step = max(round(GROUND_STEP_M / world.cell), 1)
+    spacing, level = step * world.cell, world.level[::step, ::step]
+    body = spec.worldbody.add_body(name=GROUND)
+    corners = product(*(range(0, count - 1, GROUND_TILE) for count in level.shape))
+    for number, (row, column) in enumerate(corners):
+        part = level[row : row + GROUND_TILE + 1, column : column + GROUND_TILE + 1]
+        low, extent = float(part.min()), max(float(np.ptp(part)), _FLAT_M)
+        half_y, half_x = (spacing * (count - 1) / 2 for count in part.shape)
+        spec.add_hfield(
+            name=f"{GROUND}{number}", nrow=len(part), ncol=part.shape[1], size=[half_x, half_y, extent, _GROUND_BASE_M],
+            userdata=((part - low) / extent).ravel(),
+        )  # fmt: skip
+        centre = world.x0 + spacing * column + half_x, world.y0 + spacing * row + half_y
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname=f"{GROUND}{number}", pos=[*centre, low], solref=STIFF_ROCK,
+            friction=_friction(vehicle), **GROUND_BITS,
+        )  # fmt: skip
+
+
+def _add_shape(mujoco: Any, body: Any, shape: ShapePart, vehicle: Vehicle) -> None:
+    """Add a box or a cylinder of the vehicle's table as a geom."""
+    pose = link_from_part(shape.position_m, shape.yaw_deg, shape.pitch_deg, shape.roll_deg)
+    rotation, size = pose.rotation, np.array(shape.size_m) / 2
+    kind = mujoco.mjtGeom.mjGEOM_BOX
+    if shape.kind == "cylinder":  # along y in the table, along z in MuJoCo
+        kind, size = mujoco.mjtGeom.mjGEOM_CYLINDER, size[[0, 1, 1]]
+        rotation = rotation @ np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    x, y, z, w = Rotation.from_matrix(rotation).as_quat()
+    body.add_geom(
+        type=kind, size=size, pos=pose.translation, quat=[w, x, y, z], solref=STIFF_ROCK, friction=_friction(vehicle),
+        **BODY_BITS,
+    )  # fmt: skip
 
 
 def _add_corner(mujoco: Any, base: Any, vehicle: Vehicle, wheel: WheelPart) -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import ctypes
 import math
+import threading
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
 import mujoco
@@ -25,9 +26,9 @@ LIFT, STEER, SPIN = range(DOFS)
 MOTOR, SOIL, DAMPER, ROCK, DRIVING = range(5)
 MOTOR_OF, SOIL_OF = 5, 9
 SIZE = 13
-SENSOR = 4  # values of a contact sensor: contact flag and normal
-TREAD, FLANK = range(2)  # parts of a wheel that touch a rock
-FLANK_FROM = math.sqrt(0.5)  # minimum cosine between normal and axle of a contact with the flank
+SENSOR, LINKS = 4, 9  # values of a contact sensor (number of contacts, force), and sensors per rock (`mjcf.LINKS`)
+PARTS = LINKS + WHEELS  # parts of the rover: treads, flanks, legs, body; wheels have two parts
+FLANK_FROM = math.sqrt(0.5)  # minimum cosine between force and axle of a contact with the flank
 
 
 def _mujoco(name: str) -> nb.types.ExternalFunction:
@@ -42,6 +43,26 @@ def _mujoco(name: str) -> nb.types.ExternalFunction:
 
 
 _step1, _step2 = _mujoco("mj_step1"), _mujoco("mj_step2")
+
+
+_Callback = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+
+
+def addresses_of(model: Any, data: Any) -> tuple[int, int]:
+    """Return the addresses of MuJoCo's structures, which a callback receives; `data` is advanced by half a step."""
+    found: dict[int, tuple[int, int]] = {}  # by thread: another thread may run a simulation during the call
+
+    @_Callback
+    def note(model_address: int, data_address: int) -> None:
+        found[threading.get_ident()] = model_address, data_address
+
+    before = mujoco.get_mjcb_control()
+    mujoco.set_mjcb_control(note)
+    try:
+        mujoco.mj_step1(model, data)
+    finally:
+        mujoco.set_mjcb_control(before)
+    return found[threading.get_ident()]
 
 
 class Physics(NamedTuple):
@@ -59,7 +80,7 @@ class Physics(NamedTuple):
     qvel: np.ndarray
     qfrc_constraint: np.ndarray
     actuator_force: np.ndarray
-    contacts: np.ndarray  # (rocks WHEELS SENSOR,) readings of the contact sensors
+    contacts: np.ndarray  # ((rocks + 1) LINKS SENSOR,) readings of the contact sensors, of the ground last
     wheels: np.ndarray  # (WHEELS,) body indices of the wheels
 
 
@@ -75,8 +96,11 @@ class Records(NamedTuple):
     """Arrays that record the steps, changed in place."""
 
     account: np.ndarray  # (SIZE,) J, accumulated
-    first: np.ndarray  # (rocks, 2) first step at which a tread and a flank touched a rock, or -1
-    last: np.ndarray  # (rocks,) last step at which a wheel touched a rock, or -1
+    # By rock (the ground last) and part of the rover, (rocks + 1, PARTS).
+    first: np.ndarray  # first step with contact, or -1
+    last: np.ndarray  # last step with contact, or -1
+    touching: np.ndarray  # number of steps with contact
+    impulse: np.ndarray  # N s, sum of the absolute forces over time
 
 
 @njit()
@@ -109,25 +133,32 @@ def advance(physics, servos, ground, bodies, law, bulldozing, loads, records, st
         before[:] = physics.qvel
         _step2(physics.model, physics.data)
         _add_work(before, physics, loads.readings, servos, dt, records.account)
-        _note_contacts(physics.contacts, bodies.rotations, done + step, records.first, records.last)
+        _record_contacts(physics.contacts, bodies.rotations, done + step, dt, records)
         _step1(physics.model, physics.data)
 
 
 @njit()
-def _note_contacts(sensors, rotations, step, first, last):  # type: ignore[no-untyped-def]
-    """Record which rocks wheels touch in a step, by MuJoCo's contacts."""
-    for rock in range(len(last)):
-        for wheel in range(WHEELS):
-            at = SENSOR * (WHEELS * rock + wheel)
+def _record_contacts(sensors, rotations, step, dt, records):  # type: ignore[no-untyped-def]
+    """Record the contacts of a step with a force, from MuJoCo's sensors."""
+    for other in range(len(records.first)):
+        for link in range(LINKS):
+            at = SENSOR * (LINKS * other + link)
             if not sensors[at] > 0:
                 continue
-            along_axle = 0.0
-            for axis in range(3):
-                along_axle += sensors[at + 1 + axis] * rotations[wheel, axis, 1]
-            part = FLANK if abs(along_axle) > FLANK_FROM else TREAD
-            if first[rock, part] < 0:
-                first[rock, part] = step
-            last[rock] = step
+            x, y, z = sensors[at + 1], sensors[at + 2], sensors[at + 3]
+            force = math.sqrt(x * x + y * y + z * z)
+            if not force > 0:
+                continue
+            part = WHEELS + link
+            if link < WHEELS:
+                axle = rotations[link]
+                if abs(x * axle[0, 1] + y * axle[1, 1] + z * axle[2, 1]) <= FLANK_FROM * force:
+                    part = link  # tread
+            if records.first[other, part] < 0:
+                records.first[other, part] = step
+            records.last[other, part] = step
+            records.touching[other, part] += 1
+            records.impulse[other, part] += force * dt
 
 
 @njit()

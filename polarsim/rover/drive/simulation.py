@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from polarsim.rover.drive import energy
 from polarsim.rover.drive.control import Command, steer
-from polarsim.rover.drive.mjcf import compile_model
+from polarsim.rover.drive.mjcf import LINKS, compile_model
 from polarsim.rover.drive.state import EDGE_MARGIN_M, OffGridError, RoverState, Start, heading_of
-from polarsim.rover.drive.trace import CONTACTS, WHEEL_COLUMNS
+from polarsim.rover.drive.trace import CONTACT_COLUMNS, CONTACTS, GROUND, WHEEL_COLUMNS
 from polarsim.rover.soil.bulldozing import EVERY_S, Bulldozing
 from polarsim.rover.soil.contact import Loads
 from polarsim.rover.soil.law import Soil
@@ -20,13 +20,18 @@ from polarsim.rover.soil.nodes import make_soil_ground
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.soil.shapes import Bodies, Wheel
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
-from polarsim.rover.world.hulls import rock_parts, under_rocks
+from polarsim.rover.world.hulls import rock_parts, shape_table, under_rocks
 from polarsim.rover.world.surface import World
 
 SPIN = 2  # index among a wheel's joints: lift, steer, spin
 NO_WHEEL = -1
 NO_CONTACT = -1
-PARTS = ("tread", "flank")  # parts of a wheel, in the order of the kernels
+# Kind and link of each part of the rover, in the order of the kernels.
+PARTS = tuple(
+    (part, link)
+    for part, links in (("tread", LINKS[:4]), ("flank", LINKS[:4]), ("leg", LINKS[4:8]), ("body", LINKS[8:]))
+    for link in links
+)
 
 
 class Simulation:
@@ -50,12 +55,11 @@ class Simulation:
         self.soil = soil.at_gravity(options.gravity_m_s2)
         self._law = self.soil.law(options.slip_sinkage)
         energy.require_small_step(vehicle, self._law, options)
-        parts = rock_parts(world)
-        # Numbers of the rocks with collision geometry, and the maximum distance of this geometry from the meshes.
-        self.rocks = np.array(list(dict.fromkeys(part.rock for part in parts)), int)
-        self.rock_deviation_m = max((part.deviation_m for part in parts), default=0.0)
+        parts = rock_parts(world)  # collision geometry of the rocks
+        self.rock_shapes = shape_table(parts)
+        self.rocks = np.array([shape["rock"] for shape in self.rock_shapes], int)
         self.ground = make_soil_ground(world.level, world.cell, world.x0, world.y0, under_rocks(world))
-        self.model = compile_model(vehicle, parts, options.gravity_m_s2, self.dt)
+        self.model = compile_model(vehicle, world, parts, options.gravity_m_s2, self.dt)
         self.data = self._mujoco.MjData(self.model)
         self._wire()
         self.steps, self.guarded = 0, False
@@ -87,20 +91,31 @@ class Simulation:
         self._records.account[:] = 0.0
         self._energy_zero = self._mechanical()
         self._records.first[:], self._records.last[:] = NO_CONTACT, NO_CONTACT
+        self._records.touching[:], self._records.impulse[:] = 0, 0.0
 
-    def wheel_contacts(self) -> pd.DataFrame:
-        """Return the rocks touched by wheels since `zero`: `rock`, `part` (tread, flank), `time_s` of first contact.
+    def contacts(self) -> pd.DataFrame:
+        """Return a row per part of the rover and rock (`GROUND`: -1) that touched since `zero`, by first contact.
 
-        These are MuJoCo's contacts at each step, so they agree with the physics.
+        `part` is `tread`, `flank`, `leg` or `body`; `time_s` the first contact, `duration_s` the time in contact,
+        `impulse_n_s` the absolute force over time, `force_n` the maximum force. These are MuJoCo's contacts at each
+        step. Wheels carry the rover by the soil; only body and legs touch the ground.
         """
-        rows, parts = np.nonzero(self._records.first >= 0)
-        steps = self._records.first[rows, parts] - self.time_zero
-        contacts = {"rock": self.rocks[rows], "part": np.array(PARTS, object)[parts], "time_s": steps * self.dt}
-        return pd.DataFrame(contacts).sort_values(["time_s", "rock"], ignore_index=True)
+        records = self._records
+        rows, parts = np.nonzero(records.first >= 0)
+        columns = (
+            np.append(self.rocks, GROUND)[rows],
+            [PARTS[part][0] for part in parts],
+            [PARTS[part][1] for part in parts],
+            (records.first[rows, parts] - self.time_zero) * self.dt,
+            records.touching[rows, parts] * self.dt,
+            records.impulse[rows, parts],
+        )
+        found = pd.DataFrame(dict(zip(CONTACT_COLUMNS, columns, strict=True)))
+        return found.sort_values(["time_s", "rock", "part", "link"], ignore_index=True)
 
     def rocks_touched_since(self, steps: int) -> frozenset[int]:
-        """Return the numbers of the rocks that a wheel touched at or after a step (see `steps`)."""
-        return frozenset(self.rocks[self._records.last >= steps].tolist())
+        """Return the numbers of the rocks that a part of the rover touched at or after a step (see `steps`)."""
+        return frozenset(self.rocks[(self._records.last[:-1] >= steps).any(axis=1)].tolist())
 
     def apply(self, command: Command) -> None:
         """Set the command of all wheels; the vehicle's steering rate is limited."""
@@ -149,9 +164,8 @@ class Simulation:
         data, vehicle, kernels, count = self.data, self.vehicle, self._kernels, len(WHEELS)
         rims = {self.model.geom(f"{code}_rim").id: number for number, code in enumerate(WHEELS)}
         self._wheel_of_geom = [rims.get(geom, NO_WHEEL) for geom in range(self.model.ngeom)]
-        # MuJoCo's bindings have no public name for the addresses of their structures; pyproject.toml pins the version.
         self._physics = kernels.Physics(
-            self.model._address, data._address, data.xpos, data.xmat, data.xquat, data.cvel, data.subtree_com,
+            *kernels.addresses_of(self.model, data), data.xpos, data.xmat, data.xquat, data.cvel, data.subtree_com,
             data.xfrc_applied, data.qpos, data.qvel, data.qfrc_constraint, data.actuator_force,
             data.sensordata[3:],  # after the accelerometer
             np.array([self.model.body(f"{code}_wheel").id for code in WHEELS], np.int64),
@@ -167,10 +181,11 @@ class Simulation:
             np.zeros((count, 3)), np.zeros((count, 3)), self._slips,
         )  # fmt: skip
         self._loads = Loads.zeros(count)
-        rocks = len(self.rocks)
+        shape = len(self.rocks) + 1, len(PARTS)
         self._records = kernels.Records(
-            np.zeros(kernels.SIZE), np.full((rocks, 2), NO_CONTACT), np.full(rocks, NO_CONTACT)
-        )
+            np.zeros(kernels.SIZE), np.full(shape, NO_CONTACT), np.full(shape, NO_CONTACT), np.zeros(shape, int),
+            np.zeros(shape),
+        )  # fmt: skip
         self._bulldozing = Bulldozing.on(self.ground.cell, max(round(EVERY_S / self.dt), 1))
         self._energy_zero = 0.0
         self._reach = max(rim.reach for rim in rims_of_soil)

@@ -32,6 +32,9 @@ WHEEL_COLUMNS = (
     "slip", "sinkage_m", "sinkage_first_m", "load_n", "torque_n_m", "contact",
 )  # fmt: skip
 COLUMNS = BODY_COLUMNS + tuple(f"{code}_{name}" for code in WHEELS for name in WHEEL_COLUMNS)
+# Rows of `contacts` in drive.json, see `Simulation.contacts`.
+CONTACT_COLUMNS = ("rock", "part", "link", "time_s", "duration_s", "impulse_n_s")
+GROUND = -1  # number of the ground among the rocks of contacts
 TRACK_ARRAYS = ("time_s", "start", "cell", "level_m")  # of `LevelChanges`
 TRACE, TRACKS, DRIVE, WORLD = "trace.parquet", "tracks.npz", "drive.json", "world"
 

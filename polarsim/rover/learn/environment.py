@@ -27,13 +27,12 @@ from polarsim.rover.drive.control import Command
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.drive.state import OffGridError, RoverState
-from polarsim.rover.drive.trace import CONTACTS, trace_table
+from polarsim.rover.drive.trace import CONTACTS
 from polarsim.rover.learn.courses import Course, PracticeCourse
 from polarsim.rover.learn.observation import CELLS, STATE, crop, observation_values
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.observation import Perception
 from polarsim.rover.perception.options import Mode, OnboardDetector
-from polarsim.rover.planning.contacts import REACH_M, body_touch, rock_surface_points
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.pilot import OBSERVATIONS_HZ
 from polarsim.rover.vehicle.camera_names import FRONT
@@ -64,35 +63,20 @@ class TaskOptions:
 
 
 class Collisions:
-    """Rocks above `HIGH_M` that the rover touches, counted as in `planning.contacts` for recorded drives."""
+    """Rocks above `HIGH_M` that the rover touches, by the contacts of the physics."""
 
     def __init__(self, simulation: Simulation) -> None:
-        world = simulation.world
-        high = world.rocks[world.rocks["height_m"] > HIGH_M]
+        rocks = simulation.world.rocks
         self._simulation, self._steps = simulation, simulation.steps
-        self._rocks, self._radii = high["rock"].to_numpy(int), high["radius_m"].to_numpy(float)
-        self._places = high[["x_m", "y_m"]].to_numpy(float)
-        self._points: dict[int, np.ndarray] = {}  # of rocks near the rover's path
+        self._high = frozenset(rocks["rock"][rocks["height_m"] > HIGH_M].tolist())
         self.touched: frozenset[int] = frozenset()
 
-    def update(self, state: RoverState) -> frozenset[int]:
-        """Return the numbers of the rocks touched since the last call and not at the last call.
-
-        Wheel contacts include all physics steps since the last call; body contacts are computed for the current state.
-        """
-        by_wheels = self._simulation.rocks_touched_since(self._steps) & frozenset(self._rocks.tolist())
+    def update(self) -> frozenset[int]:
+        """Return the numbers of the rocks touched since the last call and not before the last call."""
+        touched = self._simulation.rocks_touched_since(self._steps) & self._high
         self._steps = self._simulation.steps
-        distance = np.hypot(*(self._places - state.position[:2]).T)
-        near = self._rocks[distance < self._radii + REACH_M].tolist()
-        touched = by_wheels | frozenset(rock for rock in near if self._touches_body(rock, state))
         new, self.touched = touched - self.touched, touched
         return new
-
-    def _touches_body(self, rock: int, state: RoverState) -> bool:
-        if rock not in self._points:
-            self._points[rock] = rock_surface_points(self._simulation.world, rock)
-        table = trace_table(state.row(0.0, 0.0))
-        return bool(body_touch(table, self._simulation.vehicle, self._points[rock], np.zeros(1, int)))
 
 
 class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
@@ -179,7 +163,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self._next_observation = self._observed_at = 0.0
         state = self._state = self.simulation.state()
         self._energy = self.simulation.account.motor
-        self._collisions.update(state)
+        self._collisions.update()
         self._observe(state)
         return self._observation(state), self._info(state)
 
@@ -204,7 +188,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         if not ended and state.upside_down:
             ended = "upside down"
         failed = bool(ended)
-        new = () if failed else self._collisions.update(state)
+        new = () if failed else self._collisions.update()
         self._hits += len(new)
         if not failed and self._along(state) >= self.line.length - ARRIVED_M:
             ended = "finished"

@@ -1,4 +1,4 @@
-"""Metrics of an autonomous drive: touched rocks, path, energy, stops, score of the map, error of odometry.
+"""Metrics of an autonomous drive: contacts with rocks, path, energy, stops, score of the map, error of odometry.
 
 The map is scored by the rules of NASA's Lunar Autonomy Challenge (2025), as in the public leaderboard code. The height
 of a cell is the mean over 16 vertical rays of the first hit on ground or rock; the cell is rock if a ray hits a rock.
@@ -14,8 +14,10 @@ import math
 import numpy as np
 import pandas as pd
 
+from polarsim.rover.drive.trace import CONTACT_COLUMNS, GROUND, Trace
 from polarsim.rover.perception.ground_view import by_cells, part_centres, true_surface
 from polarsim.rover.perception.hazard_grid import HazardGrid
+from polarsim.rover.planning.clearance import closest_pass
 from polarsim.rover.planning.drive import Outcome
 from polarsim.rover.planning.odometry import absolute_error, relative_error, visual_odometry
 from polarsim.rover.planning.options import AutonomyOptions
@@ -26,6 +28,8 @@ from polarsim.schemas.rover import AUTONOMY_EVENTS, COLLISION, HIGH_M, STOP, TOU
 
 CLASSES_M = ((0.05, 0.10), (0.10, 0.20), (0.20, math.inf))
 NO_ROCK = -1
+_OF = (("wheels", ("tread", "flank")), ("legs", ("leg",)), ("the body", ("body",)))
+_TOTALS = {"time_s": "min", "duration_s": "sum", "impulse_n_s": "sum"}  # of all links of a part
 _CORRIDOR_M = 1.05  # half width of the scored corridor along the straight line: the wheels and a margin
 _BLIND_M = 2.2  # ground ahead of base_link at the start that the camera does not see
 _NEAREST_M, _FARTHEST_M = 1.5, 10.0  # range of depths for odometry
@@ -35,36 +39,51 @@ FULL_RATE_1_S = 180 * 180 / (24 * 3600)  # cells per second for full productivit
 _RAYS = 4  # rays along a side of a cell
 
 
-def event_table(outcome: Outcome, rocks: pd.DataFrame) -> pd.DataFrame:
-    """Return `AUTONOMY_EVENTS`: touched rocks with position (`rocks`: see `rock_contacts`) and stops."""
-    hit = rocks[rocks["touched"]].merge(outcome.trace.world.rocks[["rock", "x_m", "y_m"]], on="rock")
+def rock_contacts(trace: Trace) -> pd.DataFrame:
+    """Return the contacts of a drive with rocks, see `Simulation.contacts`, with height and position of the rock."""
+    rocks = trace.world.rocks[["rock", "height_m", "x_m", "y_m"]]
+    contacts = pd.DataFrame(trace.drive["contacts"], columns=list(CONTACT_COLUMNS))
+    return contacts[contacts["rock"] != GROUND].astype({"rock": int}).merge(rocks, on="rock")
+
+
+def event_table(outcome: Outcome) -> pd.DataFrame:
+    """Return `AUTONOMY_EVENTS`: a row per rock and kind of part that touched the rock, and a row per stop."""
+    contacts = rock_contacts(outcome.trace)
+    by_part = contacts.groupby(["rock", "part"], as_index=False, sort=False)
+    hit = by_part.agg(dict.fromkeys(("height_m", "x_m", "y_m"), "first") | _TOTALS)
     what = np.where(hit["height_m"] > HIGH_M, COLLISION, TOUCH)
     rows = [hit.assign(what=what)[list(AUTONOMY_EVENTS.columns)]]
     if outcome.pilot is not None and outcome.pilot.stops:
-        stops = [(STOP, stop.time_s, stop.x, stop.y, NO_ROCK, math.nan) for stop in outcome.pilot.stops]
+        nothing = (NO_ROCK, math.nan, "", 0.0, 0.0)
+        stops = [(STOP, stop.time_s, stop.x, stop.y, *nothing) for stop in outcome.pilot.stops]
         rows.append(pd.DataFrame(stops, columns=list(AUTONOMY_EVENTS.columns)))
-    return pd.concat([part for part in rows if len(part)] or rows).astype(AUTONOMY_EVENTS.dtypes).sort_values("time_s")
+    events = pd.concat([part for part in rows if len(part)] or rows).astype(AUTONOMY_EVENTS.dtypes)
+    return events.sort_values(["time_s", "rock", "part"], ignore_index=True)
 
 
-def drive_metrics(outcome: Outcome, rocks: pd.DataFrame, vehicle: Vehicle, options: AutonomyOptions) -> pd.DataFrame:
-    """Return rows of metric, unit and value of a drive; `rocks`: see `rock_contacts`."""
-    drive, table = outcome.trace.drive, outcome.trace.table
+def drive_metrics(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> pd.DataFrame:
+    """Return rows of metric, unit and value of a drive."""
+    trace = outcome.trace
+    drive, table = trace.drive, trace.table
     seconds = max(float(drive["seconds"]), 1e-9)
-    hit = rocks[rocks["touched"]]
-    high = rocks[rocks["height_m"] > HIGH_M]
+    contacts = rock_contacts(trace)
+    hit = contacts[contacts["height_m"] > HIGH_M]
     rows: list[tuple[str, str, float]] = [
-        ("success", "", float(drive["ended"] == "finished" and not (hit["height_m"] > HIGH_M).any())),
+        ("success", "", float(drive["ended"] == "finished" and not len(hit))),
         ("goal reached", "", float(drive["ended"] == "finished")),
-        ("collisions", "", float((hit["height_m"] > HIGH_M).sum())),
+        ("collisions", "", float(hit["rock"].nunique())),
+        *((f"collisions of {name}", "", float(hit["rock"][hit["part"].isin(parts)].nunique())) for name, parts in _OF),
     ]
+    treads = contacts["rock"][contacts["part"] == "tread"]
     for low, top in CLASSES_M:
-        in_class = hit[(hit["height_m"] > low) & (hit["height_m"] <= top)]
+        in_class = contacts[(contacts["height_m"] > low) & (contacts["height_m"] <= top)].drop_duplicates("rock")
         name = f"above {100 * low:.0f} cm" if math.isinf(top) else f"{100 * low:.0f} to {100 * top:.0f} cm"
-        rows.append((f"rocks of {name} driven over", "", float((in_class["part"] == "tread").sum())))
-        rows.append((f"rocks of {name} scraped", "", float((in_class["part"] != "tread").sum())))
+        driven_over = in_class["rock"].isin(treads)
+        rows.append((f"rocks of {name} driven over", "", float(driven_over.sum())))
+        rows.append((f"rocks of {name} scraped", "", float((~driven_over).sum())))
     positions = table[["x_m", "y_m"]].to_numpy()
     rows += [
-        ("closest pass of a rock above 10 cm", "m", float(high["gap_m"].min()) if len(high) else math.nan),
+        ("closest pass of a rock above 10 cm", "m", closest_pass(trace, vehicle)),
         ("time", "s", float(drive["seconds"])),
         ("path", "m", float(np.hypot(*np.diff(positions, axis=0).T).sum())),
         ("energy", "J", float(drive["energy_j"]["motor"])),

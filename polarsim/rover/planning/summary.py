@@ -15,7 +15,6 @@ from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.planning.cases import AXES, MODES_WITHOUT_PICTURES, matched_drives, parse_case
-from polarsim.rover.planning.contacts import rock_contacts
 from polarsim.rover.planning.drive import job_for, run_autonomous_drive, write_outcome
 from polarsim.rover.planning.metrics import drive_metrics, event_table
 from polarsim.rover.planning.options import AutonomyOptions
@@ -53,10 +52,9 @@ def drive_case(
     outcome = run_autonomous_drive(
         job, chosen.mode, light, options, cameras, render=render, detector=detector, threads=threads
     )
-    rocks = rock_contacts(outcome.trace, vehicle)
     write_outcome(folder, outcome, options)
-    tables.write_parquet(folder / EVENTS, event_table(outcome, rocks))
-    rows = drive_metrics(outcome, rocks, vehicle, options)
+    tables.write_parquet(folder / EVENTS, event_table(outcome))
+    rows = drive_metrics(outcome, vehicle, options)
     named = rows.assign(**chosen.axes, seed=chosen.seed, ended=str(outcome.trace.drive["ended"]))
     tables.write_parquet(folder / "figures.parquet", named[list(AUTONOMY_METRICS.columns)])
 

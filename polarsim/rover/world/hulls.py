@@ -1,34 +1,40 @@
 """Convex parts of rocks for MuJoCo's collision detection, and the soil nodes under rocks.
 
-A convex hull fills hollows. `convex_parts` cuts a rock until the surface of the parts that is open to the sky deviates
-from the mesh by at most `DEVIATION_M` at points `STEP_M` apart. The distance to a surface changes no faster than the
-position, so between these points it exceeds the bound by less than `STEP_M / sqrt(3)`. The deviation may be larger if a
-rock would need more than `MAX_PARTS` parts, or if cut triangles have no volume: see `RockPart.deviation_m`. A drive
-records the maximum.
+A convex hull fills hollows. `convex_parts` cuts a rock until the surface of the parts deviates from the mesh by at most
+`DEVIATION_M` where the rover can reach it: on top, at the sides, and on moderate overhangs. The mesh itself is inside
+the parts, since each of its triangles belongs to a part. The deviation is measured where lines from points of the mesh,
+along its normals, leave the part; between these points it may be larger by tenths of a millimetre. A rock that would
+need more than `MAX_PARTS` parts has a larger deviation, see `RockPart.deviation_m`. A drive records the deviation of
+each rock.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 
 import numpy as np
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from polarsim.errors import RoverError
 from polarsim.geometry.rays_embree import EmbreeCaster
+from polarsim.geometry.vectors import cross
 from polarsim.rover.world.surface import World
 
-DEVIATION_M = 0.010  # m; a part with a larger deviation from the mesh is cut in two
-MAX_PARTS = 64  # maximum number of convex parts of a rock
-STEP_M = 0.006  # spacing of points on a part's surface
+DEVIATION_M = 0.0045  # m; a part with a larger deviation from the mesh is cut in two
+MAX_PARTS = 256  # maximum number of convex parts of a rock
+STEP_M = 0.004  # maximum distance of the mesh's points at which deviations are measured
+OVERHANG = -0.7  # minimum vertical component of the normal of a surface that the rover can reach
 MIN_VOLUME_M3 = 1e-8  # m3, a cube of 2 mm; minimum volume of a rock
 ABOVE = 1.0  # m above a surface at which vertical rays start
-_MESH_STEP_M = 0.005  # spacing of points of the mesh for distances: at most 0.4 mm too long at 10 mm
-_OFF_M = 1e-4  # offset from a surface at which rays start
-_ENOUGH = 0.7  # a cut with at most this share of the deviation is accepted without trying other axes
+_STEPS = 50  # maximum number of these points along a rock; their distance is larger on rocks above 0.2 m
+_OFF_M = 1e-4  # smaller distances count as 0
+_ENOUGH = 0.85  # a cut with at most this share of the deviation is accepted without trying other axes
 _INSIDE = (0.2, 0.8)  # range of cuts as shares of a part's extent
+_BATCH = 128  # number of points whose distances are searched together
+_LEVEL = 0.05  # maximum horizontal component of the normal of a surface that is open from above only
+_THICKNESS_M = 0.002  # of flat parts
 
 
 @dataclass(frozen=True)
@@ -37,7 +43,7 @@ class RockPart:
 
     rock: int  # number of the rock in the world
     corners: np.ndarray  # (n, 3) m
-    deviation_m: float  # maximum distance of the part's upper surface from the mesh
+    deviation_m: float  # maximum distance of the part's surface from the mesh, where it can be reached
 
 
 def rock_parts(world: World) -> list[RockPart]:
@@ -53,12 +59,22 @@ def rock_parts(world: World) -> list[RockPart]:
     return result
 
 
+def shape_table(parts: Iterable[RockPart]) -> list[dict[str, float]]:
+    """Return for each rock its number, `rock`, the number of its `parts`, and the maximum `deviation_m`."""
+    shapes: dict[int, dict[str, float]] = {}
+    for part in parts:
+        shape = shapes.setdefault(part.rock, {"rock": part.rock, "parts": 0, "deviation_m": 0.0})
+        shape["parts"] += 1
+        shape["deviation_m"] = max(shape["deviation_m"], part.deviation_m)
+    return list(shapes.values())
+
+
 def convex_parts(
     vertices: np.ndarray, faces: np.ndarray, deviation_m: float = DEVIATION_M, max_parts: int = MAX_PARTS
 ) -> tuple[tuple[np.ndarray, float], ...]:
     """Return corners (n, 3) of convex parts of a mesh, and each part's deviation from the mesh, m.
 
-    `max_parts` takes precedence over `deviation_m`, the maximum distance of the upper surface from the mesh.
+    `max_parts` takes precedence over `deviation_m`, the maximum distance of the surface from the mesh.
     """
     vertices, faces = np.ascontiguousarray(vertices, float), np.ascontiguousarray(faces, np.int64)
     return _convex_parts(vertices.tobytes(), faces.tobytes(), deviation_m, max_parts)
@@ -69,45 +85,45 @@ def _convex_parts(
     vertices: bytes, faces: bytes, deviation_m: float, max_parts: int
 ) -> tuple[tuple[np.ndarray, float], ...]:
     rock = _Rock(np.frombuffer(vertices).reshape(-1, 3), np.frombuffer(faces, np.int64).reshape(-1, 3), deviation_m)
-    open_parts = [rock.part(np.arange(len(rock.faces)))]
-    final: list[_Part] = []
-    while open_parts and len(open_parts) + len(final) < max_parts:
-        worst = max(range(len(open_parts)), key=lambda number: open_parts[number].deviation)
-        if open_parts[worst].deviation <= deviation_m:
+    parts = [rock.whole()]
+    while len(parts) < max_parts:
+        worst = max(range(len(parts)), key=lambda number: parts[number].deviation)
+        if parts[worst].deviation <= deviation_m:
             break
-        halves = rock.halves(open_parts[worst])
+        halves = rock.halves(parts[worst])
         if halves is None:
-            final.append(open_parts.pop(worst))
-        else:
-            open_parts[worst : worst + 1] = halves
-    return tuple((part.corners, part.deviation) for part in [*open_parts, *final])
+            break
+        parts[worst : worst + 1] = halves
+    return tuple((part.corners, part.deviation) for part in parts)
 
 
 @dataclass(frozen=True)
 class _Part:
     triangles: np.ndarray  # (t,) indices of the rock's faces
     corners: np.ndarray  # (n, 3)
+    deep: np.ndarray  # (d,) indices of the rock's points that are deeper below the hull than the bound
     deviation: float  # m
-    farthest: np.ndarray  # (3,) point with the largest deviation
+    farthest: np.ndarray  # (3,) point of the mesh with the largest deviation
 
 
 class _Rock:
-    """A mesh with distance queries."""
+    """A mesh with outward faces, and points on it at which deviations are measured."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, bound: float) -> None:
         self.vertices, self.faces, self._bound = vertices, faces, bound
-        self._centres = vertices[faces].mean(axis=1)
+        triangles = vertices[faces]
+        self._centres = triangles.mean(axis=1)
+        normals = cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        self._sides = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        self._step = max(STEP_M, float(np.ptp(vertices, axis=0).max()) / _STEPS)
+        divided, owners = points_on(triangles, self._step)
+        self._points = np.concatenate([self._centres, divided])
+        self._normals = self._sides[np.concatenate([np.arange(len(faces)), owners])]
         self._caster = EmbreeCaster(vertices, faces)
 
-    def part(self, triangles: np.ndarray) -> _Part:
-        """Return the hull of some triangles; triangles without volume are an error."""
-        points = self.vertices[np.unique(self.faces[triangles])]
-        hull = require_volume(points)
-        corners = points[np.sort(hull.vertices)]
-        up = hull.equations[:, 2] > 0
-        on_hull, facet = points_on(points[hull.simplices[up]], STEP_M)
-        deviation, farthest = self._deviation(on_hull, hull.equations[up, :3][facet])
-        return _Part(triangles, corners, deviation, farthest)
+    def whole(self) -> _Part:
+        """Return the hull of the rock."""
+        return self._part(np.arange(len(self.faces)), np.arange(len(self._points)), 0.0)
 
     def halves(self, part: _Part) -> list[_Part] | None:
         """Cut a part at its largest deviation, across the axis with the best result; return None if it cannot be cut.
@@ -115,16 +131,36 @@ class _Rock:
         A triangle belongs to the side of its centre, so the parts overlap by a triangle at the cut.
         """
         best: list[_Part] | None = None
+        within = min(part.deviation, self._bound)
         for axis, cut in self._cuts(part):
             below = self._centres[part.triangles, axis] < cut
+            if below.all() or not below.any():
+                continue
             try:
-                halves = [self.part(part.triangles[side]) for side in (below, ~below)]
+                halves = [self._part(part.triangles[side], part.deep, within) for side in (below, ~below)]
             except RoverError:  # a side has no volume
                 continue
             best = min(best or halves, halves, key=_worst)
             if _worst(best) <= _ENOUGH * part.deviation:
                 break
         return best
+
+    def _part(self, triangles: np.ndarray, deep: np.ndarray, within: float) -> _Part:
+        """Return the hull of some triangles; the hull of flat triangles gets a thickness inwards.
+
+        Points at the indices `deep` are measured, others are at most `within` below the hull: the hull is inside that
+        of the part that was cut, so no point becomes deeper.
+        """
+        used = np.zeros(len(self.vertices), bool)
+        used[self.faces[triangles]] = True
+        corners = self.vertices[used]
+        try:
+            hull = require_volume(corners)
+        except RoverError:
+            inwards = -_THICKNESS_M * self._sides[triangles].mean(axis=0)
+            corners = np.concatenate([corners, corners + inwards])
+            hull = require_volume(corners)
+        return _Part(triangles, corners[np.sort(hull.vertices)], *self._deviation(hull, deep, within))
 
     def _cuts(self, part: _Part) -> Iterator[tuple[int, float]]:
         """Yield axes and coordinates to cut at, in descending order of extent; medians last."""
@@ -136,44 +172,71 @@ class _Rock:
         for axis in axes:
             yield int(axis), float(np.median(self._centres[part.triangles, axis]))
 
-    def _deviation(self, points: np.ndarray, normals: np.ndarray) -> tuple[float, np.ndarray]:
-        """Return the maximum distance of points (n, 3) of a hull to the mesh, 0 within the bound, and its point.
+    def _deviation(self, hull: ConvexHull, rows: np.ndarray, within: float) -> tuple[np.ndarray, float, np.ndarray]:
+        """Return which of the points at `rows` are deep, the deviation of a hull, and the point with the largest one.
 
-        Points below the mesh are excluded, since wheels cannot reach them.
+        Lines from the points along the normals leave the hull; the deviation is the maximum distance of the exits from
+        the mesh. Exits that the rover cannot reach are excluded: below, and where the rock encloses the exit from above
+        and from the side.
         """
-        # The distance against the normal is an upper bound of the distance to the nearest point, and fast to compute.
-        against, _ = self._caster.nearest(points + _OFF_M * normals, -normals)
-        points = points[against > self._bound + _OFF_M]
-        if len(points):
-            upwards = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
-            points = points[np.isinf(self._caster.nearest(points + _OFF_M * upwards, upwards)[0])]
+        from polarsim.rover.world.hull_kernels import exits  # an optional dependency
+
+        depths, facets = exits(self._points[rows], self._normals[rows], hull.equations)
+        far = depths > self._bound  # the mesh is at most as far from an exit as the start of the line
+        largest, farthest = max(float(depths[~far].max(initial=0.0)), within), np.zeros(3)
+        deep, depths, sides = rows[far], depths[far], hull.equations[facets[far], :3]
+        left = self._points[deep] + depths[:, None] * self._normals[deep]
+        order = np.argsort(-depths)
+        order = order[(sides[order, 2] > OVERHANG) & self._reached(left, sides)[order]]
+        while len(order) and largest <= self._bound:  # farther exits first; a part beyond the bound is cut anyway
+            batch, order = order[:_BATCH], order[_BATCH:]
+            distance = np.asarray(self._tree.query(left[batch])[0])
+            if distance.max() > largest:
+                largest, farthest = float(distance.max()), self._points[deep[batch[distance.argmax()]]]
+            order = order[depths[order] > largest]
+        return deep, largest, farthest
+
+    def _reached(self, points: np.ndarray, sides: np.ndarray) -> np.ndarray:
+        """Return (n,) bool: points (n, 3) outside the mesh that are open from above or from a side, a normal (n, 3)."""
         if not len(points):
-            return 0.0, np.zeros(3)
-        distance = np.asarray(self._tree.query(points)[0])
-        return float(distance.max()), points[distance.argmax()]
+            return np.zeros(0, bool)
+        upwards = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
+        level = np.linalg.norm(sides[:, :2], axis=1) < _LEVEL
+        sidewards = np.where(level[:, None], upwards, sides * [1.0, 1.0, 0.0])
+        free = [np.isinf(self._caster.nearest(points, direction)[0]) for direction in (upwards, sidewards)]
+        return np.asarray(np.any(free, axis=0))
 
     @cached_property
     def _tree(self) -> KDTree:
-        return KDTree(np.unique(points_on(self.vertices[self.faces], _MESH_STEP_M)[0].round(5), axis=0))
+        return KDTree(np.unique(points_on(self.vertices[self.faces], self._step / 2)[0].round(5), axis=0))
 
 
 def _worst(parts: Sequence[_Part]) -> float:
     return max(part.deviation for part in parts)
 
 
+def longest_edges(triangles: np.ndarray) -> np.ndarray:
+    """Return (t,) lengths of the longest edges of triangles (t, 3, 3)."""
+    return np.asarray(np.linalg.norm(triangles - triangles[:, [2, 0, 1]], axis=2).max(axis=1, initial=0.0))
+
+
 def points_on(triangles: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
     """Return points (n, 3) on triangles (t, 3, 3), at most `step` apart along edges, and (n,) their triangles."""
-    longest = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
-    counts = np.maximum(np.ceil(longest / step).astype(int), 1)
+    halvings = np.ceil(np.log2(np.maximum(longest_edges(triangles) / step, 1))).astype(int)
     points, owners = [np.zeros((0, 3))], [np.zeros(0, int)]
-    for count in np.unique(counts):
-        rows = np.flatnonzero(counts == count)
-        i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1))
-        inside = i + j <= count
-        weights = np.stack([i[inside], j[inside], count - i[inside] - j[inside]], axis=1) / count
-        points.append(np.einsum("pk,fkd->fpd", weights, triangles[rows]).reshape(-1, 3))
+    for number in range(halvings.max(initial=-1) + 1):
+        rows, weights = np.flatnonzero(halvings == number), _barycentric(2**number)
+        points.append((weights @ triangles[rows]).reshape(-1, 3))
         owners.append(np.repeat(rows, len(weights)))
     return np.concatenate(points), np.concatenate(owners)
+
+
+@cache
+def _barycentric(count: int) -> np.ndarray:
+    """Return (n, 3) weights of a triangle's corners at points that divide each edge into `count` parts."""
+    i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1))
+    inside = i + j <= count
+    return np.stack([i[inside], j[inside], count - i[inside] - j[inside]], axis=1) / count
 
 
 def require_volume(points: np.ndarray) -> ConvexHull:

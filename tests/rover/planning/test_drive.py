@@ -21,7 +21,6 @@ from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.ride import RunningDrive
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.observation import Observation, Perception
-from polarsim.rover.planning.contacts import rock_contacts
 from polarsim.rover.planning.drive import PICTURES, WIDTH_PX, autonomous_job, run_autonomous_drive, write_outcome
 from polarsim.rover.planning.metrics import drive_metrics, event_table
 from polarsim.rover.planning.options import AutonomyOptions
@@ -32,6 +31,7 @@ from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
 from polarsim.rover.world.options import WorldOptions
 from polarsim.rover.world.surface import ROCK_COLUMNS, bare_world
+from polarsim.schemas.rover import AUTONOMY_EVENTS
 from tests.rover import driven
 
 OPTIONS = AutonomyOptions(speed_m_s=0.4, longest_s=40)
@@ -82,14 +82,20 @@ def value(rows: pd.DataFrame, metric: str) -> float:
 
 def test_a_drive_by_labels_avoids_rocks_that_a_blind_drive_hits(job):
     blind = run_autonomous_drive(job, "blind", ImagingCondition("3", 256), OPTIONS, CAMERAS, render=driven.RENDER)
-    rocks = rock_contacts(blind.trace, job.vehicle)
-    assert value(drive_metrics(blind, rocks, job.vehicle, OPTIONS), "collisions") == 2
-    hits = event_table(blind, rocks)
-    assert hits["what"].tolist() == ["collision"] * 2
-    assert sorted(zip(hits["x_m"], hits["y_m"], strict=True)) == sorted(BOXES)
+    rows = drive_metrics(blind, job.vehicle, OPTIONS)
+    assert value(rows, "collisions") == value(rows, "collisions of wheels") == 2
+    assert value(rows, "collisions of legs") == value(rows, "collisions of the body") == 0
+    assert abs(value(rows, "closest pass of a rock above 10 cm")) < 0.005
+    hits = event_table(blind)
+    assert tuple(hits.columns) == AUTONOMY_EVENTS.columns
+    assert set(hits["what"]) == {"collision"}
+    assert set(hits["part"]) <= {"tread", "flank"}
+    assert sorted(set(zip(hits["x_m"], hits["y_m"], strict=True))) == sorted(BOXES)
     assert hits["time_s"].is_monotonic_increasing
+    assert (hits["impulse_n_s"] > 5).all()
+    assert (hits["duration_s"] > 0).all()
     outcome = run_autonomous_drive(job, "truth", ImagingCondition("3", 256), OPTIONS, CAMERAS, render=driven.RENDER)
-    rows = drive_metrics(outcome, rock_contacts(outcome.trace, job.vehicle), job.vehicle, OPTIONS)
+    rows = drive_metrics(outcome, job.vehicle, OPTIONS)
     assert value(rows, "success") == 1
     assert value(rows, "collisions") == 0
     assert value(rows, "closest pass of a rock above 10 cm") > 0.02
@@ -135,7 +141,7 @@ def test_stereo_maps_the_boxes_and_odometry_follows_the_drive(job, tmp_path):
     near = np.any([np.hypot(x - bx, y - by) < 0.35 for bx, by in BOXES], axis=0)
     assert (grid.rock & near).sum() >= 4
     assert (grid.rock & ~near).sum() < 0.06 * grid.seen.sum()
-    rows = drive_metrics(outcome, rock_contacts(outcome.trace, job.vehicle), job.vehicle, OPTIONS)
+    rows = drive_metrics(outcome, job.vehicle, OPTIONS)
     assert value(rows, "odometry: absolute error") < 0.2
     write_outcome(tmp_path, outcome, OPTIONS)
     pictures = picture_times(tmp_path / PICTURES)
