@@ -1,4 +1,4 @@
-"""Metrics of drives: slip, sinkage, torque, energy, offset and time on rocks, with intervals over seeds.
+"""Metrics of drives: slip, sinkage, torque, energy, offset, time on rocks and touched rocks, with intervals over seeds.
 
 The interval of a mean over n seeds is Student's, mean +- t(0.975, n - 1) s / sqrt(n). It is undefined for n = 1.
 """
@@ -14,11 +14,12 @@ import pandas as pd
 
 from polarsim.formats import tables
 from polarsim.intervals import student_interval
-from polarsim.rover.drive.trace import Trace, read_trace
+from polarsim.rover.drive.trace import Trace, read_trace, rock_contacts
 from polarsim.rover.vehicle.table import WHEELS
-from polarsim.schemas.rover import DRIVE_METRICS, DRIVES
+from polarsim.schemas.rover import DRIVE_METRICS, DRIVES, HIGH_M
 
 WHOLE = "all"  # value of `wheel` for metrics of the rover
+TREAD_AND_FLANK = ("tread", "flank")  # parts of wheels in contacts
 MIN_SPEED_M_S = 0.02  # m/s: rows at lower speed are excluded from slip
 
 
@@ -48,6 +49,8 @@ def wheel_metrics(trace: Trace) -> pd.DataFrame:
     speed = np.hypot(table["vx_m_s"], table["vy_m_s"])
     moving = table[(speed > MIN_SPEED_M_S) | (table["command_speed_m_s"].abs() > MIN_SPEED_M_S)]
     account, driven = trace.drive["energy_j"], max(float(trace.drive["along_m"]), 1e-9)
+    hit = rock_contacts(trace)
+    hit = hit[hit["height_m"] > HIGH_M]
     rows: list[tuple[str, str, str, float]] = []
     on_rock = np.zeros(len(moving), bool)
     for wheel in WHEELS:
@@ -61,6 +64,7 @@ def wheel_metrics(trace: Trace) -> pd.DataFrame:
             ("torque", wheel, "N m", soil[f"{wheel}_torque_n_m"].mean()),
             ("energy", wheel, "J/m", account["motor_of"][wheel] / driven),
             ("time on a rock", wheel, "%", 100 * float(rock.mean()) if len(rock) else 0.0),
+            ("rocks above 10 cm touched", wheel, "", float(hit["rock"][hit["link"] == f"{wheel}_wheel"].nunique())),
         ]
     for metric in ("slip", "sinkage", "torque"):
         values = [(unit, value) for name, _, unit, value in rows if name == metric]
@@ -69,6 +73,13 @@ def wheel_metrics(trace: Trace) -> pd.DataFrame:
     rows += [
         ("energy", WHOLE, "J/m", account["motor"] / driven),
         ("time on a rock", WHOLE, "%", 100 * float(on_rock.mean()) if len(on_rock) else 0.0),
+        ("rocks above 10 cm touched", WHOLE, "", float(hit["rock"].nunique())),
+        (
+            "rocks above 10 cm touched by legs or body",
+            WHOLE,
+            "",
+            float(hit["rock"][~hit["part"].isin(TREAD_AND_FLANK)].nunique()),
+        ),
         ("offset, RMS", WHOLE, "mm", 1000 * math.sqrt(float((offset**2).mean()))),
         ("offset, largest", WHOLE, "mm", 1000 * float(np.abs(offset).max())),
         ("energy missing", WHOLE, "%", 100 * abs(float(trace.drive["energy_open"]))),

@@ -94,6 +94,13 @@ def trace_table(rows: np.ndarray) -> pd.DataFrame:
     return table
 
 
+def rock_contacts(trace: Trace) -> pd.DataFrame:
+    """Return the contacts of a drive with rocks, see `Simulation.contacts`, with height and position of the rock."""
+    rocks = trace.world.rocks[["rock", "height_m", "x_m", "y_m"]].astype({"rock": int})
+    contacts = pd.DataFrame(trace.drive["contacts"], columns=list(CONTACT_COLUMNS))
+    return contacts[contacts["rock"] != GROUND].astype({"rock": int}).merge(rocks, on="rock")
+
+
 def write_trace(folder: str | Path, trace: Trace) -> None:
     """Write all files of a drive; equal drives give equal bytes."""
     folder = Path(folder)

@@ -14,7 +14,8 @@ import math
 import numpy as np
 import pandas as pd
 
-from polarsim.rover.drive.trace import CONTACT_COLUMNS, GROUND, Trace
+from polarsim.rover.drive.table import TREAD_AND_FLANK
+from polarsim.rover.drive.trace import rock_contacts
 from polarsim.rover.perception.ground_view import by_cells, part_centres, true_surface
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.planning.clearance import closest_pass
@@ -28,7 +29,7 @@ from polarsim.schemas.rover import AUTONOMY_EVENTS, COLLISION, HIGH_M, STOP, TOU
 
 CLASSES_M = ((0.05, 0.10), (0.10, 0.20), (0.20, math.inf))
 NO_ROCK = -1
-_OF = (("wheels", ("tread", "flank")), ("legs", ("leg",)), ("the body", ("body",)))
+_OF = (("wheels", TREAD_AND_FLANK), ("legs", ("leg",)), ("the body", ("body",)))
 _TOTALS = {"time_s": "min", "duration_s": "sum", "impulse_n_s": "sum"}  # of all links of a part
 _CORRIDOR_M = 1.05  # half width of the scored corridor along the straight line: the wheels and a margin
 _BLIND_M = 2.2  # ground ahead of base_link at the start that the camera does not see
@@ -37,13 +38,6 @@ POINTS = {"geometric map": 300.0, "rock map": 300.0, "productivity": 250.0, "loc
 HEIGHT_M = 0.05  # maximum error of a right height
 FULL_RATE_1_S = 180 * 180 / (24 * 3600)  # cells per second for full productivity: the square in the mission time
 _RAYS = 4  # rays along a side of a cell
-
-
-def rock_contacts(trace: Trace) -> pd.DataFrame:
-    """Return the contacts of a drive with rocks, see `Simulation.contacts`, with height and position of the rock."""
-    rocks = trace.world.rocks[["rock", "height_m", "x_m", "y_m"]]
-    contacts = pd.DataFrame(trace.drive["contacts"], columns=list(CONTACT_COLUMNS))
-    return contacts[contacts["rock"] != GROUND].astype({"rock": int}).merge(rocks, on="rock")
 
 
 def event_table(outcome: Outcome) -> pd.DataFrame:

@@ -1,10 +1,13 @@
 """Metrics of drives, with intervals over seeds."""
 
+from dataclasses import replace
+
 import numpy as np
+import pandas as pd
 import pytest
 
 from polarsim.rover.drive.table import drive_table, wheel_metrics
-from polarsim.rover.drive.trace import COLUMNS, LevelChanges, Trace, trace_table
+from polarsim.rover.drive.trace import COLUMNS, GROUND, LevelChanges, Trace, trace_table
 from polarsim.rover.world.surface import bare_world
 from polarsim.schemas.rover import DRIVES
 
@@ -21,10 +24,19 @@ def trace(seed: int, offset: float, control: str = "heading") -> Trace:
     drive = {
         "seed": seed, "ended": "finished", "seconds": 5.0, "along_m": 2.0, "energy_open": -0.001,
         "options": {"drive": {"control": control}},
+        "contacts": [
+            {"rock": rock, "part": part, "link": link, "time_s": 1.0, "duration_s": 0.1, "impulse_n_s": 2.0}
+            for rock, part, link in (
+                (0, "tread", "lf_wheel"), (0, "flank", "lf_wheel"), (0, "body", "base_link"), (1, "leg", "rr_arm"),
+                (2, "tread", "lf_wheel"), (GROUND, "body", "base_link"),
+            )
+        ],
         "energy_j": {"motor": 40.0, "motor_of": {"lf": 10.0, "rf": 10.0, "lr": 10.0, "rr": 10.0}},
     }  # fmt: skip
     tracks = LevelChanges(np.zeros(0), np.zeros(1, int), np.zeros(0, np.int32), np.zeros(0, np.float32))
-    return Trace(trace_table(rows), bare_world(np.zeros((2, 2)), 1.0, 0.0, 0.0), tracks, drive)
+    world = bare_world(np.zeros((2, 2)), 1.0, 0.0, 0.0)
+    rocks = pd.DataFrame({"rock": [0, 1, 2], "height_m": [0.3, 0.2, 0.05], "x_m": 0.0, "y_m": 0.0})
+    return Trace(trace_table(rows), replace(world, rocks=rocks), tracks, drive)
 
 
 def value(table, metric: str, wheel: str = "all", column: str = "value") -> float:
@@ -37,6 +49,9 @@ def test_slip_is_averaged_on_soil_and_time_on_rocks_over_any_wheel():
     assert value(metrics, "time on a rock", "lf") == 25
     assert value(metrics, "time on a rock", "rr") == 0
     assert value(metrics, "time on a rock") == 25
+    assert value(metrics, "rocks above 10 cm touched") == 2
+    assert value(metrics, "rocks above 10 cm touched", "lf") == 1
+    assert value(metrics, "rocks above 10 cm touched by legs or body") == 2
     assert value(metrics, "torque", "rr") == 5
     assert value(metrics, "energy") == 20
     assert value(metrics, "energy", "lr") == 5
