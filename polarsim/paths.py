@@ -419,8 +419,9 @@ class RunPaths:
         names = ["comparison_Terrain{terrain}_Pos{position}", "contact_Terrain{terrain}_Pos{position}"]
         names += ["meshes_Terrain{terrain}", "crops_Terrain{terrain}", "residuals_Terrain{terrain}"]
         names += ["offsets_Terrain{terrain}"] if self.config.data_source.is_generated else []
+        names_of_run = ["appearance", "reflectance", "rock_sizes", *(["reliability"] if self.scored_terrains else [])]
         return [
-            *self._figures(["appearance", "reflectance", *(["reliability"] if self.scored_terrains else [])]),
+            *self._figures(names_of_run),
             *(path for name in names for path in self.figures_of_terrains(name)),
             *self._figures([f"label_errors_Terrain{terrain}" for terrain in self.scored_terrains]),
         ]
@@ -428,7 +429,11 @@ class RunPaths:
     def tables_of_page(self) -> list[str]:
         """Return the tables that the results page shows."""
         covers = self.config.covers.run
-        stages = [] if self.only_covers else ["evaluation", "cameras", "alignment", "rocks", "meshes"]
+        stages = (
+            []
+            if self.only_covers
+            else ["evaluation", "cameras", "alignment", "rocks", "rock_sizes", "rock_abundance", "meshes"]
+        )
         twins = [] if self.only_covers else ["render", "appearance", "appearance_differences"]
         names = [*stages, *(twins if len(self.models) > 1 else twins[:2])]
         names += ["labels", "reliability"] if self.scored_terrains and not self.only_covers else []

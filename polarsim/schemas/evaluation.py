@@ -60,6 +60,15 @@ OFFSETS = SHARED.table("""
     x y z | float64 | m | Position, frame of the ground truth
     offset_mm | float64 | mm | Signed distance from the true surface, negative inside
 """)
+TRUE_SIZES = SHARED.table("""
+    evaluation/rock_sizes_TerrainTT.parquet: A measured rock with a matched true rock (analog)
+    rock | int64 | | Id of the measured rock
+    true_rock | float64 | | Id of the true rock
+    true_a_m true_b_m true_c_m | float64 | m | Axes of the true mesh cut at the true ground
+    true_height_m true_diameter_m | float64 | m | Height and diameter of this part
+    true_volume_m3 | float64 | m3 | Volume of this part
+    whole_a_m whole_b_m whole_c_m | float64 | m | Axes of the entire true rock, with the buried part
+""")
 LABEL_PAIRS = SHARED.table("""
     evaluation/label_pairs_TerrainTT.parquet: A true box, or an unmatched label; photos of seeds are excluded
     = key

@@ -126,6 +126,15 @@ APPEARANCE_DIFFERENCES = SHARED.table("""
     correlation | interval | 1 | The same, correlation
     stops | interval | stops | The same, differences of brightness; empty for published photos of 8 bits
 """)
+ROCK_ABUNDANCE = SHARED.table("""
+    tables/rock_abundance: A terrain, and all terrains
+    terrain | str | | Terrain, or `all`
+    rocks | int64 | count | Rocks with a diameter of at least 8 cm
+    area_m2 | float64 | m2 | Area of the examined ground, under rocks included
+    per_m2 | interval | 1 / m2 | Number of these rocks per area
+    covered | float64 | 1 | Share of the ground that discs of these diameters cover
+    k | interval | 1 | Share covered by rocks of all sizes by the law of Golombek and Rapp (1997), fitted to these rocks
+""")
 LABELS = SHARED.table("""
     tables/labels: A kind, task, group and value
     kind | str | | `rock`, `shadow`, or `shadow, where annotated`
@@ -179,6 +188,11 @@ ROCKS = Table(
     "tables/rocks",
     "A rock",
     (*SHARED["terrain"], *stages.ROCKS.declared[:-2], *SHARED["found_by"], stages.ROCKS.declared[-1]),
+)
+ROCK_SIZES = Table(
+    "tables/rock_sizes",
+    "A rock with a mesh",
+    (*SHARED["terrain"], *stages.ROCK_SIZES.declared, *evaluation.TRUE_SIZES.declared[1:]),
 )
 ROVER_ONBOARD = Table(
     "tables/rover_onboard", "A metric of the front camera", (*SHARED["boxes"], *rover.ONBOARD.declared[1:])

@@ -48,6 +48,22 @@ ROCKS = SHARED.table("""
     source | str | | Origin: `scan`, `published` or `override`
     confirmed | str | | Positions with a seed box of the rock, such as `A C`; may be empty
 """)
+ROCK_SIZES = SHARED.table("""
+    rocks/TerrainTT/sizes.parquet: A rock with a mesh; sizes are those of the exposed part, the part above the ground
+    = rock_id
+    a_m b_m c_m | float64 | m | Axes by calipers, a >= b >= c: c is the smallest distance between parallel planes around
+        the rock, b the smallest distance perpendicular to c, a the dimension perpendicular to both
+    a_azimuth_deg | float64 | deg | Azimuth of the a axis in the sandbox frame, from +X towards +Y, 0 to 180
+    a_plunge_deg | float64 | deg | Angle between the a axis and the horizontal plane
+    height_m | float64 | m | Height of the highest point above the ground, interpolated from the outline of the rock
+    volume_m3 | float64 | m3 | Volume of the mesh above the ground
+    length_m width_m | float64 | m | Longest dimension in plan, and dimension in plan perpendicular to it
+    diameter_m | float64 | m | Mean of length and width, for size-frequency distributions
+    made_from | str | | Origin of the mesh: `scan`, `published`, or `photos`
+    a_error_m b_error_m c_error_m height_error_m diameter_error_m | float64 | m | Expected error of scanned rocks: the
+        68th percentile of relative errors on the analog, for long axes from 8 cm and below; empty for other meshes
+    volume_error_m3 | float64 | m3 | The same for the volume
+""")
 MESHES = SHARED.table("""
     meshes/TerrainTT/meshes.csv: A mesh
     mesh | str | | Name of the file

@@ -1,9 +1,17 @@
 """Stage 8: tables, figures and the results page."""
 
 
+rule rock_sizes:
+    """Tables of rock sizes and abundances, and their figure."""
+    input:
+        of_run("results/{run}/tables/rock_sizes.csv"),
+        of_run("results/{run}/figures/rock_sizes.png"),
+
+
 rule geometry:
     """Tables of cameras, alignments, rocks and meshes with evaluation, without labels and twins."""
     input:
+        rules.rock_sizes.input,
         of_run("results/{run}/tables/{name}.csv", name=["cameras", "rocks"]),
         PATHS.figures_of_geometry(),
 
@@ -80,6 +88,29 @@ rule tabulate_geometry:
         origin=ORIGIN,
     script:
         "../scripts/tabulate_geometry.py"
+
+
+rule report_rock_sizes:
+    """Sizes of the rocks of all terrains and their errors, and size-frequency distributions with a fitted law."""
+    input:
+        sizes=expand("results/{{run}}/rocks/Terrain{terrain}/sizes.parquet", terrain=TERRAINS),
+        areas=expand("results/{{run}}/rocks/Terrain{terrain}/area.json", terrain=TERRAINS),
+        true_sizes=(
+            expand("results/{{run}}/evaluation/rock_sizes_Terrain{terrain}.parquet", terrain=TERRAINS)
+            if SOURCE.is_generated
+            else []
+        ),
+    output:
+        **table_files(rock_sizes="rock sizes", rock_abundance="rock abundance"),
+        figure=shown("results/{run}/figures/rock_sizes.png", "Meshes", terrain="all", picture="rock sizes"),
+    resources:
+        mem_mb=memory_per_attempt(500),
+        runtime=5,
+    params:
+        terrains=CONFIG.terrains,
+        origin=ORIGIN,
+    script:
+        "../scripts/report_rock_sizes.py"
 
 
 rule report_label_scores:

@@ -102,3 +102,18 @@ if CONFIG.rocks.ground_from_photos:
             options=options("render"),
         script:
             "../scripts/refine_ground.py"
+
+
+rule measure_rocks:
+    """Axes, orientation, height and volume of every meshed rock above the ground, and the area of the ground."""
+    input:
+        meshes="results/{run}/meshes/Terrain{terrain}",
+        clouds="results/{run}/rocks/Terrain{terrain}/clouds" if SOURCE.has_scans else [],
+    output:
+        sizes="results/{run}/rocks/Terrain{terrain}/sizes.parquet",
+        area="results/{run}/rocks/Terrain{terrain}/area.json",
+    resources:
+        mem_mb=memory_per_attempt(1000),
+        runtime=5,
+    script:
+        "../scripts/measure_rocks.py"

@@ -27,6 +27,24 @@ rule score_geometry:
         "../scripts/score_geometry.py"
 
 
+rule find_true_sizes:
+    """True sizes of measured rocks, of the part above the ground and of the entire rock."""
+    input:
+        raw=PATHS.raw_data,  # read through params.truth
+        sizes="results/{run}/rocks/Terrain{terrain}/sizes.parquet",
+        rocks="results/{run}/rocks/Terrain{terrain}/rocks.parquet",
+        located="results/{run}/cameras/located/Terrain{terrain}",
+    output:
+        true_sizes="results/{run}/evaluation/rock_sizes_Terrain{terrain}.parquet",
+    resources:
+        mem_mb=memory_per_attempt(1000),
+        runtime=5,
+    params:
+        truth=PATHS.truth,
+    script:
+        "../scripts/find_true_sizes.py"
+
+
 rule score_labels:
     """Labels of every photo against ground truth or annotations, by propagation task."""
     input:
