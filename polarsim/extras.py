@@ -9,6 +9,7 @@ from polarsim.errors import PolarsimError
 EXTRA_OF = {  # extra of each importable package outside the core
     **dict.fromkeys(("numba", "llvmlite", "open3d", "pyarrow", "pycolmap", "snakemake"), "pipeline"),
     **dict.fromkeys(("torch", "torchvision", "ultralytics"), "detect"),
+    "laspy": "las",
     "taichi": "taichi",
     **dict.fromkeys(("av", "gymnasium", "mujoco", "rasterio"), "rover"),
     **dict.fromkeys(("mcap", "mcap_ros2", "mlcroissant", "pxr", "rocrate", "rosbags"), "publish"),

@@ -33,7 +33,7 @@ def started(*arguments: object) -> subprocess.CompletedProcess:
 
 def test_help_lists_every_command_in_a_panel_of_its_subject():
     panels = [command.rich_help_panel for command in app.registered_commands]
-    subjects = ["Runs of the pipeline", "Labels", "Rendering", "Detectors", "Rover", "For other tools"]
+    subjects = ["Runs of the pipeline", "Labels", "Rocks", "Rendering", "Detectors", "Rover", "For other tools"]
     assert list(dict.fromkeys(panels)) == subjects
     assert panels == sorted(panels, key=subjects.index)
 

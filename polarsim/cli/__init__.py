@@ -3,7 +3,7 @@
 Heavy modules are imported inside the commands that need them, so that `--help` is fast.
 """
 
-from polarsim.cli import runs, sites, labels, rendering, detectors, rover, sharing  # isort: skip  # panels in this order
+from polarsim.cli import runs, sites, labels, rocks, rendering, detectors, rover, sharing  # isort: skip  # this order
 from polarsim.cli.application import app, main
 
-__all__ = ["app", "detectors", "labels", "main", "rendering", "rover", "runs", "sharing", "sites"]
+__all__ = ["app", "detectors", "labels", "main", "rendering", "rocks", "rover", "runs", "sharing", "sites"]

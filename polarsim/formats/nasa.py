@@ -173,7 +173,14 @@ def write_range_map(path: str | Path, points_m: np.ndarray) -> None:
 
 @reader("cloud", largest_mb=4000)
 def read_cloud(path: str | Path, unit: Literal["mm", "m"] = "mm") -> np.ndarray:
-    """Read the points (n, 3) float64 of a scan, in `unit` in the file, as metres.
+    """Read the points (n, 3) float64 of a scan, in `unit` in the file, as metres."""
+    points = read_points(path)
+    return points * MM if unit == "mm" else points
+
+
+@reader("cloud", largest_mb=4000)
+def read_points(path: str | Path) -> np.ndarray:
+    """Read the points (n, 3) float64 of a cloud in the unit of the file.
 
     A PLY file, or text with `x y z ...` per line after any header; further columns are ignored. Fields are separated by
     blanks, commas or semicolons. Decimal commas are accepted between blanks or semicolons.
@@ -185,7 +192,7 @@ def read_cloud(path: str | Path, unit: Literal["mm", "m"] = "mm") -> np.ndarray:
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
         raise FormatError("no point")
-    return points * MM if unit == "mm" else points
+    return points
 
 
 @dataclass(frozen=True)

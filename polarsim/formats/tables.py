@@ -11,7 +11,7 @@ import pandas as pd
 from pandas.api.types import infer_dtype
 
 from polarsim.errors import FormatError
-from polarsim.formats.files import text_of, writing
+from polarsim.formats.files import text_of, write_json, writing
 from polarsim.formats.readers import reader
 from polarsim.photo import PhotoKey
 from polarsim.schemas.photos import LABELS, PHOTOS
@@ -61,6 +61,20 @@ def read_parquet(path: str | Path, columns: Sequence[str] = ()) -> pd.DataFrame:
 def write_csv(path: str | Path, table: pd.DataFrame) -> None:
     with writing(path) as temporary:
         table.to_csv(temporary, index=False, float_format="%.6g", lineterminator="\n")
+
+
+TABLE_SUFFIXES = (".csv", ".json", ".parquet")
+
+
+def write_by_suffix(path: str | Path, table: pd.DataFrame) -> None:
+    """Write a table as CSV, Parquet or JSON (a list of objects), by the extension of the file."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in TABLE_SUFFIXES:
+        raise FormatError(f"unknown extension {suffix!r}, expected {', '.join(TABLE_SUFFIXES)}", path=path)
+    if suffix == ".json":
+        write_json(path, table.astype(object).where(table.notna(), None).to_dict("records"))
+    else:
+        {".csv": write_csv, ".parquet": write_parquet}[suffix](path, table)
 
 
 @reader("CSV table")

@@ -61,11 +61,11 @@ def fit_abundance(diameters: np.ndarray, area: float, smallest: float) -> Abunda
         density = len(counted) * np.log(4 * k * q / np.pi) - q * counted.sum() - 2 * np.log(counted).sum()
         return float(density - area * number_density(smallest, k))
 
-    bounds = np.log(K_BOUNDS)
+    bounds = (float(np.log(K_BOUNDS[0])), float(np.log(K_BOUNDS[1])))
     if len(counted):
         best = float(minimize_scalar(lambda log_k: -log_likelihood(log_k), bounds=bounds, method="bounded").x)
     else:
-        best = float(bounds[0])
+        best = bounds[0]
     floor = log_likelihood(best) - HALF_DEVIANCE
 
     def bound(end: float) -> float:
@@ -73,8 +73,8 @@ def fit_abundance(diameters: np.ndarray, area: float, smallest: float) -> Abunda
             return float(np.exp(end))
         return float(np.exp(brentq(lambda log_k: log_likelihood(log_k) - floor, best, end)))
 
-    high = bound(float(bounds[1]))
-    return Abundance(float(np.exp(best)), bound(float(bounds[0])), high) if len(counted) else Abundance(0.0, 0.0, high)
+    high = bound(bounds[1])
+    return Abundance(float(np.exp(best)), bound(bounds[0]), high) if len(counted) else Abundance(0.0, 0.0, high)
 
 
 def poisson_interval(count: np.ndarray | int) -> tuple[np.ndarray, np.ndarray]:

@@ -59,6 +59,12 @@ def crop_rocks(
     return _with_rest_as_ground(sand, [rock.region for rock in rocks.values()]), dict(sorted(rocks.items()))
 
 
+def number_rocks(sand: SandSurface, regions: Sequence[RockRegion]) -> tuple[SandSurface, dict[int, CroppedRock]]:
+    """Return rocks numbered from 1 in the order of regions, and the sand with everything else as ground."""
+    rocks = {number: CroppedRock(region, _around(sand, region), "scan") for number, region in enumerate(regions, 1)}
+    return _with_rest_as_ground(sand, regions), rocks
+
+
 def rock_of_points(sand: SandSurface, rocks: dict[int, CroppedRock], scans: ScanPoints, foot: float) -> np.ndarray:
     """Return the id (n,) of the rock of each point; 0 for all other points.
 
@@ -167,7 +173,7 @@ def _upright_objects(sand: SandSurface, taken: np.ndarray) -> np.ndarray:
     return np.isin(parts, upright)
 
 
-def _with_rest_as_ground(sand: SandSurface, regions: list[RockRegion]) -> SandSurface:
+def _with_rest_as_ground(sand: SandSurface, regions: Sequence[RockRegion]) -> SandSurface:
     """Mark pebbles, ripples and steep sand as ground: all scanned cells without rocks, leaning and upright objects."""
     taken = np.zeros(sand.surface.shape, bool)
     for region in regions:

@@ -27,7 +27,7 @@ from polarsim.rocks.ground import GROUND_CELL, SandSurface, find_ground, sand_ex
 from polarsim.rocks.heights import upward_normals
 from polarsim.rocks.options import RocksOptions
 from polarsim.rocks.overrides import Overrides, read_overrides, write_cuboids, write_positions
-from polarsim.rocks.regions import Cut, Limits, cut_by_shape, find_regions, scanned_points
+from polarsim.rocks.regions import Cut, Limits, RockRegion, cut_by_shape, find_regions, scanned_points
 from polarsim.rocks.scans import Extent, ScanPoints, merge_scans, scan_in_sandbox
 from polarsim.rocks.walls import measure_walls
 from polarsim.run_files import rigs
@@ -85,18 +85,7 @@ def find_rocks(
     extent = sand_extent(scans, sandbox)
     everything, scans = scans, scans.select(extent.contains(scans.points))
     sand = find_ground(scans, extent, GROUND_CELL, np.radians(options.max_sand_slope_deg))
-    limits = Limits(
-        foot=FOOT_HEIGHT,
-        height=options.min_height_mm / 1000,
-        confirmed_height=CONFIRMED_HEIGHT,
-        size=options.min_size_mm / 1000,
-    )
-    cut = cut_by_shape(sand, limits)
-    evidence = _without_mislabelled(sand, limits, evidence, cut)
-    bumps = Bumps(BUMP_HEIGHT, options.bump_size_mm / 1000)
-    sand, regions = add_annotated_rocks(sand, find_regions(sand, limits, evidence, cut), limits, evidence)
-    sand, regions = add_carved_rocks(sand, regions, limits, evidence)
-    sand, regions = add_bumps(sand, regions, limits, evidence, bumps)
+    sand, regions, limits = detect_regions(sand, evidence, options)
     if from_photos:
         regions = [region for region in regions if region.confirmed]
     sand, cropped = crop_rocks(sand, regions, typed, limits.foot, np.array(sandbox.half_width_m))
@@ -115,6 +104,28 @@ def find_rocks(
     }
     walls = None if from_photos else measure_walls(terrain, sandbox, everything, float(np.median(sand.ground)))
     _write(rocks, cuboids, ids, clouds, rows, cropped, rock_clouds, ground_cloud(sand), walls, localised)
+
+
+def detect_regions(
+    sand: SandSurface, evidence: Evidence, options: RocksOptions
+) -> tuple[SandSurface, list[RockRegion], Limits]:
+    """Return the sand, the rocks on it by shape and by the seed boxes of the evidence, and the limits of rocks.
+
+    Seeds with the name of another position are excluded.
+    """
+    limits = Limits(
+        foot=FOOT_HEIGHT,
+        height=options.min_height_mm / 1000,
+        confirmed_height=CONFIRMED_HEIGHT,
+        size=options.min_size_mm / 1000,
+    )
+    cut = cut_by_shape(sand, limits)
+    evidence = _without_mislabelled(sand, limits, evidence, cut)
+    bumps = Bumps(BUMP_HEIGHT, options.bump_size_mm / 1000)
+    sand, regions = add_annotated_rocks(sand, find_regions(sand, limits, evidence, cut), limits, evidence)
+    sand, regions = add_carved_rocks(sand, regions, limits, evidence)
+    sand, regions = add_bumps(sand, regions, limits, evidence, bumps)
+    return sand, regions, limits
 
 
 def _without_mislabelled(sand: SandSurface, limits: Limits, evidence: Evidence, cut: Cut) -> Evidence:

@@ -64,6 +64,19 @@ ROCK_SIZES = SHARED.table("""
         68th percentile of relative errors on the analog, for long axes from 8 cm and below; empty for other meshes
     volume_error_m3 | float64 | m3 | The same for the volume
 """)
+CLOUD_ROCKS = SHARED.table("""
+    table of `polarsim rocks`: A rock of a cloud; sizes are those of the visible part above the ground
+    rock | int64 | | Number from 1, in the order of an oblique sweep
+    x y z | float64 | unit of the file | Mean of the points, frame of the cloud
+    a_m b_m c_m | float64 | m | Axes as in `rocks/TerrainTT/sizes.parquet`
+    a_azimuth_deg | float64 | deg | Azimuth of the a axis, from the first towards the second axis in plan, 0 to 180
+    a_plunge_deg | float64 | deg | Angle between the a axis and the ground
+    height_m | float64 | m | Height of the highest point above the ground
+    volume_m3 | float64 | m3 | Volume above the ground, by heights on a grid
+    length_m width_m diameter_m | float64 | m | Longest dimension in plan, perpendicular dimension, and their mean
+    points | int64 | count | Points
+    visible_share | float64 | 1 | Share of the horizontal area of the rock that has points
+""")
 MESHES = SHARED.table("""
     meshes/TerrainTT/meshes.csv: A mesh
     mesh | str | | Name of the file

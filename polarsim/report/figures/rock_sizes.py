@@ -16,8 +16,9 @@ from polarsim.geometry.size_frequency import (
     number_density,
     poisson_interval,
 )
-from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, LINE, SERIES, note, page
+from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, LINE, PLAIN, SERIES, note, page
 
+MAP_PX = 900  # maximum number of drawn cells along a side of a map
 ERROR_LIMIT = 40  # percent, limit of the panel of errors
 STEPS = (1, 2, 5)  # ticks of axes of lengths, times powers of ten
 
@@ -54,6 +55,53 @@ def draw_rock_sizes(
             draw_forms(axes, rocks)
 
 
+def draw_cloud_rocks(
+    path: Path,
+    rocks: pd.DataFrame,
+    heights: np.ndarray,
+    rock_of_cell: np.ndarray,
+    cell: float,
+    area: float,
+    smallest: float,
+    width: int = FIGURE_WIDTH,
+) -> None:
+    """Write a map of a cloud with its rocks, their cumulative number and covered share, and their form.
+
+    `heights`, `rock_of_cell` (rows, columns): height of the surface above a level plane, metres, and number of the
+    rock, 0 for ground, on a grid with cells of `cell` metres. `smallest`: minimum diameter of the fit, metres.
+    """
+    with page(path, width, round(width * 0.6)) as sheet:
+        places = sheet.subplot_mosaic([["map", "map", "numbers"], ["map", "map", "shares"]])
+        _draw_map(places["map"], rocks, heights, rock_of_cell, cell)
+        diameters = rocks["diameter_m"].to_numpy(float)
+        if not len(diameters):
+            for name in ("numbers", "shares"):
+                places[name].set_axis_off()
+            return
+        fit = fit_abundance(diameters, area, smallest)
+        draw_numbers(places["numbers"], diameters, area, fit, smallest)
+        draw_shares(places["shares"], diameters, area, fit, smallest)
+
+
+def _draw_map(axes: Any, rocks: pd.DataFrame, heights: np.ndarray, rock_of_cell: np.ndarray, cell: float) -> None:
+    """Draw the heights of the surface as colours with the outlines and numbers of rocks."""
+    step = max(1, -(-max(heights.shape) // MAP_PX))
+    shown, owner = heights[::step, ::step], rock_of_cell[::step, ::step]
+    sides = (0, heights.shape[1] * cell, 0, heights.shape[0] * cell)
+    low, high = np.nanpercentile(shown, [1, 99.5])
+    drawn = axes.imshow(shown, origin="lower", extent=sides, cmap="cividis", vmin=low, vmax=high)
+    axes.figure.colorbar(drawn, ax=axes, label="height, m", shrink=0.6)
+    x, y = ((np.arange(size) + 0.5) * cell * step for size in owner.shape[::-1])
+    if (owner > 0).any():
+        axes.contour(x, y, (owner > 0).astype(float), levels=[0.5], colors=[SERIES[1]], linewidths=1)
+    for rock in rocks["rock"]:
+        rows, columns = np.nonzero(owner == rock)
+        if len(rows):
+            axes.text(x[columns].max(), y[rows].max(), str(rock), color=INK, bbox=PLAIN, fontsize="small")
+    axes.set(xlabel="x in plan, m", ylabel="y in plan, m")
+    axes.set_title(f"{len(rocks)} rocks")
+
+
 def draw_numbers(axes: Any, diameters: np.ndarray, area: float, fit: Abundance, smallest: float) -> None:
     """Draw the cumulative number of rocks per m^2 over the diameter, with Poisson intervals and the law."""
     ordered = np.sort(diameters)[::-1]
@@ -74,7 +122,9 @@ def draw_shares(axes: Any, diameters: np.ndarray, area: float, fit: Abundance, s
     _draw_law(axes, covered_share, fit, smallest, diameters.max())
     axes.set(yscale="log", ylabel="share covered by rocks of at least D")
     _scale_lengths(axes, "diameter D, m", diameters)
-    axes.set_title(f"Covered share: k = {fit.k:.3f} [{fit.low:.3f}, {fit.high:.3f}]")
+    axes.set_title("Covered share")
+    text = f"k = {fit.k:.3f} [{fit.low:.3f}, {fit.high:.3f}]"
+    axes.text(0.98, 0.97, text, transform=axes.transAxes, ha="right", va="top", color=SERIES[1], bbox=PLAIN)
     axes.grid(visible=True)
 
 

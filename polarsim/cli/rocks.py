@@ -1,0 +1,64 @@
+"""Command that finds and measures rocks in a point cloud."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from polarsim.arguments import writes_file
+from polarsim.cli.application import commands_of
+
+command = commands_of("Rocks")
+
+
+@command()
+def rocks(
+    cloud: Annotated[Path, typer.Argument(help="Point cloud: PLY, LAS, LAZ (extra `las`), or text with x y z.")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            callback=writes_file(".csv", ".parquet", ".json"), help="Table of rocks: .csv, .parquet or .json."
+        ),
+    ],
+    unit: Annotated[Literal["m", "cm", "mm"], typer.Option(help="Unit of the coordinates in the file.")] = "m",
+    up: Annotated[
+        Literal["z", "-z", "y", "-y", "x", "-x"],
+        typer.Option(help="Axis that points up, up to 45 degrees from the normal of the ground; -y in camera frames."),
+    ] = "z",
+    min_size_mm: Annotated[
+        float, typer.Option(min=1, max=10_000, help="Minimum longest horizontal side of rocks, mm. All lengths scale.")
+    ] = 35,
+    complete_mm: Annotated[
+        float | None,
+        typer.Option(min=1, help="Minimum diameter in the fit of Golombek's law, mm; default: 80/35 of --min-size-mm."),
+    ] = None,
+    figure: Annotated[
+        Path | None, typer.Option(callback=writes_file(".png"), help="PNG: map, cumulative number, covered share.")
+    ] = None,
+) -> None:
+    """Find and measure rocks in a point cloud: axes a, b, c, orientation, height, volume, diameter.
+
+    Sizes are those of the visible part above the ground. Objects with ground on one side only, such as walls, are
+    excluded. Prints the abundance by the law of Golombek and Rapp (1997) with 95 % interval.
+    """
+    from polarsim.formats.tables import write_by_suffix
+    from polarsim.geometry.size_frequency import fit_abundance
+    from polarsim.report.figures.rock_sizes import draw_cloud_rocks
+    from polarsim.rocks.options import RocksOptions
+    from polarsim.rocks.single_cloud import find_rocks_in_cloud
+
+    found = find_rocks_in_cloud(cloud, unit=unit, up=up, min_size_mm=min_size_mm)
+    write_by_suffix(out, found.table)
+    smallest = (complete_mm or min_size_mm * 80 / RocksOptions().min_size_mm) / 1000
+    if figure:
+        draw_cloud_rocks(
+            figure, found.table, found.heights, found.rock_of_cell, found.cell, found.area_m2, smallest
+        )  # fmt: skip
+    diameters = found.table["diameter_m"].to_numpy(float)
+    fit = fit_abundance(diameters, found.area_m2, smallest)
+    typer.echo(
+        f"{len(found.table)} rocks on {found.area_m2:.4g} m2 in {out}; {(diameters >= smallest).sum()} of at least "
+        f"{1000 * smallest:.3g} mm: k = {fit.k:.3f} [{fit.low:.3f}, {fit.high:.3f}]"
+    )
