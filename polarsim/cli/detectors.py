@@ -50,7 +50,11 @@ def detect(
     ] = "float32",
     threads: Annotated[int, typer.Option(min=1, help="Number of images processed in parallel.")] = 2,
 ) -> None:
-    """Detect rocks and shadows in images. Writes boxes as CSV, YOLO and COCO."""
+    """Detect rocks and shadows in images. Writes boxes as CSV, YOLO and COCO.
+
+    Tested on POLAR's cover photos of excluded terrains: mAP@0.5 of rocks 0.77. On photos of the Curiosity rover in
+    daylight it is 0.014 to 0.019. A warning and the column `calibrated` mark images that are unlike POLAR's.
+    """
     from polarsim.annotate.detections import draw_detections
     from polarsim.detect.detect_pictures import detect_in_images, prediction_options
     from polarsim.detect.detectors import choose_device

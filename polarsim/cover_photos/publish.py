@@ -114,7 +114,8 @@ Default detector of `polarsim detect PICTURES --out FOLDER`.
 - **Training data**: rendered images: generated rocks, then scanned rocks of the POLAR-Sim release, on generated sand
   with random cameras and lamps. {photos}
 - **Calibration**: expected calibration error {errors[1]:.3f} (IoU 0.5), without calibration {errors[0]:.3f}; the
-  boxes of each fold were calibrated on the remaining folds.
+  boxes of each fold were calibrated on the remaining folds. Valid for images like POLAR's: low lamps, deep shadows, no
+  sky. `polarsim detect` warns of other images and marks them as not calibrated.
 - **Limitations**: low accuracy for rocks of terrain {worst.terrain} ({worst.map50:.2f}), rocks smaller than about ten
   pixels of the input, dark sides of rocks in shadow, piles annotated as one rock, cards and cloth behind the sand, and
   rims of craters.

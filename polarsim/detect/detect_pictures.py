@@ -17,6 +17,7 @@ from pydantic import ValidationError
 from polarsim.detect import detectors, tone
 from polarsim.detect.fusion import fuse
 from polarsim.detect.grouping import detection_rows
+from polarsim.detect.likeness import is_like_polar
 from polarsim.detect.masks import class_mask, load_segmenter, within_boxes
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import inference_widths_of, predict_images
@@ -29,7 +30,7 @@ from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, NO_ROCK, WHITE_LEVEL
 from polarsim.progress import track
 from polarsim.run_files import class_masks
 
-COLUMNS = ("picture", "kind", "confidence", "x0", "y0", "x1", "y1")
+COLUMNS = ("picture", "kind", "confidence", "x0", "y0", "x1", "y1", "calibrated")
 Result = TypeVar("Result")
 Draw = Callable[[np.ndarray, np.ndarray, Mapping[str, np.ndarray] | None, str], np.ndarray]
 _THREADS = 1  # threads of torch: images are processed in parallel because one image does not use two cores
@@ -50,6 +51,9 @@ def detect_in_images(
 ) -> pd.DataFrame:
     """Detect objects in images of any size, 8 or 16 bits, grey or colour; return a table of `COLUMNS`, px of the image.
 
+    Confidences are calibrated if all detectors have a calibration and the image is like POLAR's (see `likeness`). Other
+    images cause a warning with calibrated detectors.
+
     Parameters
     ----------
     pictures
@@ -59,9 +63,9 @@ def detect_in_images(
     threads
         Number of images processed in parallel, each by one thread.
     out
-        Folder to write: `detections.csv`, `labels/NAME.txt` (YOLO, with the confidence as sixth field), `coco.json`,
-        optionally `masks/NAME.png` (class of every pixel, see `class_masks`; rocks and shadows only inside written
-        boxes) and `pictures/NAME.jpg` with masks and boxes drawn.
+        Folder to write: `detections.csv`, `labels/NAME.txt` (YOLO, with the confidence as sixth field), `coco.json`
+        (with `calibrated` for each image), optionally `masks/NAME.png` (class of every pixel, see `class_masks`; rocks
+        and shadows only inside written boxes) and `pictures/NAME.jpg` with masks and boxes drawn.
     draw
         Function that draws these images from 8-bit grey levels (h, w), boxes (n, 6), masks by kind, and the file name.
     confidence
@@ -71,6 +75,8 @@ def detect_in_images(
     if out.exists():
         raise DetectError("the output folder already exists: choose a new folder", path=out)
     trained = {path: detectors.read_detector(path) for path in weights}
+    has_calibration = all(detector.calibration for detector in trained.values())
+    unlike: list[str] = []
     rows: list[tuple[object, ...]] = []
     annotated: list[tuple[dict[str, object], list[coco.Annotation]]] = []
     with writing_folder(out) as folder:
@@ -80,8 +86,8 @@ def detect_in_images(
         segmenters = [load_segmenter(path, options, _THREADS) for path in weights] if masks else []
         widest = max(width for _, widths in [*looks, *segmenters] for width in widths)
 
-        def look_at(path: Path) -> tuple[tuple[int, int], np.ndarray] | PolarsimError | OSError:
-            """Return the width and height of an image and the boxes (n, 6) in its pixels, or the error of the image."""
+        def look_at(path: Path) -> tuple[tuple[int, int], np.ndarray, bool] | PolarsimError | OSError:
+            """Return width and height of an image, boxes (n, 6) in its pixels, and likeness to POLAR, or the error."""
             try:
                 pixels = _grey(read_any(path))
             except (PolarsimError, OSError) as error:
@@ -99,24 +105,36 @@ def detect_in_images(
                 )
                 drawn = draw(_eight_bits(pixels, pixels.dtype), found, kinds, path.name)
                 _write_jpeg(folder / "pictures" / f"{path.stem}.jpg", drawn)
-            return size, found
+            return size, found, is_like_polar(shown)
 
         for path, finds in _in_order(paths, look_at, threads):
             if isinstance(finds, Exception):
                 reason = finds.reason if isinstance(finds, PolarsimError) else finds.strerror
                 log.warning("skipped: %s: %s", path, reason)
                 continue
-            size, found = finds
-            rows += detection_rows(path.name, found)
+            size, found, like_polar = finds
+            calibrated = has_calibration and like_polar
+            if has_calibration and not like_polar:
+                unlike.append(path.name)
+            rows += [(*row, calibrated) for row in detection_rows(path.name, found)]
             yolo.write_boxes(folder / "labels" / f"{path.stem}.txt", found[:, 5], found[:, :4], size, found[:, 4])
-            image = {"id": len(annotated) + 1, "file_name": relative_to(path, out), "width": size[0], "height": size[1]}
+            image = {
+                "id": len(annotated) + 1, "file_name": relative_to(path, out), "width": size[0], "height": size[1],
+                "calibrated": calibrated,
+            }  # fmt: skip
             annotations = [
                 coco.Annotation(BOX_CLASSES[int(r[5])], NO_ROCK, r[:4], confidence=round(r[4], 4)) for r in found
             ]
             annotated.append((image, annotations))
         if not annotated:
             raise DetectError(f"none of {len(paths)} images can be read", path=pictures[0])
-        table = pd.DataFrame(rows, columns=list(COLUMNS)).round({"confidence": 4, **dict.fromkeys(COLUMNS[3:], 1)})
+        if unlike:
+            log.warning(
+                "%d of %d images are unlike POLAR's photos (few dark or clipped pixels), so that their confidences are "
+                "not calibrated and most rocks may be missed, first %s",
+                len(unlike), len(annotated), unlike[0],
+            )  # fmt: skip
+        table = pd.DataFrame(rows, columns=list(COLUMNS)).round({"confidence": 4, **dict.fromkeys(COLUMNS[3:7], 1)})
         tables.write_csv(folder / "detections.csv", table)
         coco.write_coco_images(folder / "coco.json", annotated, f"Found by {', '.join(path.name for path in trained)}")
     return table

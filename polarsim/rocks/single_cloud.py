@@ -164,7 +164,7 @@ def check_ground(sand: SandSurface) -> None:
 
 
 def is_free(sand: SandSurface, region: RockRegion) -> bool:
-    """Return whether an object stands on the ground like a rock, unlike walls and objects at the border of the cloud."""
+    """Return whether an object stands on the ground like a rock, unlike walls and objects at the border."""
     nodes = sand.grid.centres().reshape(-1, 2)[region.footprint]
     try:
         length, width = plan_sides(nodes)
