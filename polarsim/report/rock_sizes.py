@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats.files import read_json
-from polarsim.formats.tables import read_parquet
+from polarsim.formats.tables import read_parquet, typed
 from polarsim.geometry.size_frequency import fit_abundance, poisson_interval
+from polarsim.photo import Terrain, terrain_text
 from polarsim.report.figures.rock_sizes import draw_rock_sizes
 from polarsim.report.layout import write_table
 from polarsim.schemas import report
@@ -31,9 +32,9 @@ ABUNDANCE_CAPTION = (
 
 def report_rock_sizes(
     *,
-    sizes: Mapping[int, Path],
-    areas: Mapping[int, Path],
-    true_sizes: Mapping[int, Path],
+    sizes: Mapping[Terrain, Path],
+    areas: Mapping[Terrain, Path],
+    true_sizes: Mapping[Terrain, Path],
     table: Path,
     abundance: Path,
     figure: Path,
@@ -44,7 +45,7 @@ def report_rock_sizes(
     `true_sizes` is empty without ground truth. `table` and `abundance` are paths without suffix.
     """
     parts = [_of_terrain(terrain, path, true_sizes.get(terrain)) for terrain, path in sorted(sizes.items())]
-    rows = pd.concat(parts, ignore_index=True)[list(report.ROCK_SIZES.columns)].astype(report.ROCK_SIZES.dtypes)
+    rows = typed(pd.concat(parts, ignore_index=True), report.ROCK_SIZES)
     notes = [_error_note(rows, name, rows["true_a_m"] >= COMPLETE) for name in ("true", "whole") if true_sizes]
     shown = rows.dropna(axis="columns", how="all")
     write_table(table, rows, SIZES_CAPTION, layout=shown, notes=notes, origin=origin)
@@ -54,9 +55,9 @@ def report_rock_sizes(
     draw_rock_sizes(figure, rows, diameters, area, COMPLETE)
 
 
-def abundance_table(diameters: Mapping[int, np.ndarray], areas: Mapping[int, float]) -> pd.DataFrame:
+def abundance_table(diameters: Mapping[Terrain, np.ndarray], areas: Mapping[Terrain, float]) -> pd.DataFrame:
     """Return a row per terrain, and a row of all terrains if there are several."""
-    parts = {str(terrain): (diameters[terrain], area) for terrain, area in areas.items()}
+    parts = {terrain_text(terrain): (diameters[terrain], area) for terrain, area in areas.items()}
     if len(parts) > 1:
         parts["all"] = (np.concatenate(list(diameters.values())), sum(areas.values()))
     rows = [{"terrain": name, **abundance_of(*part, COMPLETE)} for name, part in parts.items()]
@@ -76,7 +77,7 @@ def abundance_of(diameters: np.ndarray, area: float, smallest: float) -> dict[st
     }  # fmt: skip
 
 
-def _of_terrain(terrain: int, sizes: Path, true_sizes: Path | None) -> pd.DataFrame:
+def _of_terrain(terrain: Terrain, sizes: Path, true_sizes: Path | None) -> pd.DataFrame:
     """Return the sizes of a terrain with the true sizes, which are empty for unmatched rocks."""
     table = read_parquet(sizes, ROCK_SIZES.columns)
     true = pd.DataFrame(columns=list(TRUE_SIZES.columns)).astype(TRUE_SIZES.dtypes)

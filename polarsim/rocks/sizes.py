@@ -14,10 +14,11 @@ from polarsim.formats import obj, ply, tables
 from polarsim.formats.files import write_json
 from polarsim.geometry import rock_axes
 from polarsim.geometry.meshes import Mesh
-from polarsim.photo import NO_ROCK
+from polarsim.photo import NO_ROCK, Terrain, terrain_text
 from polarsim.rocks.ground import GROUND_CELL
 from polarsim.run_files.scene import PUBLISHED, SCANNED, mesh_origins, read_terrain
 from polarsim.schemas.stages import ROCK_SIZES
+from polarsim.site import Site
 
 log = logging.getLogger("polarsim")
 # 68th percentiles of relative errors of 112 scanned rocks of the analog (terrains 1, 3, 11 with seed 1 and 4, 8, 12
@@ -26,13 +27,13 @@ ERRORS_FILE = Path(__file__).with_name("size_errors.csv")
 ERRORS = ("a_error_m", "b_error_m", "c_error_m", "height_error_m", "volume_error_m3", "diameter_error_m")
 
 
-def measure_rocks(*, terrain: int, meshes: Path, clouds: Path | None, sizes: Path, area: Path) -> None:
+def measure_rocks(*, site: Site, terrain: Terrain, meshes: Path, clouds: Path | None, sizes: Path, area: Path) -> None:
     """Write a row per meshed rock, and the area of the ground on which rocks were searched.
 
     The area is that of the scanned ground and of rocks if the folder `clouds` is given, otherwise of the ground mesh.
     Rocks without an exposed part cause a warning.
     """
-    scene, origins = read_terrain(meshes, terrain), mesh_origins(meshes)
+    scene, origins = read_terrain(meshes, terrain, site.sandbox_of(terrain)), mesh_origins(meshes)
     ground = scene.part(NO_ROCK)
     rows = []
     for rock in scene.rocks:
@@ -40,7 +41,7 @@ def measure_rocks(*, terrain: int, meshes: Path, clouds: Path | None, sizes: Pat
         try:
             exposed, volume = rock_axes.exposed_mesh(scene.part(rock), ground.vertices)
         except ReconstructionError as error:
-            log.warning("terrain %02d, rock %d has no axes: %s", terrain, rock, error)
+            log.warning("terrain %s, rock %d has no axes: %s", terrain_text(terrain), rock, error)
         else:
             rows.append({"rock": rock, **size_row(exposed, volume, made_from)})
     table = size_table(rows)
@@ -77,7 +78,7 @@ def relative_errors(a: float) -> dict[str, float]:
 
 def size_table(rows: list[dict[str, object]]) -> pd.DataFrame:
     """Return rows in the order of ids as a table of `ROCK_SIZES`, to a tenth of a millimetre and of a degree."""
-    table = pd.DataFrame(rows, columns=list(ROCK_SIZES.columns)).astype(ROCK_SIZES.dtypes)
+    table = tables.typed(rows, ROCK_SIZES)
     decimals = {
         name: 1 if name.endswith("_deg") else 4 for name, kind in ROCK_SIZES.dtypes.items() if kind == "float64"
     }

@@ -56,7 +56,8 @@ AUTONOMY_EVENTS = SHARED.table("""
     x_m y_m | float64 | m | Position of the rock, or of the rover at a stop
     rock | int64 | | Rock id
     height_m | float64 | m | Height of the rock
-    part | str | | Part of the rover that touches the rock: `tread` or `flank` of a wheel, `leg`, `body`; empty for a stop
+    part | str | | Part of the rover that touches the rock: `tread` or `flank` of a wheel, `leg`, `body`; empty for a
+        stop
     duration_s | float64 | s | Time in contact
     impulse_n_s | float64 | N s | Absolute contact force over time
 """)

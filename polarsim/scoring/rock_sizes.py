@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pandas as pd
-
-from polarsim.formats.tables import read_parquet, write_parquet
+from polarsim.formats.tables import read_parquet, typed, write_parquet
 from polarsim.geometry.rock_axes import caliper_axes, exposed_mesh
-from polarsim.photo import NO_ROCK
+from polarsim.photo import NO_ROCK, Terrain
 from polarsim.run_files.scene import read_terrain
 from polarsim.schemas.evaluation import TRUE_SIZES
 from polarsim.scoring.alignment import read_alignment
 from polarsim.scoring.rock_pairs import pair_rocks
+from polarsim.site import Site
 
 _CENTRES = ("rock", "x", "y", "z", "size_m")
 
 
-def find_true_sizes(*, terrain: int, sizes: Path, rocks: Path, located: Path, truth: Path, true_sizes: Path) -> None:
+def find_true_sizes(
+    *, site: Site, terrain: Terrain, sizes: Path, rocks: Path, located: Path, truth: Path, true_sizes: Path
+) -> None:
     """Write the true sizes of the measured rocks that match a true rock, see `TRUE_SIZES`.
 
     `rocks`: table of detected rocks. `located`: folder of the camera poses, which align the frames of run and truth.
@@ -26,7 +27,7 @@ def find_true_sizes(*, terrain: int, sizes: Path, rocks: Path, located: Path, tr
     measured = set(read_parquet(sizes, ["rock"])["rock"])
     true, found = (read_parquet(path, _CENTRES) for path in (truth / "rocks.parquet", rocks))
     pairs = pair_rocks(true, found, read_alignment(located, truth))
-    scene = read_terrain(truth / "meshes", terrain)
+    scene = read_terrain(truth / "meshes", terrain, site.sandbox_of(terrain))
     ground = scene.part(NO_ROCK).vertices
     rows = []
     for true_rock, rock in zip(true["rock"].iloc[pairs.true], found["rock"].iloc[pairs.found], strict=True):
@@ -43,6 +44,6 @@ def find_true_sizes(*, terrain: int, sizes: Path, rocks: Path, located: Path, tr
                 **dict(zip(("whole_a_m", "whole_b_m", "whole_c_m"), whole, strict=True)),
             }
         )  # fmt: skip
-    table = pd.DataFrame(rows, columns=list(TRUE_SIZES.columns)).astype(TRUE_SIZES.dtypes)
+    table = typed(rows, TRUE_SIZES)
     lengths = {name: 4 for name in TRUE_SIZES.columns if name.endswith("_m")}
     write_parquet(true_sizes, table.round({**lengths, "true_volume_m3": 7}).sort_values("rock", ignore_index=True))

@@ -9,6 +9,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.report.rock_sizes import report_rock_sizes
 from polarsim.rocks.sizes import ERRORS, measure_rocks, relative_errors
 from polarsim.scoring.rock_sizes import find_true_sizes
+from polarsim.site import polar
 
 SANDBOX_FROM_TRUTH = Pose.from_rotvec(np.array([0, 0, 0.3]), np.array([0.05, -0.05, 0.02]))
 ORIGIN = {"run": "here", "source": "analog", "config": "abc"}
@@ -20,6 +21,7 @@ def measured(world, tmp_path):
     world.write(tmp_path / "run", SANDBOX_FROM_TRUTH, grown=0.005)
     folder = tmp_path / "run"
     measure_rocks(
+        site=polar(),
         terrain=world.terrain,
         meshes=folder / "meshes",
         clouds=None,
@@ -27,6 +29,7 @@ def measured(world, tmp_path):
         area=folder / "area.json",
     )
     find_true_sizes(
+        site=polar(),
         terrain=world.terrain,
         sizes=folder / "sizes.parquet",
         rocks=folder / "rocks.parquet",

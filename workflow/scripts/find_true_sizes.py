@@ -2,12 +2,15 @@
 
 from pathlib import Path
 
+from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
 from polarsim.scoring.rock_sizes import find_true_sizes
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     find_true_sizes(
-        terrain=int(snakemake.wildcards.terrain),
+        site=Site(**snakemake.params.site),
+        terrain=parse_terrain(snakemake.wildcards.terrain),
         sizes=Path(snakemake.input.sizes),
         rocks=Path(snakemake.input.rocks),
         located=Path(snakemake.input.located),

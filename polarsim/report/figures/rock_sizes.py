@@ -16,6 +16,7 @@ from polarsim.geometry.size_frequency import (
     number_density,
     poisson_interval,
 )
+from polarsim.photo import Terrain, terrain_text
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, LINE, PLAIN, SERIES, note, page
 
 MAP_PX = 900  # maximum number of drawn cells along a side of a map
@@ -26,8 +27,8 @@ STEPS = (1, 2, 5)  # ticks of axes of lengths, times powers of ten
 def draw_rock_sizes(
     path: Path,
     rocks: pd.DataFrame,
-    diameters: Mapping[int, np.ndarray],
-    areas: Mapping[int, float],
+    diameters: Mapping[Terrain, np.ndarray],
+    areas: Mapping[Terrain, float],
     smallest: float,
     width: int = FIGURE_WIDTH,
 ) -> None:
@@ -46,7 +47,7 @@ def draw_rock_sizes(
         if len(areas) > 1:
             for terrain, values in diameters.items():
                 if len(values):
-                    _steps(number, values, np.full(len(values), 1 / areas[terrain]), FAINT, 0.8, f"{terrain:02d}")
+                    _steps(number, values, np.full(len(values), 1 / areas[terrain]), FAINT, 0.8, terrain_text(terrain))
         draw_numbers(number, every, area, fit, smallest)
         draw_shares(share, every, area, fit, smallest)
         if rocks["true_a_m"].notna().any():
