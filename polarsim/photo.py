@@ -33,7 +33,6 @@ BOX_CLASSES = (ROCK, SHADOW)  # index: class number of a box
 COLOURS = {ROCK: (255, 176, 0), SHADOW: (70, 190, 255)}  # RGB; distinguishable by colour-blind people and from grey
 HEX_COLOURS = {kind: "#{:02x}{:02x}{:02x}".format(*colour) for kind, colour in COLOURS.items()}
 POLYGON_CLASSES = ("background", "ground", ROCK, SHADOW)  # index: class number of a polygon; differs from boxes
-SHADOWS_ANNOTATED_FROM_MS = 128  # minimum exposure of annotated shadows; a second annotator has no minimum
 GREY_VALUES = {"background": 0, "ground": 86, ROCK: 128, SHADOW: 43}  # of the class masks of the release
 
 NO_ROCK = -1  # label or pixel without known rock

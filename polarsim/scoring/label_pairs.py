@@ -10,7 +10,7 @@ import pandas as pd
 
 from polarsim.formats.tables import LABEL_COLUMNS, key_columns, typed
 from polarsim.geometry.boxes import area, iou, match_by_iou, match_by_summed_iou
-from polarsim.photo import BOX_CLASSES, NO_ROCK, SHADOW, SHADOWS_ANNOTATED_FROM_MS, PhotoKey
+from polarsim.photo import BOX_CLASSES, NO_ROCK, SHADOW, PhotoKey
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.metrics import Against
 from polarsim.scoring.options import ScoringOptions
@@ -62,6 +62,7 @@ def pair_labels(
     table: pd.DataFrame,
     tasks: Mapping[PhotoKey, str | None],
     against: Against,
+    usual_exposure_ms: int,
     options: ScoringOptions,
 ) -> pd.DataFrame:
     """Return a table with the columns of `LABEL_PAIRS` for all photos with a task.
@@ -73,7 +74,7 @@ def pair_labels(
     keys = [key for key in sorted(truth) if tasks[key] is not None]
     photos = pd.DataFrame([key_columns(key) for key in keys], columns=list(LABEL_COLUMNS[:7]))
     photos["task"] = [tasks[key] for key in keys]
-    photos["annotated"] = [shadows_annotated(key, _shadows(truth[key]), against) for key in keys]
+    photos["annotated"] = [shadows_annotated(key, _shadows(truth[key]), against, usual_exposure_ms) for key in keys]
     photo, pairs, row = _pair_photos(keys, truth, table, options.iou_threshold)
     rows = photos.iloc[photo].reset_index(drop=True)
     rows["kind"] = np.array(BOX_CLASSES)[pairs.kind]
@@ -84,9 +85,12 @@ def pair_labels(
     return typed(_with_labels(rows, table, row).assign(against=against), LABEL_PAIRS)
 
 
-def shadows_annotated(key: PhotoKey, true_shadows: int, against: Against) -> bool:
-    """Return whether shadows of a photo are annotated: there are true shadows and, in the analog, enough exposure."""
-    return true_shadows > 0 and (against == "labels" or key.exposure_ms >= SHADOWS_ANNOTATED_FROM_MS)
+def shadows_annotated(key: PhotoKey, true_shadows: int, against: Against, usual_exposure_ms: int) -> bool:
+    """Return whether shadows of a photo are annotated: there are true shadows and, in the analog, enough exposure.
+
+    The main annotator of POLAR labelled no shadows below 128 ms, half the usual exposure; another one has no minimum.
+    """
+    return true_shadows > 0 and (against == "labels" or 2 * key.exposure_ms >= usual_exposure_ms)
 
 
 def labels_of_photos(table: pd.DataFrame) -> dict[PhotoKey, PhotoLabels]:

@@ -15,6 +15,7 @@ from polarsim.scoring.metrics import BOX_METRICS, Against, Metric, write_metrics
 from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.reliability import ANY_SOURCE, binned_calibration_error, brier_score, reliability_table
 from polarsim.scoring.score import MatchCounts, PhotoLabels, box_reader, count_photo, read_sound
+from polarsim.site import Site
 
 EXPOSURES, LIGHT, CAMERA = "other exposures", "light on", "Left to Right"
 AZIMUTH, NO_SUN, POSITION, ALL = "another azimuth", "no Sun", "position without seed", "all but seeds"
@@ -24,12 +25,12 @@ ANNOTATED = "shadow, where annotated"  # photos with a true shadow: shadows are 
 
 def score_labels(
     *,
+    site: Site,
     terrain: Terrain,
     keys: Sequence[PhotoKey],
     table: Path,
     truth: Path,
     seeds: Path,
-    size: tuple[int, int],
     evaluation: Path,
     pairs: Path,
     options: ScoringOptions,
@@ -40,17 +41,17 @@ def score_labels(
     annotated KEY.txt files (of a terrain, or the root of a release), or labels.parquet of the analog. Photos of seeds
     are not scored.
     """
-    labels = read_parquet(table, LABEL_COLUMNS)
+    labels, usual = read_parquet(table, LABEL_COLUMNS), site.usual_exposure_ms
     predicted = dict.fromkeys(keys, PhotoLabels.none()) | labels_of_photos(labels)
-    true = read_true_labels(truth, terrain, predicted, size, options)
+    true = read_true_labels(truth, terrain, predicted, site.images.size, options)
     seed_keys = set(release.key_files(seeds).files)
     tasks = {key: task_of(key, seed_keys) for key in true}
     metrics = [Metric("seeds", "photos_annotated", len(seed_keys), "photos", len(predicted), "own")]
-    metrics += score_tasks(true, predicted, tasks, PROPAGATION_TASKS, against(truth), options)
+    metrics += score_tasks(true, predicted, tasks, PROPAGATION_TASKS, against(truth), usual, options)
     unlabelled = len([key for key, task in tasks.items() if task is not None and key not in predicted])
     metrics.append(Metric("photos with truth", "without_label_file", unlabelled, "photos", len(true), against(truth)))
     compared = {key: boxes for key, boxes in true.items() if key in predicted}
-    paired = pair_labels(compared, labels, tasks, against(truth), options)
+    paired = pair_labels(compared, labels, tasks, against(truth), usual, options)
     write_parquet(pairs, paired)
     write_metrics(evaluation, "labels", terrain, metrics + confidence_metrics(paired, against(truth)))
 
@@ -81,6 +82,7 @@ def score_tasks(
     tasks: Mapping[PhotoKey, str | None],
     order: Iterable[str],
     against: Against,
+    usual_exposure_ms: int,
     options: ScoringOptions,
 ) -> list[Metric]:
     """Return precision, recall, F1 and mIoU by class and task, pooled over the common photos."""
@@ -90,7 +92,7 @@ def score_tasks(
         if task is None:
             continue
         for kind, counts in count_photo(true[key], predicted[key], options.iou_threshold).items():
-            annotated = kind == SHADOW and shadows_annotated(key, counts.tp + counts.fn, against)
+            annotated = kind == SHADOW and shadows_annotated(key, counts.tp + counts.fn, against, usual_exposure_ms)
             for name in [kind, ANNOTATED] if annotated else [kind]:
                 for part in (task, ALL):
                     total[name, part] = total.get((name, part), MatchCounts()) + counts

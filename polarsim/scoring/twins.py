@@ -69,7 +69,7 @@ def score_twins(
         true = read_true_labels(truth, terrain, rendered, site.images.size, options)
         tasks = {key: f"camera {key.camera}" for key in true}
         order = ("camera L", "camera R", ALL)
-        for metric in score_tasks(true, rendered, tasks, order, against(truth), options):
+        for metric in score_tasks(true, rendered, tasks, order, against(truth), site.usual_exposure_ms, options):
             subject = "rendered " + metric.subject.replace(ALL, "all")  # rendered boxes do not depend on seeds
             metrics.append(replace(metric, subject=subject))
     pairs = compare_twins(

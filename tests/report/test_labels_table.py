@@ -44,7 +44,7 @@ def pairs_of(wanted, found, tasks, against="labels"):
         for key, labels in found.items()
         for number, box in zip(labels.classes, labels.boxes, strict=True)
     ]
-    return pair_labels(wanted, label_table(rows), tasks, against, OPTIONS)
+    return pair_labels(wanted, label_table(rows), tasks, against, 256, OPTIONS)
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def scored():
         wanted, found = made_up(terrain, terrain)
         tasks = {key: task_of(key, SEEDS) for key in wanted}
         pairs.append(pairs_of(wanted, found, tasks))
-        for metric in score_tasks(wanted, found, tasks, PROPAGATION_TASKS, "labels", OPTIONS):
+        for metric in score_tasks(wanted, found, tasks, PROPAGATION_TASKS, "labels", 256, OPTIONS):
             metrics[f"{terrain:02d}", metric.subject, metric.metric] = metric
     return pairs, metrics
 

@@ -25,8 +25,8 @@ def label_rows(key, *boxes, **told):
     return [label_row(key, rock=rock, box=box, **told) for rock, box in enumerate(boxes, 1)]
 
 
-def paired(wanted, rows, task="Left to Right", against="labels"):
-    return pair_labels(wanted, label_table(rows), dict.fromkeys(wanted, task), against, OPTIONS)
+def paired(wanted, rows, task="Left to Right", against="labels", usual_ms=256):
+    return pair_labels(wanted, label_table(rows), dict.fromkeys(wanted, task), against, usual_ms, OPTIONS)
 
 
 def test_pairs_missed_boxes_and_unmatched_labels_have_a_row_each():
@@ -62,6 +62,8 @@ def test_shadows_are_annotated_in_photos_with_true_shadows_and_enough_exposure(k
     found = paired({key: true}, label_rows(key, [200, 0, 240, 10], kind="shadow"), against=against)
     assert found["kind"].tolist() == ["rock", "shadow", "shadow"]
     assert found["annotated"].tolist() == [False, annotated, annotated]
+    longer = paired({key: true}, [], against="truth", usual_ms=2 * key.exposure_ms + 1)
+    assert not longer["annotated"].any()
 
 
 def test_a_label_in_a_photo_without_true_shadow_is_not_annotated():

@@ -233,7 +233,7 @@ def labels_scored(folder, keys, rows, truth="truth"):
     """Return the metrics of rows of photos."""
     write_parquet(folder / "labels.parquet", rows if isinstance(rows, pd.DataFrame) else label_table(rows))
     score_labels(
-        size=(1936, 1216),
+        site=polar(),
         terrain=3, keys=[PhotoKey.parse(key) for key in keys], table=folder / "labels.parquet", truth=folder / truth,
         seeds=folder / "seeds", evaluation=folder / "q.csv", pairs=folder / "pairs.parquet", options=OPTIONS,
     )  # fmt: skip

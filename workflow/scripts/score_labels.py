@@ -11,6 +11,7 @@ from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     score_labels(
+        site=Site(**snakemake.params.site),
         terrain=parse_terrain(snakemake.wildcards.terrain),
         keys=selected_grid(
             site=Site(**snakemake.params.site),
@@ -21,7 +22,6 @@ with reporting(log=snakemake.log[0]):
         table=Path(snakemake.input.table),
         truth=Path(snakemake.params.truth),
         seeds=Path(snakemake.input.seeds),
-        size=Site(**snakemake.params.site).images.size,
         evaluation=Path(snakemake.output.evaluation),
         pairs=Path(snakemake.output.pairs),
         options=ScoringOptions(**snakemake.params.options),
