@@ -79,7 +79,7 @@ def before_a_wall(far, near, seeds):
 def test_foreground_does_not_extend_over_the_background():
     far, near = 3.03, 2.4145  # 51 and 64 px
     photos, edge = before_a_wall(far, near, (0, 1))
-    depth = measure_points(photos, RIG, [HALF, FULL]).points_left[110:170, :, 2]
+    depth = measure_points(photos, RIG, [HALF, FULL], AREA.depths).points_left[110:170, :, 2]
     beside, inside = depth[:, edge + 2 : edge + 10], depth[:, edge - 10 : edge - 2]
     assert np.isfinite(beside).mean() > 0.6
     assert np.nanmean(beside < (far + near) / 2) < 0.1
