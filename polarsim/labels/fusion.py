@@ -158,7 +158,8 @@ class PositionRocks:
         """Return a label moved from other photos: `translated` if the pose for the move is unverified, else `fused`."""
         annotated_here = any(side == camera for side, _ in self.annotated)
         source = "translated" if self.in_image and not annotated_here else "fused"
-        return make_label(kind, rock, source, box, share, pitch_known=self.localised.pitch_known)
+        inside = clip(box, *self.view(camera).size)
+        return make_label(kind, rock, source, inside, share, pitch_known=self.localised.pitch_known)
 
     def annotated_azimuths(self, rock: int) -> set[Azimuth]:
         """Return the azimuths at which a rock is annotated at this position."""

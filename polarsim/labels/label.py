@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.geometry.boxes import area, clip
-from polarsim.photo import HEIGHT, WIDTH
+from polarsim.geometry.boxes import area
 
 REFERENCE_PX = 50.0  # sqrt(area) of a common label
 # Coefficients of the log odds that a label has IoU >= 0.5 with the box of an annotator. Fitted by
@@ -71,8 +70,7 @@ def make_label(
     by_rover_light: bool = False,
     pitch_known: bool = True,
 ) -> Label:
-    """Return a label with its `confidence`. Boxes are clipped to the photo, except seeds."""
-    box = box if source == "seed" else clip(box, WIDTH, HEIGHT)
+    """Return a label with its `confidence`. Boxes of seeds are not clipped to the photo, all others are."""
     size = float(np.sqrt(area(box)))
     probability = confidence(kind, source, share, size, by_rover_light=by_rover_light, pitch_known=pitch_known)
     return Label(kind, int(rock), source, round(probability, 3), box)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.geometry.boxes import MATCH_GATE_PX, area, iou
+from polarsim.geometry.boxes import MATCH_GATE_PX, area, clip, iou
 from polarsim.geometry.masks import Window, windows_of
 from polarsim.labels.association import match_ids
 from polarsim.labels.bodies import active_lamp
@@ -70,7 +70,7 @@ class PositionShadows:
         boxes = {} if self.rocks.in_image else {label.rock: label.box for label in rocks}
         cast = self.cast(camera, light, azimuth, boxes, brightness)
         shadows = self._annotated_or_cast(camera, light, azimuth, cast)
-        return shadows if brightness is None else shadows + self._unannotated(azimuth, shadows, cast)
+        return shadows if brightness is None else shadows + self._unannotated(camera, azimuth, shadows, cast)
 
     def _annotated_or_cast(
         self, camera: CameraSide, light: Light, azimuth: Azimuth, cast: Mapping[int, CastShadow]
@@ -89,7 +89,7 @@ class PositionShadows:
         other: CameraSide = "R" if camera == "L" else "L"
         annotated = self.annotated(other, azimuth)
         if annotated is None:
-            return self._cast_labels(azimuth, cast)
+            return self._cast_labels(camera, azimuth, cast)
         occluders = self.occluders(other, annotated, light, azimuth)
         moved = move_flat(self.world, self.rocks.view(other), self.rocks.view(camera), annotated)
         boxes = [
@@ -98,22 +98,28 @@ class PositionShadows:
         ]
         return [self.rocks.moved_label(SHADOW, rock, camera, box) for rock, box in zip(occluders, boxes, strict=True)]
 
-    def _unannotated(self, azimuth: Azimuth, shadows: list[Label], cast: Mapping[int, CastShadow]) -> list[Label]:
+    def _unannotated(
+        self, camera: CameraSide, azimuth: Azimuth, shadows: list[Label], cast: Mapping[int, CastShadow]
+    ) -> list[Label]:
         """Return unannotated shadows visible in the photo that do not overlap with `shadows`."""
         labelled = {label.rock for label in shadows}
         occupied = np.array([label.box for label in shadows]).reshape(-1, 4)
         unlabelled = {rock: shadow for rock, shadow in cast.items() if shadow.in_photo and rock not in labelled}
         return [
             label
-            for label in self._cast_labels(azimuth, unlabelled)
+            for label in self._cast_labels(camera, azimuth, unlabelled)
             if iou(label.box[None], occupied).max(initial=0.0) < SAME_SHADOW_IOU
         ]
 
-    def _cast_labels(self, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
+    def _cast_labels(self, camera: CameraSide, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
         by_rover_light = azimuth == NO_SUN
         min_px = MIN_ROVER_SHADOW_PX if by_rover_light else MIN_SHADOW_PX
         large = {rock: shadow.box for rock, shadow in cast.items() if np.sqrt(area(shadow.box)) >= min_px}
-        return [make_label(SHADOW, rock, "cast", box, by_rover_light=by_rover_light) for rock, box in large.items()]
+        size = self.rocks.view(camera).size
+        return [
+            make_label(SHADOW, rock, "cast", clip(box, *size), by_rover_light=by_rover_light)
+            for rock, box in large.items()
+        ]
 
     def annotated(self, camera: CameraSide, azimuth: Azimuth) -> np.ndarray | None:
         annotated = self.rocks.annotated.get((camera, azimuth))
