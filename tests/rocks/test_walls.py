@@ -8,6 +8,7 @@ from polarsim.rocks.scans import ScanPoints
 from polarsim.rocks.walls import measure_walls
 from polarsim.run_files.walls import FILE, SIDES, read_walls, surveyed_walls, write_walls
 from polarsim.site import polar
+from tests.support.other_site import other_site
 from tests.support.polar_survey import SANDBOX
 
 FACES = {"-x": 2.02, "+x": 1.98, "-y": 2.05, "+y": 1.96}
@@ -108,3 +109,17 @@ def test_damaged_files_are_refused_with_their_path(tmp_path, damage):
     with pytest.raises(FormatError) as error:
         read_walls(tmp_path)
     assert error.value.path == tmp_path / FILE
+
+
+def test_walls_of_a_yard_are_measured_on_the_sides_that_the_site_states(rng):
+    """Walls at 1.47 m and 3.04 m, 0.2 m high, in a yard of 3 m x 6 m without a wall at -y."""
+    along_x, along_y = rng.uniform(-1.4, 1.4, 60_000), rng.uniform(-2.9, 2.9, 60_000)
+    height = rng.uniform(0, 0.19, 60_000)
+    boards = [np.column_stack([sign * np.full(60_000, 1.47), along_y, height]) for sign in (-1, 1)]
+    boards += [np.column_stack([along_x, sign * np.full(60_000, 3.04), height]) for sign in (-1, 1)]  # a heap at -y
+    flat = np.column_stack([rng.uniform(-1.4, 1.4, 20_000), rng.uniform(-2.9, 2.9, 20_000), np.zeros(20_000)])
+    walls = measure_walls("yard-a", other_site().sandbox, scans(flat, *boards), level=0.0)
+    assert {side: round(wall.face_m, 2) for side, wall in walls.sides.items()} == {"-x": 1.47, "+x": 1.47, "+y": 3.04}
+    assert {side: len(wall.along_m) for side, wall in walls.sides.items()} == {"-x": 60, "+x": 60, "+y": 30}
+    assert walls.open_m == {"-y": 3.0}
+    np.testing.assert_allclose([wall.top(np.array([1.0]))[0] for wall in walls.sides.values()], 0.19, atol=0.01)
