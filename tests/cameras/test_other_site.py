@@ -18,12 +18,12 @@ from polarsim.errors import RegistrationError
 from polarsim.formats import nasa, obj, png
 from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.meshes import Mesh, join_meshes
-from polarsim.geometry.poses import angle_between, camera_pose
+from polarsim.geometry.poses import angle_between, camera_pose, yaw_pitch_roll
 from polarsim.geometry.stereo import StereoRig, rectified_left
 from polarsim.photo import BLACK_LEVEL, NO_ROCK, WHITE_LEVEL
 from polarsim.run_files.inventory import Inventory, read_inventory, write_inventory
 from polarsim.run_files.lamps import read_localised_suns
-from polarsim.run_files.rigs import read_all_localised, write_localised, write_rig
+from polarsim.run_files.rigs import SURVEYED, read_all_localised, write_localised, write_rig
 from polarsim.run_files.scans import read_scan
 from polarsim.run_files.scene import TerrainMesh
 from tests.support.other_site import one_camera, other_rig
@@ -180,3 +180,15 @@ def test_scans_from_different_sides_need_the_tripods_of_the_site(yard):
     scans = {position: read_scan(inventory, position, RIG, site.files) for position in TRUE}
     with pytest.raises(RegistrationError, match="tripods"):
         register_scans(scans, {}, SearchArea.of(site, TERRAIN))
+
+
+def test_a_single_camera_without_scans_is_at_its_tripods(tmp_path):
+    write_inventory(tmp_path / "inventory.json", Inventory(TERRAIN, "files"))
+    write_rig(tmp_path / "calibration.json", RIG, "test")
+    (tmp_path / "seeds").mkdir()
+    placed = locate(tmp_path, tmp_path / "cameras", one_camera())
+    assert {rig.method for rig in placed.values()} == {SURVEYED}
+    np.testing.assert_allclose(placed["mast"].sandbox_from_left.translation, [-0.4, -3.9, 1.4])
+    np.testing.assert_allclose(np.degrees(yaw_pitch_roll(placed["mast"].sandbox_from_left)), [84, 20, 0], atol=1e-5)
+    with pytest.raises(RegistrationError, match="gate, mast"):
+        locate(tmp_path, tmp_path / "nowhere", one_camera(tripods={}))
