@@ -1,15 +1,16 @@
 """Convex parts of rocks for MuJoCo's collision detection, and the soil nodes under rocks.
 
 A convex hull fills hollows. `convex_parts` cuts a rock until the surface of the parts deviates from the mesh by at most
-`DEVIATION_M` where the rover can reach it: on top, at the sides, and on moderate overhangs. The mesh itself is inside
-the parts, since each of its triangles belongs to a part. The deviation is measured where lines from points of the mesh,
-along its normals, leave the part; between these points it may be larger by tenths of a millimetre. A rock that would
-need more than `MAX_PARTS` parts has a larger deviation, see `RockPart.deviation_m`. A drive records the deviation of
-each rock.
+`DEVIATION_M` where the rover can reach it (on top, at the sides, and on moderate overhangs), and then joins adjacent
+parts within this bound. The mesh itself is inside the parts, since each of its triangles belongs to a part. The
+deviation is measured where lines from points of the mesh, along its normals, leave the part; between these points it
+may be larger by tenths of a millimetre. A rock that would need more than `MAX_PARTS` parts has a larger deviation, see
+`RockPart.deviation_m`. A drive records the deviation of each rock.
 """
 
 from __future__ import annotations
 
+from bisect import insort
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
@@ -32,6 +33,7 @@ _STEPS = 50  # maximum number of these points along a rock; their distance is la
 _OFF_M = 1e-4  # smaller distances count as 0
 _ENOUGH = 0.85  # a cut with at most this share of the deviation is accepted without trying other axes
 _INSIDE = (0.2, 0.8)  # range of cuts as shares of a part's extent
+_NEIGHBOURS = 6  # maximum number of adjacent parts with which a part is joined on trial
 _BATCH = 128  # number of points whose distances are searched together
 _LEVEL = 0.05  # maximum horizontal component of the normal of a surface that is open from above only
 _THICKNESS_M = 0.002  # of flat parts
@@ -94,7 +96,34 @@ def _convex_parts(
         if halves is None:
             break
         parts[worst : worst + 1] = halves
-    return tuple((part.corners, part.deviation) for part in parts)
+    return tuple((part.corners, part.deviation) for part in _merged(rock, parts, deviation_m))
+
+
+def _merged(rock: _Rock, parts: Sequence[_Part], deviation_m: float) -> list[_Part]:
+    """Join adjacent parts, small ones first, where the deviation remains within the bound: cuts make too many parts."""
+    queue, final = sorted(parts, key=_extent, reverse=True), []
+    while queue:
+        part = queue.pop()
+        near = sorted((other for other in queue if _overlap(part, other)), key=_extent)
+        for other in near[:_NEIGHBOURS]:
+            joined = rock.joined(part, other)
+            if joined.deviation <= deviation_m:
+                queue = [each for each in queue if each is not other]
+                insort(queue, joined, key=lambda each: -_extent(each))
+                break
+        else:
+            final.append(part)
+    return final
+
+
+def _extent(part: _Part) -> float:
+    return float(np.ptp(part.corners, axis=0).max())
+
+
+def _overlap(first: _Part, second: _Part) -> bool:
+    """Return whether the bounding boxes of two parts overlap."""
+    low = np.maximum(first.corners.min(axis=0), second.corners.min(axis=0))
+    return bool((low <= np.minimum(first.corners.max(axis=0), second.corners.max(axis=0))).all())
 
 
 @dataclass(frozen=True)
@@ -124,6 +153,12 @@ class _Rock:
     def whole(self) -> _Part:
         """Return the hull of the rock."""
         return self._part(np.arange(len(self.faces)), np.arange(len(self._points)), 0.0)
+
+    def joined(self, first: _Part, second: _Part) -> _Part:
+        """Return the hull of two parts."""
+        corners = np.concatenate([first.corners, second.corners])
+        near = ((self._points > corners.min(axis=0)) & (self._points < corners.max(axis=0))).all(axis=1)
+        return self._part(np.concatenate([first.triangles, second.triangles]), np.flatnonzero(near), 0.0)
 
     def halves(self, part: _Part) -> list[_Part] | None:
         """Cut a part at its largest deviation, across the axis with the best result; return None if it cannot be cut.
