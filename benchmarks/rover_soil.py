@@ -1,13 +1,16 @@
 """Cost of a step of the rover's soil, and accuracy against its limit and against measured wheels.
 
-`python -m benchmarks.rover_soil [--quick] [--fit]`
+`python -m benchmarks.rover_soil [--quick] [--fit] [--wheels FOLDER]`
 
---fit fits the soils `trec-grc3`, `mgru3-tilt-bed` and `ex1-silica-5` again. CPU seconds on one thread.
+--fit fits the soils `trec-grc3`, `mgru3-tilt-bed` and `ex1-silica-5` again. --wheels compares with the 27 single-wheel
+measurements of RoverDevKit (`single_wheel_experiments.csv`, `soil_simulants.csv`) and fits nothing. CPU seconds on one
+thread.
 
 Last metrics (two shared cores, loaded; slips 0 to 0.8, both wheels): 5 mm cells sinkage within 0.9 %, torque 1.0 %,
 pull 2 % or 0.2 N; 2 cm cells 1.4 %, 1.7 %, 8 % or 1.0 N. Fitted soils: TREC 2.92 degrees RMS, tilt bed 1.31 (lunar
-4.62, 4.87); EX1 slip 0.056, sinkage 0.93 mm (lunar 0.104, 1.44). A step of four wheels on 2 cm cells 103 us, 136 with
-bulldozing every 10 steps, 382 on 1 cm.
+4.62, 4.87); EX1 slip 0.056, sinkage 0.93 mm (lunar 0.104, 1.44). Median errors of pull, sinkage, torque of the measured
+wheels, %: ding2011 37, 44, 14; wang_han_2016_kls1 416, 262, 30; hurrell2025_rashid1 35, 32. A step of four wheels on
+2 cm cells 103 us, 136 with bulldozing every 10 steps, 382 on 1 cm.
 """
 
 from __future__ import annotations
@@ -22,10 +25,11 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares
 
+from polarsim.formats import tables
 from polarsim.rover.soil.bulldozing import Bulldozing
 from polarsim.rover.soil.law import ContactLaw, read_soils
 from polarsim.rover.soil.nodes import make_soil_ground
-from polarsim.rover.soil.shapes import Bodies
+from polarsim.rover.soil.shapes import Bodies, Wheel
 from tests.reference.soil_limit import steady_wheel
 from tests.reference.soil_published import EARTH, TILT_BED, TREC, ex1_misses, misses_deg
 from tests.reference.soil_rig import LOAD_A, LOAD_B, WHEEL_A, WHEEL_B, Rig, SoilBin, drive
@@ -109,11 +113,50 @@ def against_measured(fit: bool) -> None:
         print("  fitted:", fitted(lambda law: np.concatenate(ex1_misses(law)) / scale, [10.0, 40.0, 5.0, 1.0]))
 
 
+def against_wheels(folder: Path) -> None:
+    """Print median errors of pull, sinkage and torque by testbed, with the published soil parameters.
+
+    Variants: the model of the drives without and with slip sinkage of n_slip 1 (no simulant has a published value), and
+    Wong and Reece's shear displacement, for comparison.
+    """
+    rows = tables.read_csv(folder / "single_wheel_experiments.csv")
+    simulants = tables.read_csv(folder / "soil_simulants.csv").set_index("simulant")
+    measured = rows[["meas_drawbar_pull_n", "meas_sinkage_m", "meas_torque_nm"]].to_numpy(float)
+    for name, n_slip, of_rim in (("drives", 0.0, False), ("slip sinkage", 1.0, False), ("shear of the rim", 0.0, True)):
+        found = []
+        for row in rows.to_dict("records"):
+            soil = simulants.loc[row["soil_simulant"]]
+            law = ContactLaw(
+                1e3 * soil["k_phi_kN_per_m_n_plus_2"], 1e3 * soil["k_c_kN_per_m_n_plus_1"], soil["n"], n_slip,
+                1e3 * soil["cohesion_kPa"], math.tan(math.radians(soil["friction_angle_deg"])),
+                row["soil_shear_modulus_k_m"], 4e9, 0.0,
+            )  # fmt: skip
+            wheel = Wheel(row["wheel_radius_m"], row["wheel_width_m"])
+            state = steady_wheel(wheel, law, row["vertical_load_n"], row["slip"], of_rim)
+            found.append((state.pull, state.sinkage, state.torque))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            errors = np.abs(np.array(found) / measured - 1)
+        errors[~np.isfinite(errors)] = np.nan  # torque at slip 0, and missing torques
+        for source in dict.fromkeys(rows["source"]):
+            own = errors[(rows["source"] == source).to_numpy()]
+            medians = [
+                np.median(column[np.isfinite(column)]) if np.isfinite(column).any() else np.nan for column in own.T
+            ]
+            pull, sinkage, torque = (100 * value for value in medians)
+            print(
+                f"{source}, {name}: median error of pull {pull:.0f} %, sinkage {sinkage:.0f} %, torque {torque:.0f} %"
+            )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="costs and three slips only")
     parser.add_argument("--fit", action="store_true")
+    parser.add_argument("--wheels", type=Path, help="folder of RoverDevKit's single-wheel measurements, alone")
     asked = parser.parse_args()
+    if asked.wheels:
+        against_wheels(asked.wheels)
+        return
     step_costs(2.0 if asked.quick else 10.0)
     against_measured(asked.fit)
     against_limit(SLIPS[::3] if asked.quick else SLIPS)
