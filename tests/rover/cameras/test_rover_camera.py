@@ -84,25 +84,31 @@ def shown_level(trace: Trace) -> np.ndarray:
     return level
 
 
-def suite_picture(trace: Trace, render: RenderOptions) -> np.ndarray:
-    suite = CameraSuite(trace, driven.vehicle(), CAMERAS, render, seed=3)
+def condition(cameras: CameraSuiteOptions) -> ImagingCondition:
+    """Return the imaging condition of drives by these options."""
+    return ImagingCondition(cameras.suns[0], cameras.exposures_ms[0], cameras.lights, cameras.models[0])
+
+
+def suite_picture(trace: Trace, render: RenderOptions, cameras: CameraSuiteOptions = CAMERAS) -> np.ndarray:
+    suite = CameraSuite(trace, driven.vehicle(), cameras, render, seed=3)
     suite.show(0)
-    return suite.exposed(suite.render(FRONT, [SUN]), FRONT, SUN, "hapke", EXPOSURE_MS)
+    return suite.exposed(suite.render(FRONT, [SUN]), FRONT, SUN, "hapke", cameras.exposures_ms[0])
 
 
-def live_picture(trace: Trace, render: RenderOptions) -> np.ndarray:
+def live_picture(trace: Trace, render: RenderOptions, cameras: CameraSuiteOptions = CAMERAS) -> np.ndarray:
     near = near_path(trace.world, LINE, 1.5)
-    camera = RoverCamera(trace.world, driven.vehicle(), near, CAMERAS, render, models=("hapke",))
+    camera = RoverCamera(trace.world, driven.vehicle(), near, cameras, render, models=("hapke",))
     base = camera.show_state(state_of(trace), shown_level(trace))
-    return camera.picture(
-        mount_of(driven.vehicle().camera(FRONT), SCALE).at(base), ImagingCondition(SUN, EXPOSURE_MS), "live"
-    )[0]
+    return camera.picture(mount_of(driven.vehicle().camera(FRONT), cameras.scale).at(base), condition(cameras), "live")[
+        0
+    ]
 
 
-def deciding_picture(trace: Trace, render: RenderOptions) -> np.ndarray:
+def deciding_picture(trace: Trace, render: RenderOptions, cameras: CameraSuiteOptions = CAMERAS) -> np.ndarray:
     """Return the front camera's picture of the perception."""
-    light = ImagingCondition(SUN, EXPOSURE_MS)
-    perception = Perception(trace.world, driven.vehicle(), LINE, "stereo", light, CAMERAS, 3, render=render)
+    perception = Perception(
+        trace.world, driven.vehicle(), LINE, "stereo", condition(cameras), cameras, 3, render=render
+    )
     base = perception._camera.show_state(state_of(trace), shown_level(trace))
     return perception._picture(perception.mount.at(base), 0)
 
@@ -149,3 +155,13 @@ def test_each_option_of_pictures_acts_for_all_callers(key, taken):
     for way in before:
         always = (way, key) == ("deciding", "noise")
         assert np.array_equal(before[way], after[way]) == always, way
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("sun_elevation_deg", 30.0), ("lights", ("navlight_left",)), ("exposures_ms", (512.0,))],
+)
+def test_each_option_of_the_cameras_acts_for_all_callers(key, value, trace, taken):
+    cameras = CAMERAS.model_copy(update={key: value})
+    for way, picture in WAYS.items():
+        assert not np.array_equal(taken()[way], picture(trace, RenderOptions(), cameras)), way

@@ -14,6 +14,7 @@ import gymnasium
 from gymnasium.utils.env_checker import check_env
 
 from polarsim.errors import ConfigError, RoverError
+from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.learn.courses import PracticeCourse, WorldCourse
 from polarsim.rover.learn.environment import TaskOptions, TraverseEnvironment
@@ -78,6 +79,13 @@ def test_the_light_depends_on_the_seed_or_on_the_options():
     assert not np.array_equal(pictures[0], pictures[1])
     assert np.ptp(pictures[2]) == 0
     assert pictures[3].std() > 5
+
+
+def test_the_options_of_the_renderer_act_on_images_and_on_perception():
+    plain, blurred = (made(image=True, mode="stereo", render=RenderOptions(blur_px=blur)) for blur in (0.0, 6.0))
+    first, second = (environment.reset(seed=1)[0] for environment in (plain, blurred))
+    assert not np.array_equal(first["image"], second["image"])
+    assert not np.array_equal(first["hazards"], second["hazards"])
 
 
 @pytest.mark.parametrize(
