@@ -25,11 +25,11 @@ from polarsim.rover.world.surface import World
 
 DEVIATION_M = 0.0045  # m; a part with a larger deviation from the mesh is cut in two
 MAX_PARTS = 256  # maximum number of convex parts of a rock
-STEP_M = 0.004  # maximum distance of the mesh's points at which deviations are measured
+STEP_M = 0.008  # maximum distance of the mesh's points at which deviations are measured
 OVERHANG = -0.7  # minimum vertical component of the normal of a surface that the rover can reach
 MIN_VOLUME_M3 = 1e-8  # m3, a cube of 2 mm; minimum volume of a rock
 ABOVE = 1.0  # m above a surface at which vertical rays start
-_STEPS = 50  # maximum number of these points along a rock; their distance is larger on rocks above 0.2 m
+_STEPS = 50  # maximum number of these points along a rock; their distance is larger on rocks above 0.4 m
 _OFF_M = 1e-4  # smaller distances count as 0
 _ENOUGH = 0.85  # a cut with at most this share of the deviation is accepted without trying other axes
 _INSIDE = (0.2, 0.8)  # range of cuts as shares of a part's extent
@@ -145,9 +145,10 @@ class _Rock:
         normals = cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
         self._sides = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
         self._step = max(STEP_M, float(np.ptp(vertices, axis=0).max()) / _STEPS)
-        divided, owners = points_on(triangles, self._step)
+        large = np.flatnonzero(longest_edges(triangles) > self._step)
+        divided, owners = points_on(triangles[large], self._step)
         self._points = np.concatenate([self._centres, divided])
-        self._normals = self._sides[np.concatenate([np.arange(len(faces)), owners])]
+        self._normals = self._sides[np.concatenate([np.arange(len(faces)), large[owners]])]
         self._caster = EmbreeCaster(vertices, faces)
 
     def whole(self) -> _Part:
@@ -243,7 +244,7 @@ class _Rock:
 
     @cached_property
     def _tree(self) -> KDTree:
-        return KDTree(np.unique(points_on(self.vertices[self.faces], self._step / 2)[0].round(5), axis=0))
+        return KDTree(np.unique(points_on(self.vertices[self.faces], self._step / 4)[0].round(5), axis=0))
 
 
 def _worst(parts: Sequence[_Part]) -> float:
