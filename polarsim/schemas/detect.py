@@ -62,6 +62,15 @@ SHARED = Shared(
     _CHANGES,
     photos.SHARED,
 )
+ROCK_DIAMETERS = SHARED.table("""
+    detect/rock_diameters.parquet: A rock from detections alone
+    terrain | int64 | | Terrain
+    rock | int64 | | Number from 1 in the terrain, in the order of confidence
+    x y | float64 | m | Centre in plan, sandbox frame, on level ground; median over boxes
+    diameter_m | float64 | m | Horizontal width perpendicular to the line of sight, on level ground; median over boxes
+    confidence | float64 | 1 | Maximum confidence of the boxes
+    photos | int64 | count | Photos with a box of the rock
+""")
 PREDICTIONS = SHARED.table("""
     detect/<split>/seed<seed>/predictions/<trained>_on_<evaluated>.parquet: A prediction
     = key_name kind confidence box

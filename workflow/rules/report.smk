@@ -113,6 +113,45 @@ rule report_rock_sizes:
         "../scripts/report_rock_sizes.py"
 
 
+if CONFIG.photo_domain in DOMAINS:
+
+    rule measure_diameters:
+        """Diameters of rocks on level ground from detections in photos alone, merged over the photos of a terrain."""
+        input:
+            predictions=PATHS.first_training(f"predictions/{CONFIG.photo_domain}_on_{CONFIG.photo_domain}.parquet"),
+            cameras=expand("results/{{run}}/cameras/Terrain{terrain}", terrain=TERRAINS),
+        output:
+            diameters="results/{run}/detect/rock_diameters.parquet",
+        resources:
+            mem_mb=memory_per_attempt(500),
+            runtime=5,
+        params:
+            terrains=CONFIG.terrains,
+        script:
+            "../scripts/measure_diameters.py"
+
+    rule report_rock_diameters:
+        """Diameters and abundance of rocks from detections alone."""
+        input:
+            diameters="results/{run}/detect/rock_diameters.parquet",
+            areas=expand("results/{{run}}/rocks/Terrain{terrain}/area.json", terrain=TERRAINS),
+        output:
+            **table_files(rock_diameters="rock diameters from detections"),
+        resources:
+            mem_mb=memory_per_attempt(500),
+            runtime=5,
+        params:
+            terrains=CONFIG.terrains,
+            origin=ORIGIN,
+        script:
+            "../scripts/report_rock_diameters.py"
+
+    rule rock_diameters:
+        """Table of rock diameters from detections alone; not part of the default report."""
+        input:
+            of_run("results/{run}/tables/rock_diameters.csv"),
+
+
 rule report_label_scores:
     """Accuracy of labels by task, terrain, position, azimuth and size, and reliability of their confidence: tables and
     figures."""
