@@ -392,6 +392,7 @@ class Config(BaseModel, extra="forbid", frozen=True):
             "source": {"root", "urls"},
             "labels": {"seeds": {"root"}} if isinstance(self.labels.seeds, SeedOptions) else set(),
             "scoring": {"annotated_root"},
+            "detect": {"elsewhere"},
             "covers": {"publish"},
             "rover": {"bags": True, "cameras": {"videos"}},
         }

@@ -240,6 +240,11 @@ class DetectOptions(BaseModel, extra="forbid", frozen=True):
     comparison: ComparisonOptions = Field(
         ComparisonOptions(), description="Metrics of predictions and their confidence intervals."
     )
+    elsewhere: dict[FolderName, UserPath] = Field(
+        {},
+        description="Folders of images from outside POLAR by name, with images/ and labels/ (YOLO) or masks/, for the "
+        "target `elsewhere`.",
+    )
     stereo: StereoOptions = Field(StereoOptions(), description="Stereo depth as a second evaluation of twins.")
 
     @field_validator("splits", "seeds")

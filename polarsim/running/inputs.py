@@ -74,9 +74,10 @@ def _check_kind(key: str, path: Path) -> None:
         return
     if not path.exists():
         raise ConfigError(f"{key}: no such file or folder", path=path)
-    if key in _FOLDERS and not path.is_dir():
+    is_folder = key in _FOLDERS or key.startswith("detect.elsewhere.")
+    if is_folder and not path.is_dir():
         raise ConfigError(f"{key}: a file, expected a folder", path=path)
-    if key not in _FOLDERS and not path.is_file():
+    if not is_folder and not path.is_file():
         raise ConfigError(f"{key}: a folder, expected a file", path=path)
 
 

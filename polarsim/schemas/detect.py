@@ -62,6 +62,19 @@ SHARED = Shared(
     _CHANGES,
     photos.SHARED,
 )
+ELSEWHERE = SHARED.table("""
+    detect/elsewhere/NAME.parquet: A size class of the rocks in images from outside POLAR
+    name | str | | Name in `detect.elsewhere`
+    size | str | | Longer side of the label over the image width: `small` (below 0.025), `medium`, `large` (from 0.1),
+        or `all`
+    images labels | int64 | count | Images, and labels of the size class
+    recall | float64 | 1 | Recall of these labels at a confidence of 0.25 and an IoU of 0.5
+    recall_at_half | float64 | 1 | The same at the confidence with at most 0.5 false positives per image
+    map50 | interval | 1 | AP@0.5 of rocks, bootstrapped over images; size `all` only
+    false_per_image | float64 | 1 | False positives per image at a confidence of 0.25; size `all` only
+    calibration_error | float64 | 1 | Expected calibration error of rocks; size `all` only
+    not_calibrated | float64 | 1 | Share of images whose confidences `polarsim detect` marks as not calibrated
+""")
 ROCK_DIAMETERS = SHARED.table("""
     detect/rock_diameters.parquet: A rock from detections alone
     terrain | int64 | | Terrain

@@ -189,6 +189,7 @@ ROCKS = Table(
     "A rock",
     (*SHARED["terrain"], *stages.ROCKS.declared[:-2], *SHARED["found_by"], stages.ROCKS.declared[-1]),
 )
+ELSEWHERE = Table("tables/elsewhere", "A folder of images and size class", detect.ELSEWHERE.declared)
 ROCK_DIAMETERS = Table("tables/rock_diameters", "A rock from detections alone", detect.ROCK_DIAMETERS.declared)
 ROCK_SIZES = Table(
     "tables/rock_sizes",

@@ -310,3 +310,21 @@ use rule gather_tables as gather_others with:
     params:
         splits=[split for split in SPLITS for other in OTHERS for seed in SEEDS],
         seeds=[seed for split in SPLITS for other in OTHERS for seed in SEEDS],
+
+
+rule score_elsewhere:
+    """Detections of the packaged detector in images from outside POLAR, drawn, and their evaluation."""
+    input:
+        folder=lambda wildcards: str(CONFIG.detect.elsewhere[wildcards.name]),
+    output:
+        detections=directory("results/{run}/detect/elsewhere/{name}"),
+        scores="results/{run}/detect/elsewhere/{name}.parquet",
+    wildcard_constraints:
+        name=one_of(CONFIG.detect.elsewhere),
+    resources:
+        mem_mb=memory_per_attempt(1500),
+        runtime=30,
+    params:
+        resamples=CONFIG.detect.comparison.resamples,
+    script:
+        "../scripts/score_elsewhere.py"

@@ -152,6 +152,27 @@ if CONFIG.photo_domain in DOMAINS:
             of_run("results/{run}/tables/rock_diameters.csv"),
 
 
+rule elsewhere:
+    """Evaluation of the packaged detector on the folders of `detect.elsewhere`; not part of the default report."""
+    input:
+        of_run("results/{run}/tables/elsewhere.csv") if CONFIG.detect.elsewhere else [],
+
+
+rule tabulate_elsewhere:
+    """Evaluation of the packaged detector on images from outside POLAR."""
+    input:
+        scores=expand("results/{{run}}/detect/elsewhere/{name}.parquet", name=CONFIG.detect.elsewhere),
+    output:
+        **table_files(elsewhere="images from outside POLAR"),
+    resources:
+        mem_mb=memory_per_attempt(500),
+        runtime=5,
+    params:
+        origin=ORIGIN,
+    script:
+        "../scripts/tabulate_elsewhere.py"
+
+
 rule report_label_scores:
     """Accuracy of labels by task, terrain, position, azimuth and size, and reliability of their confidence: tables and
     figures."""
