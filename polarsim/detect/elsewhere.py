@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ import pandas as pd
 from scipy import ndimage
 
 from polarsim.detect.calibration import calibration_error
-from polarsim.detect.detect_pictures import detect_in_images
+from polarsim.detect.detect_pictures import Draw, detect_in_images
 from polarsim.detect.metrics import precision_at_recalls, rank
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import FormatError
@@ -27,7 +27,6 @@ SIZES = {"small": (0.0, 0.025), "medium": (0.025, 0.1), "large": (0.1, np.inf)} 
 FALSE_PER_PICTURE = 0.5  # false positives per image at which `recall_at_half` is computed
 MIN_MASK_AREA = 80  # px of a connected component of a mask
 ROCK_CLASS = 0
-Draw = Callable[..., np.ndarray]
 
 
 def score_elsewhere(
@@ -47,7 +46,9 @@ def score_elsewhere(
     each connected component of at least `MIN_MASK_AREA` px is a rock). Images without a label file are excluded.
     """
 
-    def draw_shown(grey: np.ndarray, boxes: np.ndarray, masks: None, title: str) -> np.ndarray:
+    def draw_shown(
+        grey: np.ndarray, boxes: np.ndarray, masks: Mapping[str, np.ndarray] | None, title: str
+    ) -> np.ndarray:
         return draw(grey, boxes[boxes[:, 4] >= SHOWN_CONFIDENCE], masks, title)
 
     labels = labelled_images(folder)
@@ -66,8 +67,8 @@ def score_elsewhere(
     widths = np.array([images[image]["width"] for image in read], float)
     not_calibrated = 1 - np.mean([images[image]["calibrated"] for image in read])
     rows = score_rows(truth, predicted, widths, resamples)
-    table = pd.DataFrame(rows, columns=list(ELSEWHERE.columns)).assign(name=name, not_calibrated=not_calibrated)
-    tables.write_parquet(scores, table.astype(ELSEWHERE.dtypes))
+    table = pd.DataFrame(rows).assign(name=name, not_calibrated=not_calibrated)
+    tables.write_parquet(scores, tables.typed(table, ELSEWHERE))
 
 
 def labelled_images(folder: Path) -> dict[Path, Path]:

@@ -10,9 +10,9 @@ import numpy as np
 import pandas as pd
 
 from polarsim.errors import DetectError
-from polarsim.formats.tables import read_parquet, write_parquet
+from polarsim.formats.tables import read_parquet, typed, write_parquet
 from polarsim.geometry.ground_diameters import ground_diameters
-from polarsim.photo import ROCK, PhotoKey
+from polarsim.photo import ROCK, PhotoKey, Terrain
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.schemas.detect import ROCK_DIAMETERS
 
@@ -23,7 +23,7 @@ MIN_SHARE = 0.2  # exceeded share of the photos of a view in which a rock is det
 COLUMNS = ("key", "kind", "confidence", "x0", "y0", "x1", "y1")
 
 
-def measure_diameters(*, predictions: Path, cameras: Mapping[int, Path], diameters: Path) -> None:
+def measure_diameters(*, predictions: Path, cameras: Mapping[Terrain, Path], diameters: Path) -> None:
     """Write the rocks of all terrains from the predictions of a detector on photos, see `ROCK_DIAMETERS`.
 
     `cameras`: folder of the camera poses of each terrain. The ground is level at z = 0 of the sandbox frame: on the
@@ -40,8 +40,7 @@ def measure_diameters(*, predictions: Path, cameras: Mapping[int, Path], diamete
         of_terrain = table[table["terrain"] == terrain]
         finds = _on_ground(of_terrain, keys, read_all_localised(folder))
         rows += [{"terrain": terrain, "rock": number, **row} for number, row in enumerate(merge_boxes(finds), 1)]
-    result = pd.DataFrame(rows, columns=list(ROCK_DIAMETERS.columns)).astype(ROCK_DIAMETERS.dtypes)
-    write_parquet(diameters, result.round(4))
+    write_parquet(diameters, typed(rows, ROCK_DIAMETERS).round(4))
 
 
 def _on_ground(

@@ -85,7 +85,7 @@ def abundance_table(diameters: Mapping[Terrain, np.ndarray], areas: Mapping[Terr
     if len(parts) > 1:
         parts["all"] = (np.concatenate(list(diameters.values())), sum(areas.values()))
     rows = [{"terrain": name, **abundance_of(*part, COMPLETE)} for name, part in parts.items()]
-    return pd.DataFrame(rows, columns=list(report.ROCK_ABUNDANCE.columns)).astype(report.ROCK_ABUNDANCE.dtypes)
+    return typed(rows, report.ROCK_ABUNDANCE)
 
 
 def abundance_of(diameters: np.ndarray, area: float, smallest: float) -> dict[str, float]:
@@ -104,7 +104,7 @@ def abundance_of(diameters: np.ndarray, area: float, smallest: float) -> dict[st
 def _of_terrain(terrain: Terrain, sizes: Path, true_sizes: Path | None) -> pd.DataFrame:
     """Return the sizes of a terrain with the true sizes, which are empty for unmatched rocks."""
     table = read_parquet(sizes, ROCK_SIZES.columns)
-    true = pd.DataFrame(columns=list(TRUE_SIZES.columns)).astype(TRUE_SIZES.dtypes)
+    true = typed([], TRUE_SIZES)
     if true_sizes is not None:
         true = read_parquet(true_sizes, TRUE_SIZES.columns)
     return table.merge(true, on="rock", how="left").assign(terrain=terrain)
