@@ -56,7 +56,7 @@ def show_of_run(
         scale=scale,
         kinds=kinds,
         masks=_masks_of(run, domain, key) if masks else None,
-        title=f"{key}, {picture.parents[1].name} twin" if run.folder in picture.parents else "",
+        title=f"{key}, {picture.parents[1].name} twin" if run.folder / "renders" in picture.parents else "",
         photo_width=run.site.images.width,
     )
 
