@@ -13,7 +13,7 @@ import numpy as np
 from polarsim.errors import ConfigError
 from polarsim.formats import png
 from polarsim.formats.files import writing, writing_folder
-from polarsim.formats.site_files import format_path, photo_fields
+from polarsim.formats.site_paths import format_path, photo_fields
 from polarsim.photo import PhotoKey, Terrain
 from polarsim.site import Images, Site
 

@@ -1,4 +1,4 @@
-"""Files of a site below a root: found by the patterns of `site.files`, and their paths for writing.
+"""Files of a site below a root, found by the patterns of `site.files`; `site_paths` has the paths for writing.
 
 A pattern is a path with fields in braces, `Terrain{terrain}_{any}/Pos{position}.{xyz|ply}`. The folders up to the one
 with the terrain are the folder of the terrain. It may be in up to two additional folders, and the files may be in one
@@ -12,9 +12,9 @@ import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from polarsim.errors import FormatError
+from polarsim.formats.site_paths import spelled_text
 from polarsim.photo import PhotoKey, Terrain, parse_terrain, terrain_text
 from polarsim.site import FIELD, Site
 
@@ -103,7 +103,7 @@ def expected_folders(site: Site, terrain: Terrain) -> list[str]:
     for pattern in patterns_of(site):
         count = len(_base_parts(pattern))
         parts = pattern.split("/")[: count or None]
-        stated = {"terrain": _spelled(site, "terrain", terrain_text(terrain)), "any": "*", "terrain_name": "*"}
+        stated = {"terrain": spelled_text(site, "terrain", terrain_text(terrain)), "any": "*", "terrain_name": "*"}
         names.append(FIELD.sub(lambda match: stated.get(match[1], match[0]), "/".join(parts)))  # noqa: B023
     return list(dict.fromkeys(names))
 
@@ -120,35 +120,6 @@ def archive_layout(site: Site) -> re.Pattern[str]:
             parts += [_regex(site, text, None) for text in _spelled_parts(site, part)]
     unnamed = dict.fromkeys(re.sub(r"\(\?P<\w+>", "(?:", part) for part in parts)
     return re.compile("|".join(unnamed) or "(?!)")
-
-
-def format_path(site: Site, pattern: str, terrain: Terrain, fields: Mapping[str, Any], anys: Sequence[str] = ()) -> str:
-    """Return the path of a file to write: `fields` by name, and a text for each field `any`, in order."""
-    texts = iter(anys)
-
-    def text_of(match: re.Match[str]) -> str:
-        name, _, width = match[1].partition(":")
-        if "|" in match[1]:
-            return match[1].split("|")[0]
-        if name == "any":
-            return next(texts)
-        if name == "terrain":
-            return _spelled(site, name, terrain_text(terrain))
-        if name == "terrain_name":
-            return site.options(terrain).name or "Unnamed"
-        if name == "exposure_ms":
-            return str(fields[name]).zfill(int(width or 0))
-        return _spelled(site, name, str(fields[name]))
-
-    return FIELD.sub(text_of, pattern)
-
-
-def photo_fields(key: PhotoKey) -> dict[str, Any]:
-    """Return the fields of the path of a photo."""
-    return {
-        "position": key.position, "light": key.light, "azimuth": key.azimuth, "camera": key.camera,
-        "exposure_ms": key.exposure_ms,
-    }  # fmt: skip
 
 
 def _by_position(site: Site, pattern: str | None, root: str | Path, terrain: Terrain) -> dict[str, Path]:
@@ -194,7 +165,7 @@ def _split(site: Site, pattern: str, terrain: Terrain) -> tuple[list[re.Pattern[
     """Return the names of the folders up to that of the terrain, and the rest of the pattern."""
     parts = pattern.split("/")
     count = len(_base_parts(pattern))
-    base = "/".join(parts[:count]).replace("{terrain}", _spelled(site, "terrain", terrain_text(terrain)))
+    base = "/".join(parts[:count]).replace("{terrain}", spelled_text(site, "terrain", terrain_text(terrain)))
     names = [re.compile(_regex(site, part, terrain)) for part in base.split("/")] if count else []
     return names, "/".join(parts[count:])
 
@@ -240,8 +211,10 @@ def _field_regex(site: Site, field: str, terrain: Terrain | None, named: set[str
         of = {site.options(each).name for each in ([terrain] if terrain is not None else site.terrains)}
         return f"(?P<{name}>{'|'.join(map(re.escape, sorted(of - {''}))) or '[^/]*'})"
     if name == "terrain" and terrain is not None:
-        return re.escape(_spelled(site, name, terrain_text(terrain)))
-    texts = sorted((_spelled(site, name, value) for value in _values(site, name)), key=lambda text: (-len(text), text))
+        return re.escape(spelled_text(site, name, terrain_text(terrain)))
+    texts = sorted(
+        (spelled_text(site, name, value) for value in _values(site, name)), key=lambda text: (-len(text), text)
+    )
     return f"(?P<{name}>{'|'.join(map(re.escape, texts))})"
 
 
@@ -255,15 +228,11 @@ def _values(site: Site, name: str) -> Sequence[str]:
     }[name]
 
 
-def _spelled(site: Site, name: str, value: str) -> str:
-    return site.files.spelling.get(name, {}).get(value, value)
-
-
 def _spelled_parts(site: Site, part: str) -> list[str]:
     """Return the folders of a part whose terrain is spelled with several folders."""
     if "{terrain}" not in part:
         return [part]
-    spelled = [_spelled(site, "terrain", terrain_text(terrain)) for terrain in site.terrains]
+    spelled = [spelled_text(site, "terrain", terrain_text(terrain)) for terrain in site.terrains]
     if not any("/" in text for text in spelled):
         return [part]
     return sorted({folder for text in spelled for folder in part.replace("{terrain}", text).split("/")})
@@ -273,7 +242,7 @@ def _name(site: Site, name: str, fields: Mapping[str, str]) -> str | None:
     """Return the name in the site of a text in a path; None if the pattern does not have the field."""
     if name not in fields:
         return None
-    return next(value for value in _values(site, name) if _spelled(site, name, value) == fields[name])
+    return next(value for value in _values(site, name) if spelled_text(site, name, value) == fields[name])
 
 
 def _photo_key(site: Site, terrain: Terrain, fields: Mapping[str, str]) -> PhotoKey | None:

@@ -9,7 +9,8 @@ import yaml
 
 from polarsim.acquire.path_fields import find_fields
 from polarsim.formats import ply, png
-from polarsim.formats.site_files import find_photos, format_path, photo_fields
+from polarsim.formats.site_files import find_photos
+from polarsim.formats.site_paths import format_path, photo_fields
 from polarsim.site import polar, read_site
 from tests.acquire.test_other_site import kalibr
 from tests.support.other_site import SIZE, one_camera, other_rig, other_site

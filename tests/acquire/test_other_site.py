@@ -13,7 +13,7 @@ from polarsim.acquire.index import index_terrain
 from polarsim.acquire.options import SourceOptions
 from polarsim.errors import FormatError
 from polarsim.formats import ply, png
-from polarsim.formats.site_files import format_path, photo_fields
+from polarsim.formats.site_paths import format_path, photo_fields
 from polarsim.formats.tables import read_parquet
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.pictures import pictures_at

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from polarsim.errors import ConfigError, FormatError
-from polarsim.formats import site_files
+from polarsim.formats import site_files, site_paths
 from polarsim.photo import PhotoKey
 from polarsim.site import Site, polar
 from tests.support.other_site import CONTENT, other_site
@@ -122,8 +122,8 @@ def test_every_photo_of_another_site_is_found_at_its_path(tmp_path, pattern, abo
     site = other_site(files=CONTENT["files"] | {"photos": pattern})
     for terrain in site.terrains:
         for number, key in enumerate(site.photos_of(terrain)):
-            fields = site_files.photo_fields(key)
-            touch(tmp_path / above / site_files.format_path(site, pattern, terrain, fields, [str(number)]))
+            fields = site_paths.photo_fields(key)
+            touch(tmp_path / above / site_paths.format_path(site, pattern, terrain, fields, [str(number)]))
     for terrain in site.terrains:
         found, strays = photos(tmp_path, terrain, site)
         assert [key for key, _ in found] == sorted(site.photos_of(terrain))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from polarsim.formats.site_files import format_path, photo_fields
+from polarsim.formats.site_paths import format_path, photo_fields
 from polarsim.photo import PhotoKey
 from polarsim.site import polar
 
