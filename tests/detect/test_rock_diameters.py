@@ -10,9 +10,9 @@ from polarsim.formats.files import write_json
 from polarsim.formats.tables import read_csv, read_parquet, write_parquet
 from polarsim.geometry.ground_diameters import ground_diameters
 from polarsim.geometry.poses import camera_pose
-from polarsim.geometry.stereo import default_rig
 from polarsim.report.rock_sizes import report_rock_diameters
 from polarsim.run_files.rigs import LocalisedRig, write_localised
+from tests.support.polar_rig import default_rig
 
 ROCKS = [(0.5, -0.8, 0.30), (-0.4, 0.3, 0.12), (-1.2, -1.0, 0.20)]  # x, y, diameter, metres
 POSE = camera_pose(np.array([3.5, -0.3, 1.5]), np.radians(178), np.radians(25))
