@@ -24,7 +24,7 @@ from polarsim.detect.breakdown import breakdown, match_predictions
 from polarsim.detect.grouping import BOX_COLUMNS, units_of
 from polarsim.detect.ipd import instance_performance
 from polarsim.geometry import boxes
-from polarsim.photo import BOX_CLASSES, HEIGHT, WIDTH
+from polarsim.photo import BOX_CLASSES
 from polarsim.site import polar
 
 LABELS, PREDICTIONS, RESAMPLES = 14, 300, 1000
@@ -36,11 +36,12 @@ def synthetic_tables(photos: int) -> tuple[list[str], pd.DataFrame, pd.DataFrame
     rng = np.random.default_rng(0)
     every = [str(key) for terrain in range(1, 14) for key in polar().photos_of(terrain)]
     keys = sorted(rng.choice(every, photos, replace=False).tolist())
+    photo_size = polar().images.size
     labels, found = [], []
     for kind in BOX_CLASSES:
-        corner, size = rng.uniform(0, (WIDTH, HEIGHT), (photos, LABELS, 2)), rng.uniform(15, 150, (photos, LABELS, 2))
+        corner, size = rng.uniform(0, photo_size, (photos, LABELS, 2)), rng.uniform(15, 150, (photos, LABELS, 2))
         label = np.concatenate([corner, corner + size], axis=2)
-        strewn = rng.uniform(0, (WIDTH, HEIGHT), (photos, PREDICTIONS - LABELS, 2))
+        strewn = rng.uniform(0, photo_size, (photos, PREDICTIONS - LABELS, 2))
         stray = np.concatenate([strewn, strewn + rng.uniform(15, 150, strewn.shape)], axis=2)
         near = label + rng.normal(0, 6, label.shape)
         sure = np.concatenate(

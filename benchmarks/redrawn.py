@@ -19,7 +19,7 @@ from polarsim.config import RELEASE_ROOT
 from polarsim.cover_photos.photos import annotation_rows
 from polarsim.cover_photos.scores import cover_metrics
 from polarsim.formats import release, tables
-from polarsim.photo import HEIGHT, ROCK, WIDTH, PhotoKey
+from polarsim.photo import ROCK, PhotoKey
 from polarsim.site import polar
 
 
@@ -39,7 +39,7 @@ def redrawn(root: Path, keys: list[PhotoKey], azimuth: str) -> pd.DataFrame:
             rows += [row | {"key": str(key)} for row in annotation_rows(other, files[other])]
     table = pd.DataFrame(rows)
     area = (table["x1"] - table["x0"]) * (table["y1"] - table["y0"])
-    return table.assign(confidence=area / (WIDTH * HEIGHT))
+    return table.assign(confidence=area / np.prod(polar().images.size))
 
 
 def main() -> None:

@@ -6,7 +6,7 @@ from functools import cache
 from itertools import chain
 from pathlib import Path
 
-from polarsim.photo import HEIGHT, WIDTH
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 CHECKOUT = Path(__file__).parent.parent
 FOLDERS = ("polarsim", "workflow/scripts", "benchmarks", "tests")

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from polarsim.photo import HEIGHT, WIDTH
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 CHECKOUT = Path(__file__).parents[1]
 KEY = "03_A_off_30_L_0256"

@@ -14,11 +14,12 @@ from polarsim.formats import nasa, png
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.stereo import rectified_left
 from polarsim.grid import GridOptions
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import PhotoKey
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.rigs import read_rig
 from polarsim.site import polar as polar_site
 from tests.support.polar_files import photo_path
+from tests.support.polar_photos import HEIGHT, WIDTH
 from tests.support.polar_rig import default_rig
 
 BOX = "0 0.500000 0.500000 0.100000 0.100000\n"

@@ -7,9 +7,10 @@ from polarsim.acquire.index import describe_photo, index_photos, photo_table
 from polarsim.errors import FormatError
 from polarsim.formats import png
 from polarsim.formats.tables import PHOTO_COLUMNS
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import PhotoKey
 from polarsim.site import polar
 from polarsim.sources.files import log_gaps
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 KEY = PhotoKey.parse("01_A_off_180_L_0256")
 

@@ -14,7 +14,8 @@ from polarsim.errors import FormatError
 from polarsim.formats import png
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
-from polarsim.photo import HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import PhotoKey
+from tests.support.polar_photos import HEIGHT, WIDTH
 from tests.support.polar_rig import default_rig
 
 LEFT = PhotoKey.parse("03_A_off_30_L_0256")

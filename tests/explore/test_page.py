@@ -21,9 +21,10 @@ from polarsim.explore.site import page_of_run
 from polarsim.formats.tables import write_parquet
 from polarsim.formats.yaml_files import read_yaml
 from polarsim.labels.seeds import read_corrections
-from polarsim.photo import HEIGHT, PhotoKey
+from polarsim.photo import PhotoKey
 from polarsim.run_files.run import Run
 from polarsim.site import polar
+from tests.support.polar_photos import HEIGHT
 
 from .made_run import KEYS, MODELS, SEED, boxes_of
 

@@ -4,7 +4,8 @@ import pytest
 
 from polarsim.formats import png, tables
 from polarsim.labels.brightness import PhotoBrightness, noise_dn
-from polarsim.photo import BLACK_LEVEL, HEIGHT, WHITE_LEVEL, WIDTH
+from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import pytest
 
 from polarsim.formats import png
 from polarsim.formats.tables import key_columns, read_csv, typed, write_parquet
-from polarsim.photo import BLACK_LEVEL, HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import BLACK_LEVEL, PhotoKey
 from polarsim.report.appearance_table import (
     BETTER,
     REFUSED,
@@ -18,6 +18,7 @@ from polarsim.report.appearance_table import (
 from polarsim.report.figures.appearance import draw_appearance, shown_photos
 from polarsim.schemas.evaluation import APPEARANCE_PAIRS, HELD_OUT, IN_PLACE, NOT_FITTED
 from polarsim.scoring.twin_photos import ComparedPhoto, compare_twins
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 ORIGIN = {"run": "test", "source": "analog", "config": "0123"}
 KEYS = [

@@ -5,10 +5,11 @@ import pytest
 
 from polarsim.formats import png
 from polarsim.formats.tables import write_parquet
-from polarsim.photo import BLACK_LEVEL, HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import BLACK_LEVEL, PhotoKey
 from polarsim.report.figures.before_after import draw_before_after, photos_of_terrains
 from polarsim.run_files.fitted_photos import FittedPhotos
 from polarsim.scoring.twin_photos import ComparedPhoto, compare_twins
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 KEY = PhotoKey.parse("03_A_off_30_L_0256")
 

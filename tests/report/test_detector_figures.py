@@ -4,7 +4,6 @@ import pytest
 
 from polarsim.formats import png
 from polarsim.formats.tables import label_table, write_parquet
-from polarsim.photo import HEIGHT, WIDTH
 from polarsim.report.figures.canvas import PREDICTED, rgb
 from polarsim.report.figures.detections import draw_predictions, shown_keys
 from polarsim.report.figures.detector_results import read_detector_results
@@ -15,6 +14,7 @@ from polarsim.schemas.detect import CURVES, INSTANCES, IPD_ROCKS
 from polarsim.site import polar
 from tests.report.pixels import coloured, is_drawn
 from tests.support.label_rows import label_row
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 NARROW = 640  # px
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}

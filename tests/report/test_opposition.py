@@ -11,11 +11,12 @@ from polarsim.formats.tables import write_parquet
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.geometry.stereo import StereoRig
-from polarsim.photo import BLACK_LEVEL, HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import BLACK_LEVEL, PhotoKey
 from polarsim.report.figures.opposition import draw_opposition, extreme_spots, lit_by_single_lamp, phase_angles
 from polarsim.run_files.lamps import write_suns
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from polarsim.site import polar
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 EYE = np.array([3.5, 0.0, 1.5])
 HALF = np.array([2.0, 2.0])  # half widths of the sandbox, metres

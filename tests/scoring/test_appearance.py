@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.photo import BLACK_LEVEL, HEIGHT, WIDTH
+from polarsim.photo import BLACK_LEVEL
 from polarsim.scoring.appearance import compare_appearance, fit_tone, log_ratio, structural_similarity
 from polarsim.tone import to_8bit
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 METRICS = ("psnr_db", "ssim", "correlation")
 

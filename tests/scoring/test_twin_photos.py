@@ -9,7 +9,7 @@ import pytest
 
 from polarsim.errors import FormatError
 from polarsim.formats import png
-from polarsim.photo import BLACK_LEVEL, HEIGHT, WIDTH, PhotoKey
+from polarsim.photo import BLACK_LEVEL, PhotoKey
 from polarsim.run_files.fitted_photos import FittedPhotos
 from polarsim.schemas.evaluation import HELD_OUT, IN_PLACE, NOT_FITTED
 from polarsim.scoring.feature_agreement import agreement_of, compare_features, find_features
@@ -22,6 +22,7 @@ from polarsim.scoring.twin_photos import (
     twin_of_same_view,
     typical_photos,
 )
+from tests.support.polar_photos import HEIGHT, WIDTH
 
 KEY = PhotoKey.parse("03_A_off_30_L_0256")
 SAME_VIEW = replace(KEY, terrain=11)

@@ -6,9 +6,9 @@ import pandas as pd
 from polarsim.formats import png
 from polarsim.formats.tables import label_table, write_parquet
 from polarsim.grid import GridOptions, selected_grid
-from polarsim.photo import HEIGHT, WIDTH
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.site import polar
+from tests.support.polar_photos import HEIGHT, WIDTH
 from tests.workflow.conftest import SMALL
 from tests.workflow.figures import find_picture, resized
 
