@@ -21,7 +21,6 @@ NO_SUN = "no"  # azimuth of photos without a lamp that stands in for the Sun
 
 LIGHTS: tuple[Light, ...] = ("off", "on")
 
-WIDTH, HEIGHT = 1936, 1216  # pixels of every photo
 BLACK_LEVEL = 16  # DN of an unlit pixel
 WHITE_LEVEL = 4095  # DN, 12 bits in a 16-bit file
 ELECTRONS_PER_DN = 8  # not published; value of similar sensors (Sony IMX249: 33,000 electrons at 12 bits)
