@@ -27,6 +27,7 @@ from polarsim.formats import (
     bags,
     class_lists,
     coco,
+    colmap,
     files,
     geotiff,
     nasa,
@@ -49,6 +50,8 @@ from polarsim.rocks import overrides
 from polarsim.run_files import class_masks, instances, lamps, rigs
 from polarsim.run_files.inventory import Inventory, read_inventory, write_inventory
 from polarsim.site import polar
+from tests.acquire.test_other_site import kalibr
+from tests.support.other_site import other_rig, other_site
 from tests.support.polar_photos import HEIGHT, WIDTH
 from tests.support.polar_rig import default_rig
 
@@ -148,6 +151,27 @@ def valid_boxes(labels: tuple[np.ndarray, np.ndarray]) -> None:
 def valid_all(photos: dict[PhotoKey, Any]) -> None:
     for labels in photos.values():
         valid_boxes(labels)
+
+
+def make_colmap(folder: Path) -> Path:
+    rig = other_rig()
+    colmap.write_model(folder / "model", {"A": rigs.LocalisedRig(rig, camera_pose(np.array([3.0, 0, 1]), np.pi, 0.4))})
+    for name in ("rigs.txt", "frames.txt", "points3D.txt"):
+        (folder / "model" / name).unlink()
+    return folder / "model"
+
+
+def make_opencv(folder: Path) -> Path:
+    file = cv2.FileStorage(str(folder / "a.yaml"), cv2.FILE_STORAGE_WRITE)
+    rig = other_rig()
+    for side, lens in (("left", rig.left), ("right", rig.right)):
+        file.write(f"camera_matrix_{side}", lens.opencv_matrix())
+        file.write(f"distortion_coefficients_{side}", np.array([lens.distortion]))
+    motion = rig.left_from_right.inverse()
+    file.write("R", motion.rotation)
+    file.write("T", motion.translation[:, None])
+    file.release()
+    return folder / "a.yaml"
 
 
 def valid_lens(rig: Any) -> None:
@@ -258,6 +282,23 @@ CASES = {
     "calibration": Case(
         written("a.calibration", nasa.write_calibration, default_rig()),
         lambda path: read_calibration(path, polar()),
+        valid_lens,
+    ),
+    "calibration of Kalibr": Case(
+        written("camchain.yaml", files.write_text, kalibr(other_rig())),
+        lambda path: read_calibration(path, other_site()),
+        valid_lens,
+    ),
+    "calibration of COLMAP": Case(
+        lambda folder: make_colmap(folder) / "cameras.txt",
+        lambda path: read_calibration(path, other_site()),
+        valid_lens,
+        damaged="model/*.txt",
+        named=False,  # or images.txt
+    ),
+    "calibration of OpenCV": Case(
+        make_opencv,
+        lambda path: read_calibration(path, other_site()),
         valid_lens,
     ),
     "cloud": Case(
