@@ -53,7 +53,7 @@ def synthetic_tables(photos: int) -> tuple[list[str], pd.DataFrame, pd.DataFrame
 
 
 def _rows(keys: list[str], kind: str, corners: np.ndarray) -> pd.DataFrame:
-    table = pd.DataFrame(boxes.clip(corners.reshape(-1, 4)), columns=list(BOX_COLUMNS))
+    table = pd.DataFrame(boxes.clip(corners.reshape(-1, 4), *polar().images.size), columns=list(BOX_COLUMNS))
     return table.assign(key=np.repeat(keys, corners.shape[1]), kind=kind)
 
 

@@ -36,7 +36,7 @@ def redrawn(root: Path, keys: list[PhotoKey], azimuth: str) -> pd.DataFrame:
         ]
         if others:
             other = min(others, key=lambda one: abs(np.log(one.exposure_ms / key.exposure_ms)))
-            rows += [row | {"key": str(key)} for row in annotation_rows(other, files[other])]
+            rows += [row | {"key": str(key)} for row in annotation_rows(other, files[other], polar().images.size)]
     table = pd.DataFrame(rows)
     area = (table["x1"] - table["x0"]) * (table["y1"] - table["y0"])
     return table.assign(confidence=area / np.prod(polar().images.size))
@@ -58,7 +58,7 @@ def main() -> None:
         shown = [str(key) for key in keys if str(key) in set(found["key"])]
         for name in ("all", *sorted({key[:2] for key in shown})):
             own = [key for key in shown if name in ("all", key[:2])]
-            row = cover_metrics(labels, [found], own, seed=0, resamples=1000).iloc[0]
+            row = cover_metrics(labels, [found], own, resamples=1000).iloc[0]
             print(
                 f"azimuth {azimuth}, terrain {name}, {len(own)} photos: "
                 f"{row['map50']:.3f} [{row['map50_low']:.3f}, {row['map50_high']:.3f}]"

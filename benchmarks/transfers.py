@@ -108,6 +108,7 @@ class Run:
         self.folder.mkdir(parents=True)
         at = {name: self.folder / name for name in ("photos.parquet", "calibration.json", "inventory.json", "seeds")}
         index_terrain(
+            site=polar(),
             terrain=self.terrain,
             positions=list(self.seeded),
             source=SourceOptions(kind="release", root=self.root),
@@ -144,7 +145,9 @@ class Run:
         localised = rigs.read_all_localised(path.parent)
         rig = localised.pop(self.unlocalised)
         likely = expected_survey_pose(
-            self.unlocalised, {position: one.sandbox_from_left for position, one in localised.items()}
+            self.unlocalised,
+            {position: one.sandbox_from_left for position, one in localised.items()},
+            polar().tripods_of(self.terrain),
         )
         assert likely is not None
         pose, pitch_sd_deg = likely
