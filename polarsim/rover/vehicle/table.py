@@ -166,7 +166,9 @@ class Vehicle(VehicleSection):
     steering: Steering
     suspension: Suspension
     drive: WheelServo
-    friction_on_rock: float = Field(gt=0, description="Coulomb friction coefficient of rim and rock.")
+    friction_on_rock: float = Field(
+        gt=0, description="Coulomb friction coefficient of the rover on rocks, and of body and legs on the ground."
+    )
     cameras: tuple[CameraPart, ...] = ()
     lights: tuple[LightPart, ...] = ()
     shapes: tuple[ShapePart, ...] = ()
