@@ -107,6 +107,7 @@ FAILS = {  # calls that fail, each with the exit code and the text of the error
     "run": (2, "polarsim[pipeline]"),
     "report": (1, "results: no such folder"),
     "detect picture.png --weights x.pt --out new": (2, "polarsim[detect]"),
+    "rocks cloud.las --out rocks.csv": (2, "polarsim[las]"),
     "drive --results runs": (2, "polarsim[rover]"),
     "render config/views.yaml out": (1, "the ground mesh is missing"),  # of a run
     "render views.yaml taichi_views --engine taichi": (2, "--engine does not apply"),

@@ -13,8 +13,8 @@ from polarsim.cli.application import commands_of
 command = commands_of("Rocks")
 
 
-@command()
-def rocks(
+@command("rocks")
+def rocks_of_cloud(
     cloud: Annotated[Path, typer.Argument(help="Point cloud: PLY, LAS, LAZ (extra `las`), or text with x y z.")],
     out: Annotated[
         Path,
@@ -34,7 +34,7 @@ def rocks(
         float | None,
         typer.Option(min=1, help="Minimum diameter in the fit of Golombek's law, mm; default: 80/35 of --min-size-mm."),
     ] = None,
-    figure: Annotated[
+    plot: Annotated[
         Path | None, typer.Option(callback=writes_file(".png"), help="PNG: map, cumulative number, covered share.")
     ] = None,
 ) -> None:
@@ -52,9 +52,9 @@ def rocks(
     found = find_rocks_in_cloud(cloud, unit=unit, up=up, min_size_mm=min_size_mm)
     write_by_suffix(out, found.table)
     smallest = (complete_mm or min_size_mm * 80 / RocksOptions().min_size_mm) / 1000
-    if figure:
+    if plot:
         draw_cloud_rocks(
-            figure, found.table, found.heights, found.rock_of_cell, found.cell, found.area_m2, smallest
+            plot, found.table, found.heights, found.rock_of_cell, found.cell, found.area_m2, smallest
         )  # fmt: skip
     diameters = found.table["diameter_m"].to_numpy(float)
     fit = fit_abundance(diameters, found.area_m2, smallest)

@@ -106,7 +106,7 @@ def exposed_points(points: np.ndarray, above: np.ndarray) -> tuple[np.ndarray, n
 def exposed_mesh(mesh: Mesh, ground: np.ndarray) -> tuple[ExposedSizes, float]:
     """Measure the part of a closed mesh above the vertices (v, 3) of the ground; also return its volume, m^3."""
     corners, heights = cut_at_ground(mesh, height_above(ground, mesh.vertices))
-    return exposed_sizes(corners.reshape(-1, 3), heights.ravel()), volume_above(corners, heights)
+    return exposed_sizes(corners.reshape(-1, 3), heights.ravel()), exposed_volume(corners, heights)
 
 
 def exposed_cloud(points: np.ndarray, ground: np.ndarray) -> ExposedSizes:
@@ -139,7 +139,7 @@ def cut_at_ground(mesh: Mesh, above: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
 
 
-def volume_above(corners: np.ndarray, heights: np.ndarray) -> float:
+def exposed_volume(corners: np.ndarray, heights: np.ndarray) -> float:
     """Return the volume between the ground and triangles of a closed mesh, the result of `cut_at_ground`, m^3.
 
     It is the integral of the height above the ground over the plan, positive on faces up and negative on faces down.

@@ -61,7 +61,7 @@ def test_ground_is_level_for_every_axis(scanned, up):
 
 def test_the_command_reads_ply_in_millimetres_and_writes_table_and_figure(scanned, found, tmp_path, polarsim):
     write_ply(tmp_path / "cloud.ply", Cloud(1000 * scanned, np.zeros_like(scanned)))
-    options = ("--unit", "mm", "--figure", tmp_path / "rocks.png")
+    options = ("--unit", "mm", "--plot", tmp_path / "rocks.png")
     done = polarsim("rocks", tmp_path / "cloud.ply", "--out", tmp_path / "rocks.csv", *options)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("3 rocks")
