@@ -36,6 +36,7 @@ REACH_PX = 3  # distance from an edge in which disparities of both sides are tri
 MIN_STEP_PX = 3.0  # minimum step of disparities at an edge, at the finer scale
 CHOICE_PX = 0.8  # standard deviation of the window of correlations that are compared
 LEAD = 0.02  # minimum lead of the correlation of the other side
+SPECKLE_PX, SPECKLE_STEP_PX = 300, 1.0  # maximum area of a speckle in a photo of full size, and step at its outline
 AT_LIMIT = 0.3  # correlation that a minimum at the limit of the candidates loses in this comparison
 
 
@@ -84,6 +85,7 @@ def measure_points(
         scale = level.scale
     lens = grid.lens.scaled(scale)
     known &= disparity > lens.fx * baseline / depths[1]
+    known = _without_speckles(disparity, known, scale)
     depth = np.where(known, lens.fx * baseline / np.where(known, disparity, 1.0), np.nan)
     points = grid.left_from_rectified.apply(lens.pixel_directions() * depth[..., None])
     return RangePoints(lens, points, logs)
@@ -206,6 +208,16 @@ def _refined(left: Sequence[np.ndarray], right: Sequence[np.ndarray], start: np.
     known = inside & (reached > MIN_CORRELATION) & (contrast > MIN_EVIDENCE)
     disparity = start + np.interp(best, np.arange(len(candidates)), candidates)
     return _Match(disparity, known, np.where(inside, reached, reached - np.float32(AT_LIMIT)))
+
+
+def _without_speckles(disparity: np.ndarray, known: np.ndarray, scale: float) -> np.ndarray:
+    """Return the known pixels (h, w) without small areas that steps separate from all others."""
+    import cv2
+
+    unit = SPECKLE_STEP_PX / 16
+    steps = np.where(known, np.clip(np.rint(disparity / unit), 0, np.iinfo(np.int16).max), -1).astype(np.int16)
+    cv2.filterSpeckles(steps, -1, round(SPECKLE_PX * scale**2), 16)
+    return known & (steps >= 0)
 
 
 def _correlation(left: Sequence[np.ndarray], right: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

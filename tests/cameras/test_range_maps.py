@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from polarsim.acquire.index import photo_table
 from polarsim.cameras.crossings import Ortho, match_orthophotos
-from polarsim.cameras.disparities import FULL, HALF, StereoPhotos, measure_points
+from polarsim.cameras.disparities import FULL, HALF, StereoPhotos, _without_speckles, measure_points
 from polarsim.cameras.range_maps import measure_ranges, possible_matches
 from polarsim.cameras.self_calibration import Crossing, StereoPixels, correct_calibration, triangulated
 from polarsim.errors import ReconstructionError
@@ -85,6 +85,17 @@ def test_foreground_does_not_extend_over_the_background():
     assert np.nanmean(beside < (far + near) / 2) < 0.1
     assert np.isfinite(inside).mean() > 0.6
     assert np.nanmean(inside < (far + near) / 2) > 0.95
+
+
+def test_small_separate_areas_are_not_measured():
+    disparity = np.full((100, 120), 50.0) + 0.2 * np.arange(100)[:, None]  # a slope is no step
+    known = np.ones(disparity.shape, bool)
+    disparity[20:30, 20:30] += 8
+    disparity[50:80, 50:80] += 8
+    kept = _without_speckles(disparity, known, 1.0)
+    assert not kept[20:30, 20:30].any()
+    known[20:30, 20:30] = False
+    np.testing.assert_array_equal(kept, known)
 
 
 def test_photos_of_different_scenes_match_at_fewer_pixels():
