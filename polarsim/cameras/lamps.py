@@ -16,13 +16,12 @@ from polarsim.cameras.shading import MeshSurface, ViewHits, cast_view
 from polarsim.geometry.patches import MatchedWindows, MatchingOptions, match_windows
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, PositionCamera
 from polarsim.run_files.best_photos import ViewPhotos
-from polarsim.run_files.lamps import is_directional
+from polarsim.run_files.lamps import error_scale, is_directional
 from polarsim.run_files.rigs import LocalisedRig
 
 _DIFFERENCE_STEP = 0.04  # metres: step of numeric derivatives, about a pixel of a coarse view
 _WEIGHTS = 20  # number of steps of a robust fit
 _SURVEY_SD = 0.15  # metres: prior of a lamp's position about its survey
-_USUAL_DISTANCE = 4.0  # metres: at this distance of a lamp, step and prior define the angles for directional lamps
 _MIN_WINDOWS = 30
 _MIN_SHARE = 0.1  # minimum share of a window in shadow, and in light
 
@@ -80,14 +79,6 @@ def offset_text(first: np.ndarray, second: np.ndarray) -> str:
         cosine = first @ second / (np.linalg.norm(first) * np.linalg.norm(second))
         return f"{np.degrees(np.arccos(min(float(cosine), 1.0))):.2f} degrees"
     return f"{1000 * np.linalg.norm(first - second):.0f} mm"
-
-
-def error_scale(position: np.ndarray) -> float:
-    """Return the factor of errors of a lamp's position, metres: 1 for a lamp near the sandbox.
-
-    A directional lamp has the angular errors of a lamp at the usual distance.
-    """
-    return float(np.linalg.norm(position)) / _USUAL_DISTANCE if is_directional(position) else 1.0
 
 
 def across(position: np.ndarray) -> np.ndarray:

@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares
 
-from polarsim.cameras.lamps import across, error_scale, offset_text
+from polarsim.cameras.lamps import across, offset_text
 from polarsim.photo import Terrain
+from polarsim.run_files.lamps import error_scale
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.run_files.wall_edges import EdgeSamples, OpenGround, measure_edges

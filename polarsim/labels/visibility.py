@@ -15,6 +15,7 @@ from polarsim.labels.label import Label
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.seeds import MinExposures, is_unlit
 from polarsim.photo import SHADOW, Azimuth, PhotoKey
+from polarsim.run_files.lamps import error_scale
 
 POINTS = 150  # approximate number of rays cast to the surface of a rock
 LIFT = 0.003  # metres from the surface to the start of a shadow ray, to avoid self-intersection
@@ -65,7 +66,8 @@ def is_dark(world: TerrainCasters, rock: int, azimuth: Azimuth) -> bool:
     if rock not in world.bodies or azimuth not in world.suns:
         return False
     points = body_points(world, rock)
-    return all(shaded(world, points, world.suns[azimuth] + off).all() for off in OFFSETS)
+    lamp = world.suns[azimuth]
+    return all(shaded(world, points, lamp + error_scale(lamp) * off).all() for off in OFFSETS)
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,20 @@ from polarsim.run_files.survey import survey_lift
 from polarsim.site import FAR_M, Site
 
 FILE = "lamps.json"
+USUAL_DISTANCE_M = 4.0  # of lamps from the centre; errors of positions at this distance define those of directions
 
 
 def is_directional(lamp: np.ndarray) -> bool:
     """Return whether a position (3,) in the sandbox frame, metres, stands for a direction, see `site.FAR_M`."""
     return float(np.linalg.norm(lamp)) > FAR_M / 2
+
+
+def error_scale(lamp: np.ndarray) -> float:
+    """Return the factor of errors of a lamp's position, metres: 1 for a lamp near the sandbox.
+
+    A directional lamp has the angular errors of a lamp at the usual distance.
+    """
+    return float(np.linalg.norm(lamp)) / USUAL_DISTANCE_M if is_directional(lamp) else 1.0
 
 
 def write_suns(folder: str | Path, suns: Mapping[str, np.ndarray]) -> None:
