@@ -97,8 +97,9 @@ class CatalogueTerrain:
     @property
     def rig_lamps(self) -> Iterator[tuple[str, np.ndarray, Origin]]:
         """Position, place (3,) and origin of the rig's lamp at each localised position; empty without such a lamp."""
-        for position, localised in sorted(self.rigs.items()) if self.site.rig_lamp else ():
-            yield position, localised.rover_light(self.site.rig_lamp), self.pose_origin(position)
+        if lamp := self.site.rig_lamp:
+            for position, localised in sorted(self.rigs.items()):
+                yield position, localised.rover_light(lamp), self.pose_origin(position)
 
     @property
     def name(self) -> str:
@@ -266,7 +267,7 @@ def _terrain(run: Path, site: Site, number: Terrain) -> CatalogueTerrain:
 
 
 def _pictures(
-    run: Run, terrains: Mapping[int, CatalogueTerrain], photo_domain: str, parts: Mapping[PhotoKey, str]
+    run: Run, terrains: Mapping[Terrain, CatalogueTerrain], photo_domain: str, parts: Mapping[PhotoKey, str]
 ) -> Iterator[CatalogueImage]:
     for terrain in terrains.values():
         listed = run.folder / "acquire" / terrain.name / "photos.parquet"
