@@ -6,7 +6,7 @@ from pydantic import ValidationError
 from polarsim.config import parse_config
 from polarsim.errors import ConfigError, LabelError
 from polarsim.photo import PhotoKey
-from polarsim.site import Site, polar
+from polarsim.site import Site, polar, read_site, site_of
 from tests.support.other_site import CONTENT, one_camera, other_rig, other_site
 
 
@@ -90,3 +90,19 @@ def test_a_key_of_the_form_is_parsed_without_a_site():
 def test_a_name_that_tables_read_as_a_missing_value_is_refused(name):
     with pytest.raises(ValidationError, match="missing value"):
         other_site(positions=["gate", "mast", name])
+
+
+def test_content_with_a_base_differs_from_this_site_only_where_stated():
+    base = read_site("yard")
+    changes = {"base": "yard", "images": {"bits": 14, "black": 64}, "cameras": {"stereo": False, "baseline_m": None}}
+    site = Site.model_validate(site_of(changes))
+    assert (site.images.bits, site.images.black, site.images.size) == (14, 64, base.images.size)
+    assert site.cameras.sides == ("L",)
+    assert site.model_copy(update={"images": base.images, "cameras": base.cameras}) == base
+
+
+@pytest.mark.parametrize("name", ["scenes", "scanned", "tripods_m", "lamp_output"])
+def test_the_simulated_sandbox_has_only_terrains_positions_and_lamps_of_the_site(name):
+    values = {"scenes": {"yard-z": 3}, "scanned": ["roof"], "tripods_m": {"roof": [0, 0, 1]}, "lamp_output": {"90": 1}}
+    with pytest.raises(ValueError, match=f"analog.{name}"):
+        other_site(analog={name: values[name]})
