@@ -213,6 +213,7 @@ def _calibrated_by_ground(
             )  # fmt: skip
             return rig, {}
         rig, poses = correct_calibration(stated, list(features.values()), crossings, poses)
+        rig, poses = rounded_rig(rig), {position: rounded(pose) for position, pose in poses.items()}
         for pair, crossing in crossings.items():
             log.info(
                 "terrain %s: %d windows of positions %s and %s match",
@@ -233,4 +234,5 @@ def _registered(site: Site, terrain: Terrain, seen: Mapping[str, RangePoints], a
         return {}
     for refusal in network.refused:
         log.warning("terrain %s: %s", terrain_text(terrain), refusal.reason)
-    return network.level_from_left
+    # The last bits of a registration depend on the memory layout; matching would amplify them.
+    return {position: rounded(pose) for position, pose in network.level_from_left.items()}
