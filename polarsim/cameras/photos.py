@@ -34,7 +34,7 @@ from polarsim.progress import track
 from polarsim.run_files import lamps
 from polarsim.run_files.best_photos import BestPhotos, ViewPhotos, best_pictures, read_all_resized
 from polarsim.run_files.pictures import pictures_at
-from polarsim.run_files.rigs import LocalisedRig, read_all_localised, write_localised
+from polarsim.run_files.rigs import STEREO, LocalisedRig, read_all_localised, write_localised
 from polarsim.run_files.scene import TerrainMesh, read_terrain
 from polarsim.run_files.walls import Walls, write_walls
 from polarsim.site import Site
@@ -50,6 +50,9 @@ PRIORS = Priors(
     pose_m=0.003, pose_rad=float(np.radians(0.1)), rig_m=0.0005, rig_rad=float(np.radians(0.02)),
     focal_px=1.5, centre_px=1.5, k1=0.003,
 )  # fmt: skip
+# Range maps from photos: relative poses and calibration are fitted to the same photos, by hundreds of windows.
+# Meshes of these range maps resemble the photos less than scans do: on smooth sand, windows match by chance.
+STEREO_PRIORS = replace(PRIORS, pose_m=0.001, pose_rad=float(np.radians(0.02)), focal_px=0.5, centre_px=0.3)
 _REFINED = ", photos"  # end of the method of a refined rig
 _MODEL_POINTS = 20_000  # maximum number of mesh vertices in a COLMAP model
 log = logging.getLogger("polarsim")
@@ -162,7 +165,7 @@ def _refine(
             return located, {}
         reliable = {position: located[position] for position, _ in matches}
         lenses = of_usual_photos == options.scales[-1]
-        adjusted = adjust(reliable, matches, PRIORS, INDEPENDENT, lenses)
+        adjusted = adjust(reliable, matches, _priors(reliable), INDEPENDENT, lenses)
         rig = next(iter(adjusted.localised.values())).rig
         current = {position: replace(one, rig=rig) for position, one in located.items()} | adjusted.localised
         suns = _refine_suns(name, lamp_views(surface, adjusted.localised, photos, scale), surveyed, suns)
@@ -174,6 +177,11 @@ def _refine(
         else replace(one, rig=rounded_rig(one.rig))
         for position, one in current.items()
     }, suns
+
+
+def _priors(located: Mapping[str, LocalisedRig]) -> Priors:
+    """Return the accuracy of poses and calibration before the refinement."""
+    return STEREO_PRIORS if all(one.method == STEREO for one in located.values()) else PRIORS
 
 
 def _match_view(

@@ -19,7 +19,7 @@ from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.poses import Pose, angle_between, camera_pose
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 from polarsim.run_files.lamps import FILE, read_suns, surveyed_suns
-from polarsim.run_files.rigs import SURVEYED, LocalisedRig, read_all_localised, write_localised
+from polarsim.run_files.rigs import STEREO, SURVEYED, LocalisedRig, read_all_localised, write_localised
 from polarsim.run_files.scene import read_terrain
 from polarsim.site import polar
 from tests.support.polar_rig import default_rig
@@ -161,6 +161,13 @@ def test_a_colmap_model_has_points_of_the_meshes(refined, photographed):
     assert 10_000 < len(points) <= 20_000
     assert cKDTree(vertices).query(points)[0].max() < 1e-6
     assert np.ptp(points[:, :2], axis=0).min() > 3.9  # across the sandbox
+
+
+def test_shaded_views_move_poses_from_stereo_photos_less_than_poses_from_scans(photographed, refined, tmp_path):
+    coarse = RefinementOptions(scales=(0.25,))
+    stereo = refine(photographed, tmp_path, {"A": replace(LOCATED, method=STEREO)}, options=coarse)["A"]
+    assert stereo.method == "stereo, photos"
+    assert 0 < stereo.metrics["moved_mm"] < 0.85 * refined[0]["A"].metrics["moved_mm"]
 
 
 def test_without_photos_poses_are_not_changed(photographed, tmp_path):
