@@ -19,7 +19,12 @@ from polarsim.run_files.rigs import read_localised
 from polarsim.site import polar
 from tests.support.other_site import CONTENT, one_camera, other_site
 
-FILES = {**CONTENT["files"], "clouds": "{terrain}/{position}.xyz", "calibration": "{terrain}/stereo.calibration"}
+FILES = {
+    **CONTENT["files"],
+    "photos": "{terrain}/{position}/{azimuth}-{light}/{camera}_{exposure_ms}.png",
+    "clouds": "{terrain}/{position}.xyz",
+    "calibration": "{terrain}/stereo.calibration",
+}
 OPTIONS = AnalogOptions(ground_step_mm=20, rock_detail=3, scan_step_deg=0.5)
 KEYS = ["yard-a_gate_off_45_L_0040", "yard-a_gate_off_45_L_0160", "yard-a_gate_on_135_L_0040"]
 
