@@ -18,6 +18,7 @@ from scipy.spatial import KDTree
 
 from polarsim.errors import FormatError, ReconstructionError, with_path
 from polarsim.formats.clouds import read_any_cloud
+from polarsim.formats.tables import typed
 from polarsim.geometry.planes import level_from, robust_plane
 from polarsim.geometry.rock_axes import exposed_points, exposed_sizes, plan_sides
 from polarsim.rocks.clouds import voxel_means
@@ -94,7 +95,7 @@ def find_rocks_in_cloud(path: Path, *, unit: str, up: str, min_size_mm: float) -
             continue
         at = file_points[chosen].mean(axis=0) / UNITS[unit]
         rows.append({"rock": rock, "x": at[0], "y": at[1], "z": at[2], **row})
-    table = pd.DataFrame(rows, columns=list(CLOUD_ROCKS.columns)).astype(CLOUD_ROCKS.dtypes)
+    table = typed(rows, CLOUD_ROCKS)
     digits = {name: 6 for name, kind in CLOUD_ROCKS.dtypes.items() if kind == "float64"}
     return _result(sand, cropped, table.round({**digits, "volume_m3": 9}), scale)
 

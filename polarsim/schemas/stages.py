@@ -65,7 +65,7 @@ ROCK_SIZES = SHARED.table("""
     volume_error_m3 | float64 | m3 | The same for the volume
 """)
 CLOUD_ROCKS = SHARED.table("""
-    table of `polarsim rocks`: A rock of a cloud; sizes are those of the visible part above the ground
+    rocks_of_cloud.csv: A rock of a cloud; sizes are those of the visible part above the ground
     rock | int64 | | Number from 1, in the order of an oblique sweep
     x y z | float64 | unit of the file | Mean of the points, frame of the cloud
     a_m b_m c_m | float64 | m | Axes as in `rocks/TerrainTT/sizes.parquet`
