@@ -33,7 +33,8 @@ from polarsim.rover.cameras.options import PACKAGED_FILES
 from polarsim.rover.options import RoverOptions
 from polarsim.rover.perception.options import FINE_TUNED, OnboardDetector
 from polarsim.scoring.options import ScoringOptions
-from polarsim.site import DEFAULT, Site, SiteChoice, TerrainName, polar, site_of
+from polarsim.site import DEFAULT, Site, SiteChoice, polar, site_of
+from polarsim.site_parts import TerrainName
 from polarsim.sources.registry import SOURCES
 from polarsim.sources.source import DataSource
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
-from polarsim.site import Images
+from polarsim.site_parts import Images
 
 _GREY_OF_RGB = np.array([0.2126, 0.7152, 0.0722], np.float32)  # luminance of linear values, ITU-R BT.709
 _SRGB_SLOPE, _SRGB_LINEAR, _SRGB_OFFSET, _SRGB_POWER = 12.92, 0.0031308, 0.055, 2.4  # IEC 61966-2-1

@@ -12,11 +12,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, cached_property
-from math import cos, radians, sin
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, get_args
 
-from pydantic import BaseModel, BeforeValidator, Field, PositiveFloat, PositiveInt, field_validator, model_validator
+from pydantic import BeforeValidator, Field, PositiveFloat, PositiveInt, field_validator, model_validator
 
 from polarsim.errors import ConfigError, LabelError
 from polarsim.formats.files import packaged
@@ -30,326 +29,37 @@ from polarsim.photo import (
     Light,
     PhotoKey,
     Terrain,
-    parse_terrain,
     terrain_text,
 )
-
-Point = tuple[float, float, float]  # x, y, z
-Side = Literal["-x", "+x", "-y", "+y"]  # of the sandbox
+from polarsim.site_parts import (
+    FIELD,
+    MAX_EXPOSURE_MS,
+    NAME,
+    AnalogSite,
+    Cameras,
+    Files,
+    ImageIds,
+    Images,
+    Licence,
+    Name,
+    Part,
+    RigLamp,
+    Sandbox,
+    SunLamp,
+    TerrainName,
+    TerrainOptions,
+    Tripod,
+)
 
 DEFAULT = "polar"
-FILL_IN = "FILL_IN"  # start of a value in the draft of a site file that a person must replace
 FOLDER = Path("config/sites")  # of the sites that polarsim ships
-FAR_M = 1000.0  # distance at which a directional lamp is placed; over 6 m its direction varies by 0.3 degrees
-
 KEY_FIELDS = 6  # terrain, position, light, azimuth, camera, exposure
 
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]*")  # a name that is safe in photo keys and paths
-MAX_EXPOSURE_MS = 99999  # photo keys have at most five digits
-_NO_VALUE = ("na", "nan", "none", "null")  # names that readers of CSV files replace by missing values
-_NAMED = ("terrain", "terrain_name", "position", "light", "azimuth", "camera", "exposure_ms")  # fields of file names
-_SPELLED = ("terrain", "position", "light", "azimuth", "camera")
-FIELD = re.compile(r"{([^{}/]*)}")  # of a pattern of file names
 _QUERY = re.compile(r"\?(?!d=).*", re.DOTALL)  # of an address; Label Studio's files are `?d=FOLDER/FILE`
 _ENDING = re.compile(r"(?:_[A-Za-z]{3,4}\.rf\.\w+)?(?:\.[A-Za-z]\w{1,4})?\Z")  # of Roboflow's KEY_png.rf.HASH.jpg
 
 
-def _text(value: object) -> object:
-    """Convert a name that YAML reads as a number to text; raise ValueError for a boolean."""
-    if isinstance(value, bool):
-        raise ValueError("YAML reads on, off, yes, no as booleans: put the name in quotes")
-    if isinstance(value, float):
-        raise ValueError(f"{value}, expected a whole number or a name")
-    return str(value) if isinstance(value, int) else value
-
-
-def _name(value: object) -> object:
-    value = _text(value)
-    if isinstance(value, str) and not _NAME.fullmatch(value):
-        raise ValueError(f"{value!r}, expected a name of letters, digits and dashes")
-    if isinstance(value, str) and value.lower() in _NO_VALUE:
-        raise ValueError(f"{value!r} in a table is read as a missing value, expected another name")
-    return value
-
-
-def _terrain(value: object) -> object:
-    return parse_terrain(str(_name(value)))
-
-
-Name = Annotated[str, BeforeValidator(_name)]
-TerrainName = Annotated[Terrain, BeforeValidator(_terrain)]
-
-
-class _Part(BaseModel, extra="forbid", frozen=True):
-    """Part of a site."""
-
-
-class Tripod(_Part):
-    """Approximate pose of the left (or only) camera at a position."""
-
-    camera_m: Point = Field(description="Centre of the left camera, sandbox frame, m.")
-    yaw_deg: float = Field(description="Heading of the optical axis, from +X towards +Y, degrees.")
-    pitch_deg: float = Field(25.0, description="Downward tilt of the optical axis, degrees.")
-    usual_pitch_deg: float | None = Field(
-        None, description="Mean pitch of rigs that were located here, where known, degrees; null: pitch_deg."
-    )
-    same_tilt_as: Name | None = Field(None, description="Position with the same tilt: the rig was only moved.")
-
-    @property
-    def usual_pitch(self) -> float:
-        """Most likely pitch of a rig that is not located, degrees."""
-        return self.pitch_deg if self.usual_pitch_deg is None else self.usual_pitch_deg
-
-
-class SunLamp(_Part):
-    """A lamp that stands in for the Sun and does not move with the rig."""
-
-    kind: Literal["point", "directional"] = Field(
-        "point", description="'point': a lamp near the sandbox, also with a reflector. 'directional': parallel light."
-    )
-    position_m: Point | None = Field(None, description="Approximate position of a point lamp, sandbox frame, m.")
-    azimuth_deg: float | None = Field(None, description="Direction to a directional lamp, from +X towards +Y, degrees.")
-    elevation_deg: float | None = Field(None, description="Elevation of a directional lamp above the horizon, degrees.")
-
-    @model_validator(mode="after")
-    def _placed(self) -> SunLamp:
-        if (self.kind == "point") != (self.position_m is not None):
-            raise ValueError("position_m is required for a point lamp, and only for it")
-        if (self.kind == "directional") != (None not in (self.azimuth_deg, self.elevation_deg)):
-            raise ValueError("azimuth_deg and elevation_deg are required for a directional lamp, and only for it")
-        return self
-
-    @property
-    def point(self) -> Point:
-        """Position; of a directional lamp `FAR_M` away in its direction."""
-        if self.position_m is not None:
-            return self.position_m
-        assert self.azimuth_deg is not None
-        assert self.elevation_deg is not None
-        azimuth, elevation = radians(self.azimuth_deg), radians(self.elevation_deg)
-        return (
-            FAR_M * cos(azimuth) * cos(elevation),
-            FAR_M * sin(azimuth) * cos(elevation),
-            FAR_M * sin(elevation),
-        )
-
-
-class RigLamp(_Part):
-    """A lamp that moves with the rig: `on` or `off` in photo keys."""
-
-    from_camera_m: Point = Field(description="Position in the left camera's frame (x right, y down, z forward), m.")
-    share: PositiveFloat = Field(description="Radiant intensity relative to a fixed lamp.")
-
-
-class Images(_Part):
-    """Format of the photo files."""
-
-    width: PositiveInt = Field(le=16384, description="Width of the photos, px.")
-    height: PositiveInt = Field(le=16384, description="Height of the photos, px.")
-    bits: int = Field(12, ge=8, le=16, description="Bits of a value. Files with more bits hold them in the low bits.")
-    black: int = Field(16, ge=0, description="Value of an unlit pixel.")
-    white: PositiveInt | None = Field(None, description="Value of a saturated pixel; null: the largest value.")
-    curve: Literal["linear", "srgb"] = Field(
-        "linear", description="'linear': values are proportional to light. 'srgb': values of JPEG files of cameras."
-    )
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height, px."""
-        return self.width, self.height
-
-    @property
-    def white_level(self) -> int:
-        """Value of a saturated pixel."""
-        return self.white if self.white is not None else 2**self.bits - 1
-
-    @model_validator(mode="after")
-    def _levels(self) -> Images:
-        if not self.black < self.white_level < 2**self.bits:
-            raise ValueError(f"black {self.black}, white {self.white_level}: expected black < white < {2**self.bits}")
-        return self
-
-
-class Cameras(_Part):
-    """Camera or stereo rig."""
-
-    stereo: bool = Field(True, description="Two cameras, L and R. False: one camera, named L.")
-    baseline_m: tuple[PositiveFloat, PositiveFloat] | None = Field(
-        None, description="Smallest and largest plausible distance of the two cameras, m. Required for stereo."
-    )
-    calibration: Path | None = Field(
-        None,
-        description="Calibration for terrains without a calibration file, relative to the site file: NASA's "
-        "stereo.calibration, OpenCV YAML, Kalibr YAML or COLMAP cameras.txt (and images.txt).",
-    )
-
-    field_of_view_deg: float | None = Field(
-        None, gt=1, lt=150, description="Horizontal field of view of terrains without a calibration, degrees."
-    )
-
-    @model_validator(mode="after")
-    def _baseline(self) -> Cameras:
-        if self.stereo and self.baseline_m is None:
-            raise ValueError("baseline_m is required for two cameras")
-        if self.baseline_m and self.baseline_m[0] > self.baseline_m[1]:
-            raise ValueError("baseline_m: the smallest distance exceeds the largest")
-        return self
-
-    @property
-    def sides(self) -> tuple[CameraSide, ...]:
-        """Names of the cameras."""
-        return ("L", "R") if self.stereo else ("L",)
-
-
-class Sandbox(_Part):
-    """Size and walls of the sandbox."""
-
-    half_width_m: tuple[PositiveFloat, PositiveFloat] = Field(description="Half the size along X and Y, m.")
-    walls_m: Mapping[Side, PositiveFloat | None] = Field(
-        {},
-        description="Height of the wall on each side (-x, +x, -y, +y) above the ground, m; null: none.",
-    )
-    raised: bool = Field(
-        False, description="The sandbox is a box on a floor that the scans show: it defines origin and heading."
-    )
-
-    @property
-    def reach_m(self) -> float:
-        """Distance of the corners from the origin along the longer axis."""
-        return max(self.half_width_m)
-
-    @property
-    def is_walled(self) -> bool:
-        """Whether all four sides have a wall."""
-        return all(self.walls_m.get(side) for side in ("-x", "+x", "-y", "+y"))
-
-
-class Missing(_Part):
-    """Photos that do not exist: all that match every stated field."""
-
-    positions: tuple[Name, ...] | None = Field(None, description="Positions of these photos; null: all.")
-    lights: tuple[Annotated[Light, BeforeValidator(_text)], ...] | None = Field(
-        None, description="States of the rig's lamp, 'on' or 'off'; null: both."
-    )
-    azimuths: tuple[Name, ...] | None = Field(None, description="Lamps of these photos, or 'no'; null: all.")
-
-    def matches(self, position: str, light: str, azimuth: str) -> bool:
-        """Return whether photos with these fields are missing."""
-        pairs = ((position, self.positions), (light, self.lights), (azimuth, self.azimuths))
-        return all(names is None or value in names for value, names in pairs)
-
-
-class TerrainOptions(_Part):
-    """Name of a terrain, and where it differs from the site."""
-
-    name: str = Field("", pattern=r"^[A-Za-z0-9-]*$", description="Name in folders of raw data: Terrain01_NAME.")
-    positions: tuple[Name, ...] | None = Field(None, description="Positions; null: those of the site.")
-    exposures_ms: tuple[PositiveInt, ...] | None = Field(None, description="Exposures with a lamp, ms; null: site's.")
-    missing: tuple[Missing, ...] = Field((), description="Photos that do not exist.")
-    sandbox: Sandbox | None = Field(None, description="Another sandbox; null: the site's.")
-    surveyed: bool = Field(True, description="Tripods and lamps of the site apply to this terrain.")
-
-
-class Files(_Part):
-    """Names of the files below `source.root`, with fields in braces.
-
-    Fields: {terrain} {terrain_name} {position} {light} {azimuth} {camera} {exposure_ms} {any}. `exposure_ms` matches an
-    integer, `exposure_ms:4` one of at least four digits, `any` any text without a slash. Other fields match names
-    of the site, or their `spelling`. {png|tif} matches one of several texts. Suffixes match in upper and lower case.
-    """
-
-    photos: str = Field(description="Path of a photo: {terrain}/{position}/{azimuth}/{camera}_{exposure_ms}.png.")
-    clouds: str | None = Field(None, description="Path of a scan of a position; null: no scans.")
-    range_maps: str | None = Field(None, description="Path of a range map on the rectified left image; null: none.")
-    calibration: str | None = Field(None, description="Path of a terrain's calibration; null: cameras.calibration.")
-    spelling: Mapping[str, Mapping[str, str]] = Field(
-        {}, description="Texts of names in paths that differ: azimuth: {'45': sun45, 'no': dark}, camera: {L: left}."
-    )
-    cloud_frame: Literal["left", "rectified"] = Field(
-        "left",
-        description="Frame of the clouds: left camera (x right, y down, z forward), or rectified left camera.",
-    )
-    cloud_unit: Literal["mm", "m"] = Field("m", description="Unit of the clouds.")
-
-    @field_validator("photos", "clouds", "range_maps", "calibration")
-    @classmethod
-    def _known_fields(cls, pattern: str | None) -> str | None:
-        if pattern is None:
-            return None
-        for field in FIELD.findall(pattern):
-            if "|" not in field and field.partition(":")[0] not in (*_NAMED, "any"):
-                raise ValueError(
-                    f"{{{field}}} is no field, expected {', '.join(f'{{{name}}}' for name in _NAMED)}, {{any}}"
-                )
-            if ":" in field and not re.fullmatch(r"exposure_ms:\d", field):
-                raise ValueError(f"{{{field}}}: only exposure_ms may have a number of digits, {{exposure_ms:4}}")
-        if re.search("[{}]", FIELD.sub("", pattern)):
-            raise ValueError("a brace is not closed")
-        if pattern.startswith("/") or ".." in pattern.split("/") or "\\" in pattern:
-            raise ValueError("expected a path below source.root, with slashes between folders")
-        return pattern
-
-    @field_validator("spelling", mode="before")
-    @classmethod
-    def _texts_of_names(cls, value: object) -> object:
-        if not isinstance(value, Mapping):
-            return value
-        spelled = {}
-        for field, texts in value.items():
-            if field not in _SPELLED:
-                raise ValueError(f"{field!r}, expected {', '.join(_SPELLED)}")
-            if not isinstance(texts, Mapping):
-                raise ValueError(f"{field}: expected a text for each name")
-            of = {str(_text(name)): str(_text(text)) for name, text in texts.items()}
-            if field == "terrain":
-                of = {terrain_text(parse_terrain(name)): text for name, text in of.items()}
-            if len(set(of.values())) < len(of):
-                raise ValueError(f"{field}: two names have the same text")
-            spelled[field] = of
-        return spelled
-
-
-class AnalogSite(_Part):
-    """Properties of the simulated sandbox of a site (source.kind: analog) that do not follow from the site."""
-
-    scenes: Mapping[TerrainName, Annotated[int, Field(ge=1, le=13)]] = Field(
-        {},
-        description="Preset of rocks and ground: the number of one of NASA's terrains. Default: 1, 3, 4, ... in order.",
-    )
-    scanned: tuple[Name, ...] | None = Field(None, description="Positions with a scan; null: all.")
-    tripods_m: Mapping[Name, Point] = Field(
-        {}, description="Mean positions of the left camera, sandbox frame, m. Default: the approximate poses."
-    )
-    lamp_output: Mapping[Name, PositiveFloat] = Field(
-        {},
-        description="Radiant intensity of lamps relative to one that exposes level sand well at the usual exposure. "
-        "Default: the value at which the sand at the centre is as bright as below NASA's lamp 30.",
-    )
-
-
-class ImageIds(_Part):
-    """Numbering of the photos in COCO files.
-
-    The number of a photo is made of the terrain, the number of the position in the list of the terrain, the light, the
-    number of the lamp, the camera and the exposure. Thus a terrain, position or lamp that is added at the end of its
-    list keeps the numbers of all former photos.
-    """
-
-    positions: PositiveInt = Field(256, description="Largest number of positions of a terrain.")
-    lamps: PositiveInt = Field(32, description="Largest number of lamps, 'no' included.")
-    exposures_ms: tuple[PositiveInt, ...] | None = Field(
-        None, description="Exposures, ms, in the order of their numbers; null: the exposure is the number."
-    )
-
-
-class Licence(_Part):
-    """Terms under which the photos may be published."""
-
-    terms: str = Field(min_length=1, description="Name or summary of the terms, for data cards.")
-    url: str = Field("", description="Address of the text.")
-
-
-class Site(_Part):
+class Site(Part):
     """All that is specific to one sandbox or test yard."""
 
     name: Name = Field(description="Name of the site.")
@@ -604,7 +314,7 @@ def read_site(name: str | Path) -> Site:
     path = Path(name)
     if path.suffix not in (".yaml", ".yml"):
         path = FOLDER / f"{name}.yaml"
-        if not _NAME.fullmatch(str(name)):
+        if not NAME.fullmatch(str(name)):
             raise ConfigError(f"site {str(name)!r}: expected {_one_of(shipped_sites())}, or a file with suffix .yaml")
     site = read_model(path, Site, "site")
     if site.cameras.calibration is None:

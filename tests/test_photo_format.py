@@ -5,7 +5,8 @@ from hypothesis import strategies as st
 
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 from polarsim.photo_format import as_stored, in_photo_format
-from polarsim.site import Images, polar
+from polarsim.site import polar
+from polarsim.site_parts import Images
 
 ALL = np.arange(WHITE_LEVEL + 1, dtype=np.uint16)
 

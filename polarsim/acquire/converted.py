@@ -15,7 +15,8 @@ from polarsim.formats.readers import reader
 from polarsim.photo import PhotoKey
 from polarsim.photo_format import in_photo_format
 from polarsim.progress import track
-from polarsim.site import Images, Site
+from polarsim.site import Site
+from polarsim.site_parts import Images
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from polarsim.formats import nasa, png
 from polarsim.formats.calibrations import read_stated
 from polarsim.formats.files import existing_folder, suffix_counts, write_text
 from polarsim.formats.stated_calibration import StatedCalibration
-from polarsim.site import FIELD
+from polarsim.site_parts import FIELD
 
 _MAX_SAMPLES = 24  # number of images of which pixels are read
 _BITS = (8, 10, 12, 14, 16)

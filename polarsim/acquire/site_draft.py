@@ -12,7 +12,7 @@ import numpy as np
 
 from polarsim.acquire.path_fields import PathFields
 from polarsim.photo import NO_SUN, parse_terrain, terrain_text
-from polarsim.site import FILL_IN
+from polarsim.site_parts import FILL_IN
 
 if TYPE_CHECKING:
     from polarsim.acquire.new_site import ImageForm, Scans

@@ -34,7 +34,8 @@ from polarsim.photo import BLACK_LEVEL, ROCK, SHADOW, PhotoKey, Terrain, terrain
 from polarsim.photo_format import in_photo_format
 from polarsim.progress import track
 from polarsim.randomness import generator
-from polarsim.site import FAR_M, Site, SunLamp
+from polarsim.site import Site
+from polarsim.site_parts import FAR_M, SunLamp
 
 # Photo-electrons per millisecond at unit radiance, for sites with this usual exposure. The sand at the centre of the
 # sandbox is then well exposed by a lamp of unit output that causes this irradiance on level sand (NASA's lamp 30).

@@ -12,7 +12,7 @@ from polarsim.analog.presets import Preset
 from polarsim.analog.rays import RayCaster
 from polarsim.analog.rocks import SimulatedRock, carve, icosphere
 from polarsim.geometry.meshes import Mesh, join_meshes
-from polarsim.site import Sandbox
+from polarsim.site_parts import Sandbox
 
 _PROBES = 642  # vertices of a rock that are tested against neighbours: a sphere of three subdivisions
 _X_RANGE, _Y_RANGE = (-1.6, 1.6), (-1.75, 1.6)  # range of rock centres in NASA's scenes, metres

@@ -15,7 +15,8 @@ from polarsim.formats import png
 from polarsim.formats.files import writing, writing_folder
 from polarsim.formats.site_paths import format_path, photo_fields
 from polarsim.photo import PhotoKey, Terrain
-from polarsim.site import Images, Site
+from polarsim.site import Site
+from polarsim.site_parts import Images
 
 _DISTANCE_STEP_MM = 500  # NASA's folders of positions contain the distance from the edge of the sand
 

@@ -14,7 +14,7 @@ from polarsim.analog.truth import faces_above_sand
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
 from polarsim.randomness import generator
-from polarsim.site import Sandbox
+from polarsim.site_parts import Sandbox
 
 TERRAIN = 1  # number in the names of the mesh files
 _PRESET = Preset(14, (0.10, 0.22, 0.46), touching=0.0, pits=5, mounds=4)  # no contacts, which would need Open3D

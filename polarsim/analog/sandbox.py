@@ -11,7 +11,8 @@ import numpy as np
 from polarsim.analog.ground import PRESET_HALF_WIDTH, HeightField
 from polarsim.analog.rays import RayCaster, grid_faces
 from polarsim.analog.rocks import SimulatedRock, icosphere
-from polarsim.site import Sandbox, Side, Site
+from polarsim.site import Site
+from polarsim.site_parts import Sandbox, Side
 
 GROUND_OBJECT, HALL_OBJECT = -1, -2  # object numbers; rocks have positive numbers
 _WALL_ERROR = 0.01  # metres: the walls are higher than stated, as the real walls are

@@ -7,7 +7,7 @@ import numpy as np
 from polarsim.analog.light import DiscLamp
 from polarsim.geometry.camera import Camera
 from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
-from polarsim.site import Images
+from polarsim.site_parts import Images
 
 _BLUR_PX = 0.6  # standard deviation of the point spread function
 _VIGNETTING = 0.30  # share of light lost in the corners

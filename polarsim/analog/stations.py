@@ -15,7 +15,8 @@ from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import Terrain
 from polarsim.randomness import generator
-from polarsim.site import FAR_M, Site, SunLamp
+from polarsim.site import Site
+from polarsim.site_parts import FAR_M, SunLamp
 
 ROVER = "rover"  # name of the light between the cameras; Sun lamps are named by their azimuth
 # Assumed deviations of the sandbox from survey and calibration; the real deviations of NASA's sandbox are unknown.

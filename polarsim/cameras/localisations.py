@@ -22,7 +22,7 @@ from polarsim.errors import RegistrationError
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose
-from polarsim.site import Tripod
+from polarsim.site_parts import Tripod
 
 log = logging.getLogger("polarsim")
 

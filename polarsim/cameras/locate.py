@@ -48,7 +48,8 @@ from polarsim.run_files.rock_translations import FILE as TRANSLATION_FILE
 from polarsim.run_files.scans import read_scan
 from polarsim.run_files.survey import surveyed_pose, surveyed_poses
 from polarsim.schemas.stages import ALIGNMENT, MATCHES
-from polarsim.site import Sandbox, Site, Tripod
+from polarsim.site import Site
+from polarsim.site_parts import Sandbox, Tripod
 
 _NOT_LOCALISED = "localised neither by a scan, nor by labels and meshes, nor by the survey"
 log = logging.getLogger("polarsim")

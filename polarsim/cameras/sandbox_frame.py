@@ -20,7 +20,7 @@ from polarsim.cameras.search_area import FLOOR_SHOWN
 from polarsim.geometry.planes import level_from, tracked_plane
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
 from polarsim.run_files.walls import SIDES, lowest_wall
-from polarsim.site import Sandbox
+from polarsim.site_parts import Sandbox
 
 GROUND_STEP = 0.04  # metres: side of the cells with equal weight in the fit of the ground plane
 GROUND_SCALES = [0.3, 0.2, 0.15, 0.1, 0.08, 0.06, 0.05, 0.04, 0.04, 0.04]

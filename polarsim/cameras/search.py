@@ -16,7 +16,7 @@ import numpy as np
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, camera_pose, yaw_pitch_roll
-from polarsim.site import Sandbox, Tripod
+from polarsim.site_parts import Sandbox, Tripod
 
 DISTANCE_STEP, HEIGHT_STEP = 0.3, 0.2  # metres: grid of tried positions
 AZIMUTH_RANGE_DEG, AZIMUTH_STEP_DEG = 12.0, 4.0  # of the search about the surveyed azimuth

@@ -8,7 +8,7 @@ import numpy as np
 
 from polarsim.geometry.poses import Pose, camera_pose, yaw_pitch_roll
 from polarsim.run_files.survey import surveyed_pose
-from polarsim.site import Tripod
+from polarsim.site_parts import Tripod
 
 USUAL_PITCH_SD_DEG = 2.3  # of tilts that people set by eye: standard deviation of 18 localised positions of POLAR
 SHARED_PITCH_SD_DEG = 0.8  # of a rig that was only moved: of the difference between POLAR's A and B on six terrains

@@ -7,7 +7,7 @@ from pydantic import BaseModel, Field, field_validator
 from polarsim.detect.options import InferenceWidth
 from polarsim.photo import PhotoKey, Terrain
 from polarsim.scenes.options import SceneOptions
-from polarsim.site import TerrainName
+from polarsim.site_parts import TerrainName
 
 CARVED = 0  # terrain number of scenes with rocks of the generator of the analog instead of scanned rocks
 VAL_SHARE = 0.08  # validation share of the scenes of each terrain and of the windows of photos

@@ -16,7 +16,8 @@ from polarsim.photo import BOX_CLASSES, NO_ROCK, PhotoKey, Terrain
 from polarsim.run_files.rigs import LocalisedRig, localised_files, read_all_localised
 from polarsim.run_files.scene import mesh_files, terrain_of_folder
 from polarsim.run_files.walls import surely_wall
-from polarsim.site import Sandbox, Site
+from polarsim.site import Site
+from polarsim.site_parts import Sandbox
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ from pathlib import Path
 from polarsim.errors import FormatError
 from polarsim.formats.site_paths import spelled_text
 from polarsim.photo import PhotoKey, Terrain, parse_terrain, terrain_text
-from polarsim.site import FIELD, Site
+from polarsim.site import Site
+from polarsim.site_parts import FIELD
 
 log = logging.getLogger("polarsim")
 

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from polarsim.photo import PhotoKey, Terrain, terrain_text
-from polarsim.site import FIELD, Site
+from polarsim.site import Site
+from polarsim.site_parts import FIELD
 
 
 def format_path(site: Site, pattern: str, terrain: Terrain, fields: Mapping[str, Any], anys: Sequence[str] = ()) -> str:

@@ -21,7 +21,7 @@ from polarsim.labels.seeds import AnnotatedBoxes, AnnotationKey, Seeds, sort_by_
 from polarsim.photo import FIRST_ID_WITHOUT_MESH, NO_ROCK, Azimuth, CameraSide
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
-from polarsim.site import RigLamp
+from polarsim.site_parts import RigLamp
 
 SAME_ROCK_IOU = 0.3  # minimum IoU of boxes of the same rock in two azimuths
 SAME_DOME_M = 0.06  # metres: two domes closer than this, or than the larger radius, are the same rock

@@ -15,7 +15,7 @@ from polarsim.photo import NO_ROCK, NO_SUN, Azimuth, Light
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.run_files.walls import WALL_FOOT_M, Walls
-from polarsim.site import RigLamp
+from polarsim.site_parts import RigLamp
 
 HIGH = 10.0  # metres: above all objects in the sandbox
 CONTACT = 1e-3  # metres: maximum depth below the ground at which a vertex belongs to the visible foot of a rock

@@ -8,7 +8,8 @@ from pydantic import BaseModel, Field, field_validator
 
 from polarsim.errors import LabelError
 from polarsim.photo import PhotoKey, Terrain
-from polarsim.site import Site, TerrainName
+from polarsim.site import Site
+from polarsim.site_parts import TerrainName
 from polarsim.user_path import UserPath
 
 # Annotators of the release draw shadows from 128 ms upwards, and under the rover light alone all labels from 2048 ms

@@ -31,7 +31,8 @@ from polarsim.rocks.solids import cluster_vertices
 from polarsim.run_files.fitted_photos import GROUND_FILE
 from polarsim.run_files.scene import MESH_TABLE, PHOTOS, PUBLISHED, SCANNED, TerrainMesh, mesh_origins, read_terrain
 from polarsim.run_files.walls import flat_walls
-from polarsim.site import Sandbox, Site
+from polarsim.site import Site
+from polarsim.site_parts import Sandbox
 
 log = logging.getLogger("polarsim")
 MAP, PICTURE = "ground_map.npz", "ground_kind.png"

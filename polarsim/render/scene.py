@@ -19,7 +19,8 @@ from polarsim.render.sidecar import Shot, Sidecar, digests_of
 from polarsim.render.surfaces import Surfaces, build_surfaces, check_position
 from polarsim.run_files.scene import cameras_of_run, mesh_files, read_terrain
 from polarsim.run_files.walls import walls_file
-from polarsim.site import Sandbox, Site, polar
+from polarsim.site import Site, polar
+from polarsim.site_parts import Sandbox
 
 
 class Scene:

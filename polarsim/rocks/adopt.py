@@ -26,7 +26,8 @@ from polarsim.rocks.solids import merged_vertices
 from polarsim.run_files import scene
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.rock_translations import read_translations
-from polarsim.site import Sandbox, Site
+from polarsim.site import Site
+from polarsim.site_parts import Sandbox
 
 log = logging.getLogger("polarsim")
 PUBLISHED_MARGIN = 0.10  # metres around the sand: the origin of published frames may be a decimetre off the centre

@@ -36,7 +36,8 @@ from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scans import read_scan
 from polarsim.run_files.scene import PHOTOS, SCANNED
 from polarsim.run_files.walls import Walls, write_walls
-from polarsim.site import Files, Sandbox, Site
+from polarsim.site import Site
+from polarsim.site_parts import Files, Sandbox
 
 log = logging.getLogger("polarsim")
 FOOT_HEIGHT = 0.006  # height above the ground at which a rock begins, metres

@@ -10,7 +10,7 @@ from scipy import ndimage
 from polarsim.rocks.heights import FloorGrid, filled, hull_mask, mean_heights, smoothed, top_heights
 from polarsim.rocks.scans import Extent, ScanPoints, wall_foot
 from polarsim.run_files.walls import SIDES
-from polarsim.site import Sandbox
+from polarsim.site_parts import Sandbox
 
 GROUND_CELL = 0.005  # cell of the grid of scanned heights, metres
 EXCLUDED_WALL_MARGIN = 0.03  # width of the excluded sand along a wall, metres

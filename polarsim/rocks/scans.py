@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.geometry.poses import Pose
-from polarsim.site import Sandbox
+from polarsim.site_parts import Sandbox
 
 # Objects at the rim that are higher are walls: metres above the sand, and share of the lowest wall.
 WALL_FOOT, FOOT_SHARE = 0.12, 0.5

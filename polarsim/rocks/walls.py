@@ -14,7 +14,7 @@ import numpy as np
 from polarsim.photo import Terrain, terrain_text
 from polarsim.rocks.scans import ScanPoints, wall_foot
 from polarsim.run_files.walls import STRIP_M, Side, Wall, Walls, surveyed_walls, wall_strips
-from polarsim.site import Sandbox
+from polarsim.site_parts import Sandbox
 
 log = logging.getLogger("polarsim")
 MAX_OFFSET = 0.4  # maximum distance of a wall from its nominal line, metres

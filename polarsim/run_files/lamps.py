@@ -13,7 +13,8 @@ from polarsim.formats.readers import reader
 from polarsim.photo import Terrain
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.survey import survey_lift
-from polarsim.site import FAR_M, Site
+from polarsim.site import Site
+from polarsim.site_parts import FAR_M
 
 FILE = "lamps.json"
 USUAL_DISTANCE_M = 4.0  # of lamps from the centre; errors of positions at this distance define those of directions

@@ -15,7 +15,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
-from polarsim.site import RigLamp
+from polarsim.site_parts import RigLamp
 
 MAX_SIDE_PX = 1 << 16  # maximum width and height of a photo
 SURVEYED = "survey"  # method of a rig that is placed at the surveyed pose

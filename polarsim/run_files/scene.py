@@ -16,7 +16,7 @@ from polarsim.formats.readers import reader
 from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.photo import NO_ROCK, Terrain, parse_terrain
 from polarsim.run_files.walls import Walls, read_walls, surveyed_walls, walls_file
-from polarsim.site import Sandbox
+from polarsim.site_parts import Sandbox
 
 MESH_TABLE = "meshes.csv"  # in the folder of the meshes, with a row per mesh
 # Origins of meshes; a fitted ground is an estimate, refined by photos if the origin is PHOTOS.

@@ -11,7 +11,7 @@ import numpy as np
 
 from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.run_files.rigs import LocalisedRig
-from polarsim.site import Tripod
+from polarsim.site_parts import Tripod
 
 
 def surveyed_pose(tripod: Tripod) -> Pose:

@@ -15,7 +15,7 @@ import numpy as np
 from polarsim.errors import FormatError, with_path
 from polarsim.formats.files import read_json, write_json
 from polarsim.formats.readers import reader
-from polarsim.site import Sandbox, Side
+from polarsim.site_parts import Sandbox, Side
 
 FILE = "walls.json"
 SIDES: tuple[Side, ...] = get_args(Side)

@@ -10,7 +10,8 @@ from polarsim.config import Config, parse_config
 from polarsim.errors import ConfigError
 from polarsim.formats.yaml_files import read_yaml
 from polarsim.running.configuration import read_configs
-from polarsim.site import FILL_IN, Site
+from polarsim.site import Site
+from polarsim.site_parts import FILL_IN
 
 _SUFFIXES = (".yaml", ".yml")
 

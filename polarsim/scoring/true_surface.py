@@ -20,7 +20,7 @@ from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.run_files.scene import TerrainMesh, read_terrain
 from polarsim.scoring.alignment import read_alignment, refine_alignment
 from polarsim.scoring.surface import Surface
-from polarsim.site import Sandbox
+from polarsim.site_parts import Sandbox
 
 SEED = 0  # of the samples on surfaces
 SURFACE_SAMPLES = 20_000  # points on all rocks, and on the ground

@@ -18,7 +18,7 @@ from polarsim.formats.tables import read_parquet
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.rigs import read_rig
-from polarsim.site import Images
+from polarsim.site_parts import Images
 from tests.support.other_site import CONTENT, SIZE, one_camera, other_rig, other_site
 
 

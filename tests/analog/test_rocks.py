@@ -9,7 +9,8 @@ from polarsim.analog.presets import PRESETS
 from polarsim.analog.rays import RayCaster
 from polarsim.analog.rocks import carve, icosphere
 from polarsim.analog.terrain import build_terrain
-from polarsim.site import Sandbox, polar
+from polarsim.site import polar
+from polarsim.site_parts import Sandbox
 
 
 @cache

@@ -6,7 +6,8 @@ from polarsim.analog.sensor import blur_and_vignette, expose_raw, lamp_glare
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.poses import camera_pose
 from polarsim.photo_format import in_photo_format
-from polarsim.site import Images, polar
+from polarsim.site import polar
+from polarsim.site_parts import Images
 from tests.support.polar_rig import default_rig
 
 FORM = polar().images

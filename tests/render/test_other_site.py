@@ -12,7 +12,7 @@ from polarsim.render.lamps import REFERENCE_DISTANCE, ROVER, lamps_of_rig
 from polarsim.render.options import RenderOptions
 from polarsim.render.scene import Scene
 from polarsim.run_files.rigs import read_localised
-from polarsim.site import FAR_M
+from polarsim.site_parts import FAR_M
 from tests.support.other_site import other_site
 
 from .conftest import render_into

@@ -10,7 +10,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig, rectified_left
 from polarsim.run_files.inventory import Inventory
 from polarsim.run_files.scans import range_map_of_cloud, read_scan, trusted_pixels
-from polarsim.site import Files
+from polarsim.site_parts import Files
 from tests.support.other_site import other_rig
 
 LENS = Lens(500, 500, 100, 60, width=200, height=120)

@@ -12,7 +12,8 @@ from pydantic import AfterValidator, BaseModel, Field, PositiveFloat, PositiveIn
 from polarsim.formats.files import resolve_from
 from polarsim.formats.yaml_files import read_model
 from polarsim.render.options import RenderOptions
-from polarsim.site import DEFAULT, Site, TerrainName, read_site
+from polarsim.site import DEFAULT, Site, read_site
+from polarsim.site_parts import TerrainName
 from polarsim.user_path import UserPath
 
 Name = Annotated[  # without _, which separates the parts of file names

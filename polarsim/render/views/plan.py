@@ -21,7 +21,8 @@ from polarsim.render.views.cameras import NamedCamera, cameras_of
 from polarsim.render.views.moon import local_from_celestial, sun_over
 from polarsim.render.views.options import LunarSuns, NearLamps, SceneSection, Suns, Views
 from polarsim.run_files.picture_sets import AUTO, exposure_name
-from polarsim.site import RigLamp, Site
+from polarsim.site import Site
+from polarsim.site_parts import RigLamp
 
 log = logging.getLogger("polarsim.render")
 

@@ -13,7 +13,8 @@ from polarsim.photo import NO_ROCK, Terrain, terrain_text
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, LETTER_M, PLAIN, SERIES, name_positions, note, page
 from polarsim.report.figures.terrain import map_half_m
 from polarsim.schemas.evaluation import OFFSETS
-from polarsim.site import Sandbox, Site
+from polarsim.site import Site
+from polarsim.site_parts import Sandbox
 
 RANGES_MM = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)  # possible limits of the colour scale
 SHOWN_SHARE = 95  # minimum percentage of the points within the limit

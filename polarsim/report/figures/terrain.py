@@ -30,7 +30,8 @@ from polarsim.report.figures.canvas import (
     show_image,
 )
 from polarsim.run_files.scene import FITTED, PHOTOS, PUBLISHED, SCANNED, TerrainMesh, mesh_origins, read_terrain
-from polarsim.site import Sandbox, Site
+from polarsim.site import Site
+from polarsim.site_parts import Sandbox
 
 CUBOID_COLUMNS = ("rock", "x0", "y0", "z0", "x1", "y1", "z1", "size_m", "height_m")
 GROUND_COLOURS = "viridis"
