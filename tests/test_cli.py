@@ -33,14 +33,23 @@ def started(*arguments: object) -> subprocess.CompletedProcess:
 
 def test_help_lists_every_command_in_a_panel_of_its_subject():
     panels = [command.rich_help_panel for command in app.registered_commands]
-    subjects = ["Runs of the pipeline", "Labels", "Rocks", "Rendering", "Detectors", "Rover", "For other tools"]
+    subjects = [
+        "Runs of the pipeline",
+        "Own sandboxes",
+        "Labels",
+        "Rocks",
+        "Rendering",
+        "Detectors",
+        "Rover",
+        "For other tools",
+    ]
     assert list(dict.fromkeys(panels)) == subjects
     assert panels == sorted(panels, key=subjects.index)
 
 
 def test_every_command_is_called_in_a_test():
     text = "\n".join(path.read_text() for path in Path(__file__).parent.rglob("test_*.py"))
-    called = set(re.findall(r'(?:call|polarsim|report_of|invoke)\((?:app, \[)?"([a-z]+)"', text))
+    called = set(re.findall(r'(?:call|polarsim|report_of|invoke)\((?:app, \[)?"([a-z-]+)"', text))
     assert set(typer.main.get_command(app).commands) <= called
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from polarsim.acquire.path_fields import PathFields, find_fields, largest_group
-from polarsim.acquire.site_draft import draft_text
+from polarsim.acquire.site_draft import ImageForm, Scans, draft_text
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import nasa, png
 from polarsim.formats.calibrations import read_stated
@@ -26,30 +26,6 @@ _DARK_SHARE, _BLACK_SHARE = 0.05, 0.25  # of the largest value: median of a phot
 _CALIBRATION = re.compile(r"(?i).*\.(calibration|ya?ml)|(.*/)?cameras\.txt")
 _FAR = 100.0  # median distance of a cloud above which the unit is millimetres
 _RANGE_SUFFIXES = (".tif", ".tiff")
-
-
-@dataclass(frozen=True)
-class ImageForm:
-    """Format of the images: size, bits, black and white level (None: the largest value), and what was seen."""
-
-    width: int
-    height: int
-    bits: int
-    black: int
-    white: int | None
-    colour: bool
-    jpeg: bool
-
-
-@dataclass(frozen=True)
-class Scans:
-    """Patterns of clouds, range maps and calibrations, and the unit of the clouds."""
-
-    clouds: str | None = None
-    range_maps: str | None = None
-    calibration: str | None = None
-    unit: str = "m"
-    stated: StatedCalibration | None = None
 
 
 def write_draft(folder: Path, out: Path) -> list[str]:

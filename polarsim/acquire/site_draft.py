@@ -5,19 +5,41 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from polarsim.acquire.path_fields import PathFields
+from polarsim.formats.stated_calibration import StatedCalibration
 from polarsim.photo import NO_SUN, parse_terrain, terrain_text
 from polarsim.site_parts import FILL_IN
 
-if TYPE_CHECKING:
-    from polarsim.acquire.new_site import ImageForm, Scans
-
 _BASELINE_TOLERANCE = 0.2  # share
+
+
+@dataclass(frozen=True)
+class ImageForm:
+    """Format of the images: size, bits, black and white level (None: the largest value), and what was seen."""
+
+    width: int
+    height: int
+    bits: int
+    black: int
+    white: int | None
+    colour: bool
+    jpeg: bool
+
+
+@dataclass(frozen=True)
+class Scans:
+    """Patterns of clouds, range maps and calibrations, and the unit of the clouds."""
+
+    clouds: str | None = None
+    range_maps: str | None = None
+    calibration: str | None = None
+    unit: str = "m"
+    stated: StatedCalibration | None = None
 
 
 def draft_text(name: str, folder: Path, fields: PathFields, form: ImageForm, scans: Scans) -> str:

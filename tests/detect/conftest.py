@@ -13,7 +13,7 @@ from polarsim.detect.split import split_photos
 from polarsim.detect.train import train_detector
 from polarsim.formats import png, tables
 from polarsim.photo import ROCK, SHADOW, PhotoKey
-from tests.support.polar_photos import HEIGHT, WIDTH
+from tests.support.polar_photos import HEIGHT, SIZE, WIDTH
 
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # as in `devices`, before any test imports torch
 
@@ -82,6 +82,7 @@ def make_real(world: Path, keys, root: Path, imgsz: int) -> Path:
         split=root / "split.csv",
         dataset=root / "real",
         options=PicturesOptions(imgsz=imgsz),
+        size=SIZE,
     )
     return root / "real"
 

@@ -10,7 +10,7 @@ from polarsim.formats.files import write_json
 from polarsim.formats.tables import read_csv, read_parquet, write_parquet
 from polarsim.geometry.ground_diameters import ground_diameters
 from polarsim.geometry.poses import camera_pose
-from polarsim.report.rock_sizes import report_rock_diameters
+from polarsim.report.rock_diameters import report_rock_diameters
 from polarsim.run_files.rigs import LocalisedRig, write_localised
 from tests.support.polar_rig import default_rig
 

@@ -78,7 +78,10 @@ def make_run(results: Path, name: str = "made") -> Path:
             png.write_png(run / f"renders/{model}/{FOLDER}/{key}.png", picture(key, gain))
         classes = np.array([BOX_CLASSES.index(kind) for kind, _ in boxes_of(key)])
         yolo.write_boxes(
-            run / f"labels/boxes/{FOLDER}/{key}.txt", classes, np.array(list(boxes_of(key).values())), size=SIZE
+            run / f"labels/boxes/{FOLDER}/{key}.txt",
+            classes,
+            np.array(list(boxes_of(key).values())),
+            size=(WIDTH, HEIGHT),
         )
     write_parquet(run / f"acquire/{FOLDER}/photos.parquet", pd.DataFrame(photos, columns=list(PHOTO_COLUMNS)))
     for stage in ("labels", "renders"):
@@ -98,7 +101,7 @@ def _write_masks(run: Path) -> None:
             x0, y0, x1, y1 = np.round(box).astype(int).clip(0)
             rings.append((2 if kind == "rock" else 3, np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], float)))
             ids[y0:y1, x0:x1] = (1000 if kind == "rock" else 2000) + rock
-        yolo.write_polygons(run / f"labels/polygons/{FOLDER}/{key}.txt", rings, size=SIZE)
+        yolo.write_polygons(run / f"labels/polygons/{FOLDER}/{key}.txt", rings, size=(WIDTH, HEIGHT))
         path = run / f"renders/instances/{FOLDER}/{str(key).rpartition('_')[0]}.png"
         if not path.exists():
             png.write_png(path, ids)
@@ -135,7 +138,7 @@ def _write_scores(run: Path) -> None:
         seen += [dict(zip(PREDICTIONS.columns, (str(key), "rock", *one), strict=True)) for one in found]
     write_parquet(run / "detect/photo/seed0/predictions/analog_on_analog.parquet", pd.DataFrame(seen))
     yolo.write_boxes(
-        run / f"acquire/{FOLDER}/seeds/{SEED}.txt", np.array([0]), boxes_of(SEED)["rock", 1][None], size=SIZE
+        run / f"acquire/{FOLDER}/seeds/{SEED}.txt", np.array([0]), boxes_of(SEED)["rock", 1][None], size=(WIDTH, HEIGHT)
     )
     undone = [(str(key), "rock", 1, "moved", 3.5) for key in KEYS[:4]] + [(str(SEED), "rock", 2, "gone", np.nan)]
     columns = ["key", "kind", "rock", "change", "moved_px"]

@@ -52,7 +52,7 @@ from polarsim.run_files.inventory import Inventory, read_inventory, write_invent
 from polarsim.site import polar
 from tests.acquire.test_other_site import kalibr
 from tests.support.other_site import other_rig, other_site
-from tests.support.polar_photos import HEIGHT, WIDTH
+from tests.support.polar_photos import HEIGHT, SIZE, WIDTH
 from tests.support.polar_rig import default_rig
 
 EXAMPLES = int(os.environ.get("FUZZ_EXAMPLES", "30"))
@@ -250,7 +250,6 @@ KEY = PhotoKey.parse("01_A_off_30_L_0256")
 PIXELS = RNG.integers(0, 4096, (12, 16)).astype(np.uint16)
 POINTS = np.abs(RNG.normal(1.5, 0.1, (12, 16, 3))).astype(np.float32)
 TETRAHEDRON = Mesh(np.eye(4, 3), np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]))
-SIZE = polar().images.size
 MASK = rle.encode_rle(np.ones((15, 20)), SIZE, 100, 100)
 read_coco = partial(coco.read_coco, size=SIZE, key_of=polar().key_of_picture)
 write_polygons = partial(coco.write_coco, site=polar(), size=SIZE, simplify_px=0.5)
@@ -367,13 +366,13 @@ CASES = {
         named=False,
     ),
     "YAML": Case(text("a.yaml", YAML), lambda path: read_model(path, Options, "the file")),
-    "YOLO": Case(text("a.txt", YOLO_BOXES), yolo.read_boxes, valid_boxes),
+    "YOLO": Case(text("a.txt", YOLO_BOXES), partial(yolo.read_boxes, size=SIZE), valid_boxes),
     "YOLO detections": Case(
         text("a.txt", YOLO_BOXES.replace("\n", " 0.5\n")),
-        yolo.read_detections,
+        partial(yolo.read_detections, size=SIZE),
         lambda found: np.testing.assert_equal([len(part) for part in found], [len(found[0])] * 3),
     ),
-    "YOLO polygons": Case(text("a.txt", YOLO_RING * 2), yolo.read_boxes_or_polygons, valid_boxes),
+    "YOLO polygons": Case(text("a.txt", YOLO_RING * 2), partial(yolo.read_boxes_or_polygons, size=SIZE), valid_boxes),
     "YOLO folder": Case(
         folder_of(text(f"{KEY}.txt", YOLO_BOXES), text(class_lists.CLASS_FILE, "rock\nshadow\n")),
         partial(release.read_annotated_boxes, size=SIZE, key_of=polar().key),

@@ -2,6 +2,7 @@
 
 import json
 import re
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -10,6 +11,7 @@ import pytest
 from polarsim.errors import FormatError
 from polarsim.formats import png, tables, yolo
 from polarsim.run_files import lamps, rigs, rock_translations, scene
+from tests.support.polar_photos import SIZE
 from tests.support.polar_rig import default_rig
 
 
@@ -23,7 +25,11 @@ def wrong_checksum() -> bytes:
     ("name", "content", "read"),
     [
         ("a.png", wrong_checksum(), png.read_png),
-        ("a.txt", b"2 030992 0.17 0.05 0.17 0.05 0.19\n", yolo.read_polygons),  # a decimal point is missing
+        (
+            "a.txt",
+            b"2 030992 0.17 0.05 0.17 0.05 0.19\n",
+            partial(yolo.read_polygons, size=SIZE),
+        ),  # a decimal point is missing
         (lamps.FILE, json.dumps({"30": [1e999, 0, 1]}).encode(), lambda path: lamps.read_localised_suns(path.parent)),
         (
             rock_translations.FILE,

@@ -2,6 +2,7 @@
 
 import codecs
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from polarsim.formats.files import read_json
 from polarsim.formats.yaml_files import read_yaml
 from polarsim.rocks.overrides import read_overrides
 from polarsim.site import polar
+from tests.support.polar_photos import SIZE
 from tests.support.polar_rig import default_rig
 
 UNICODE = ("utf-8", "utf-8-sig", "utf-16", "utf-32", "utf-16-le-mark", "utf-16-be-mark")
@@ -30,9 +32,9 @@ def calibration(folder) -> str:
 
 
 READERS = {  # file name, text, reader
-    "boxes": ("a.txt", lambda _: "0 0.5 0.5 0.1 0.1\n1 0.2 0.2 0.1 0.1\n", yolo.read_boxes),
-    "detections": ("a.txt", lambda _: "0 0.5 0.5 0.1 0.1 0.25\n", yolo.read_detections),
-    "polygons": ("a.txt", lambda _: "0 0.1 0.1 0.2 0.1 0.2 0.2\n", yolo.read_polygons),
+    "boxes": ("a.txt", lambda _: "0 0.5 0.5 0.1 0.1\n1 0.2 0.2 0.1 0.1\n", partial(yolo.read_boxes, size=SIZE)),
+    "detections": ("a.txt", lambda _: "0 0.5 0.5 0.1 0.1 0.25\n", partial(yolo.read_detections, size=SIZE)),
+    "polygons": ("a.txt", lambda _: "0 0.1 0.1 0.2 0.1 0.2 0.2\n", partial(yolo.read_polygons, size=SIZE)),
     "classes": (
         "classes.txt",
         lambda _: "rock\nshadow\nKrater für später\n",

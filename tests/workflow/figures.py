@@ -150,6 +150,7 @@ LEAST = (  # start of the path, measure, and minimum value of a figure that is n
     ("reflectance.", coloured, 0.005),
     ("reliability.", coloured, 0.001),
     ("residuals_", pictured_share, 0.1),
+    ("rock_sizes.", coloured, 0.001),
     ("rover_drive.", coloured, 0.005),
     ("rover_front.", pictured_share, 0.1),
     ("rover_sequence.", pictured_share, 0.1),

@@ -25,7 +25,9 @@ from tests.workflow.conftest import SMALL
 WORKFLOW = Path(__file__).parents[2] / "workflow"
 ANALOG = SMALL | {
     "terrains": [1, 3],
-    "detect": SMALL["detect"] | {"others": {"small": {"model": "compact"}}, "stereo": {"run": True}, "seeds": [0, 1]},
+    "detect": SMALL["detect"]
+    | {"others": {"small": {"model": "compact"}}, "stereo": {"run": True}, "seeds": [0, 1]}
+    | {"elsewhere": {"mars": "mars"}},
     "gap": SMALL["gap"] | {"components": {"pose": {"cameras": "truth", "meshes": "thinned"}}},
     "rover": {
         "run": True,
@@ -72,7 +74,7 @@ POLAR = {
     "labels": {"seeds": {"root": "release"}},
 }
 PLANS = (
-    (ANALOG, ("all", "rover", "rover_autonomy", "publish")),
+    (ANALOG, ("all", "rover", "rover_autonomy", "publish", "rock_diameters", "elsewhere")),
     (FITTED, ("all",)),
     (WITHOUT_SCANS, ("rocks",)),
     (RELEASE, ("all", "real_tables")),
@@ -87,6 +89,7 @@ def files(checkout: Path) -> Path:
     """A checkout with all input files of the plans; the files are empty, because no file is read."""
     for path in (
         "other/front_end_cam/poses.parquet",
+        "mars/images/a.png",
         *(
             f"release/{path}"
             for terrain in ("01", "03")

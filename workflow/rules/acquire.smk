@@ -1,12 +1,6 @@
 """Stage 1: inventory, photos, calibration and seed labels of every terrain from raw data."""
 
 
-def converted_photos():
-    """Return the folder of photos in polarsim's format; none for a site whose photos already have it."""
-    folder = "results/{run}/acquire/Terrain{terrain}/photos"
-    return {"converted": directory(folder)} if CONFIG.site.converts_photos and SOURCE.has_photos else {}
-
-
 rule acquire:
     """All outputs of this stage."""
     input:
@@ -52,11 +46,11 @@ rule index_terrain:
     input:
         raw=PATHS.raw_data,  # read through params.source
     output:
+        **converted_photos(),
         photos="results/{run}/acquire/Terrain{terrain}/photos.parquet",
         calibration="results/{run}/acquire/Terrain{terrain}/calibration.json",
         inventory="results/{run}/acquire/Terrain{terrain}/inventory.json",
         seeds=directory("results/{run}/acquire/Terrain{terrain}/seeds"),
-        **converted_photos(),
     priority: TRAINING_WAITS
     resources:
         mem_mb=memory_per_attempt(500),

@@ -12,11 +12,13 @@ if isinstance(workflow.current_basedir, os.PathLike):  # a clone, not a workflow
     if find_spec("polarsim") is None:  # a plan needs Snakemake alone
         sys.path.append(CLONE)
 
+from polarsim.cover_photos.options import CARVED
 from polarsim.digest import script_digest
 from polarsim.errors import PolarsimError
 from polarsim.formats.files import resolve_packaged
 from polarsim.formats.yaml_files import read_yaml
 from polarsim.paths import CoverPaths, GapPaths, RoverPaths, RunPaths, memory_per_attempt
+from polarsim.photo import terrain_text
 from polarsim.running.configuration import base_configuration, check_config, config_of_module, store_config
 from polarsim.running.inputs import check_paths
 from polarsim.running.site_stages import plan_lines
@@ -69,7 +71,7 @@ def one_of(names, but=()):
 
 wildcard_constraints:
     run=re.escape(RUN),
-    terrain=one_of(TERRAINS),
+    terrain=one_of([*TERRAINS, terrain_text(CARVED)]),
     position=one_of(CONFIG.positions),
     domain=one_of(TRAINED, but=CONFIG.detect.mixes),
     mix=one_of(CONFIG.detect.mixes),
@@ -117,6 +119,12 @@ def shown(path, category, caption=None, **labels):
         return path
     name = re.sub(r"results/{run}/|_Terrain{.*|_{.*|\.\w+$", "", path)
     return report(path, caption=f"../report/{caption or name}.rst", category=category, labels=labels or None)
+
+
+def converted_photos():
+    """Return the folder of photos in polarsim's format; none for a site whose photos already have it."""
+    folder = "results/{run}/acquire/Terrain{terrain}/photos"
+    return {"converted": directory(folder)} if CONFIG.site.converts_photos and SOURCE.has_photos else {}
 
 
 def of_positions(path, category, drawn):

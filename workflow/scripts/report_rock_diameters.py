@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from polarsim.job_files import list_of_paths
-from polarsim.report.rock_sizes import report_rock_diameters
+from polarsim.report.rock_diameters import report_rock_diameters
 from polarsim.reporting import reporting
 
 with reporting(log=snakemake.log[0]):
