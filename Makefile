@@ -94,6 +94,6 @@ LOCKS := requirements.lock requirements-dev.lock
 WORKFLOW := --extra pipeline --extra detect --extra cluster
 lock: ## update requirements.lock and requirements-dev.lock from pyproject.toml
 	sed -i 's/^torch==[0-9.]*$$/&+cpu/' $(LOCKS)
-	uv pip compile pyproject.toml $(WORKFLOW) --extra taichi --extra rover --extra publish --extra dev --no-annotate --no-header -o requirements-dev.lock
+	uv pip compile pyproject.toml $(WORKFLOW) --extra taichi --extra rover --extra publish --extra las --extra dev --no-annotate --no-header -o requirements-dev.lock
 	uv pip compile pyproject.toml $(WORKFLOW) -c requirements-dev.lock --no-annotate --no-header -o requirements.lock
 	sed -i -E -e 's/^(torch==[0-9.]*)[+].*$$/\1/' -e 's/^(taichi|backports-zstd)==[0-9.]*$$/& ; python_version < "3.14"/' $(LOCKS)

@@ -17,7 +17,7 @@ CHECKOUT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
 EXTRAS = {  # of the lock files, as in `make lock`
     "requirements.lock": ("cluster", "detect", "pipeline"),
-    "requirements-dev.lock": ("cluster", "detect", "dev", "pipeline", "publish", "rover", "taichi"),
+    "requirements-dev.lock": ("cluster", "detect", "dev", "las", "pipeline", "publish", "rover", "taichi"),
 }
 ENVIRONMENT = CHECKOUT / "workflow/envs/polarsim.yaml"
 # Substitute of conda with the answers that Snakemake needs for planning.
