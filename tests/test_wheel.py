@@ -89,6 +89,8 @@ WORKS = {  # calls that work in the core, each with a file that they write
     "brdf hapke --plot curves.png": "curves.png",
     "render views.yaml views": "views/contact.jpg",
     "rules": None,
+    "check-site polar": None,
+    "new-site raw --out site.yaml": "site.yaml",
     "schema": None,
     "score labels labels": None,
     "validate labels --json findings.json": "findings.json",
@@ -143,6 +145,8 @@ def work():
             (folder / place).mkdir(parents=True, exist_ok=True)
             (folder / place / f"{KEY}.txt").write_text(f"0 0.5 0.5 0.1 0.1{confidence}\n")
         png.write_png(folder / "picture.png", np.zeros((48, 64), np.uint8))
+        for name in ("a_45_0040", "a_45_0160", "b_45_0040", "b_45_0160"):
+            png.write_png(folder / f"raw/{name}.png", np.full((48, 64), 200, np.uint8))
         yolo.write_polygons(
             folder / f"polygons/{KEY}.txt", [(2, np.array([[10.0, 10], [30, 10], [30, 25]]))], size=polar().images.size
         )
