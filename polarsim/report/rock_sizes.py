@@ -46,6 +46,10 @@ def report_rock_sizes(
     rows = typed(pd.concat(parts, ignore_index=True), report.ROCK_SIZES)
     notes = [_error_note(rows, name, rows["true_a_m"] >= COMPLETE) for name in ("true", "whole") if true_sizes]
     shown = rows.dropna(axis="columns", how="all")
+    # Volumes are in litres, because a rock of 10 cm has 0.0005 m3.
+    volumes = [name for name in map(str, shown.columns) if name.endswith("_m3")]
+    shown = shown.assign(**{name: 1000 * shown[name] for name in volumes})
+    shown = shown.rename(columns={name: name.replace("_m3", "_litres") for name in volumes})
     write_table(table, rows, SIZES_CAPTION, layout=shown, notes=notes, origin=origin)
     area = {terrain: float(read_json(path)["area_m2"]) for terrain, path in sorted(areas.items())}
     diameters = {terrain: rows.loc[rows["terrain"] == terrain, "diameter_m"].to_numpy(float) for terrain in area}
