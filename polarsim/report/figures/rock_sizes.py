@@ -183,4 +183,4 @@ def _draw_errors(axes: Any, rocks: pd.DataFrame) -> None:
     _scale_lengths(axes, "true a axis, m", rocks["true_a_m"].dropna().to_numpy(float))
     axes.set_title("Errors of the axes")
     axes.grid(visible=True)
-    axes.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor="none")
+    axes.legend(loc="best", frameon=True, framealpha=0.9, edgecolor="none")
