@@ -78,12 +78,12 @@ RULES = rules()
 
 
 def used_by(script: str) -> set[str]:
-    """Return the items of the rule that a script uses: `input.photos`; `input.*` for all inputs."""
+    """Return the items of the rule that a script uses: `input.photos`; `input.*` for inputs that are not named."""
     found = set()
     for node in ast.walk(ast.parse((WORKFLOW / f"scripts/{script}.py").read_text())):
         parts = ast.unparse(node).split(".") if isinstance(node, ast.Attribute) else []
         if parts[:1] == ["snakemake"] and len(parts) == 3:
-            found.add(".".join([parts[1], "*" if parts[2] == "items" else parts[2]]))
+            found.add(".".join([parts[1], "*" if parts[2] in ("items", "get") else parts[2]]))
     return found
 
 
