@@ -46,18 +46,16 @@ class GridOptions(BaseModel, extra="forbid", frozen=True):
         return text_values(values)
 
     def wrong_values(self, site: Site) -> Iterator[str]:
-        """Yield a message for each selected value that the site does not have."""
-        no_sun = site.exposures_no_sun_ms
-        with_sun = sorted({time for terrain in site.terrains for time in site.exposures_of(terrain, "")})
-        for name, values, known in (
-            ("lights", self.lights, site.lights),
-            ("azimuths", self.azimuths, site.azimuths),
-            ("cameras", self.cameras, site.cameras.sides),
-            ("exposures_ms", self.exposures_ms, with_sun),
-            ("exposures_no_sun_ms", self.exposures_no_sun_ms, no_sun),
-        ):
-            if unknown := [value for value in values or () if value not in known]:
-                yield f"{name}: {unknown[0]!r}, expected {', '.join(map(str, known)) or 'none'} of the site {site.name}"
+        """Return messages about selected values that the site does not have."""
+        return site.wrong_choices(
+            (
+                ("lights", self.lights or (), site.lights),
+                ("azimuths", self.azimuths or (), site.azimuths),
+                ("cameras", self.cameras or (), site.cameras.sides),
+                ("exposures_ms", self.exposures_ms or (), site.all_exposures_ms),
+                ("exposures_no_sun_ms", self.exposures_no_sun_ms or (), site.exposures_no_sun_ms),
+            )
+        )
 
 
 def selected_grid(site: Site, terrain: Terrain, positions: Sequence[str], grid: GridOptions) -> list[PhotoKey]:

@@ -10,7 +10,7 @@ ground, +X to Sun azimuth 0, +Y to azimuth 90, +Z up.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Annotated, Any, get_args
@@ -232,6 +232,18 @@ class Site(Part):
         ):
             number = number * count + digit
         return number + 1
+
+    @property
+    def all_exposures_ms(self) -> tuple[int, ...]:
+        """Exposures with a lamp of all terrains, ms, ascending."""
+        times = {time for options in self.terrains.values() for time in options.exposures_ms or self.exposures_ms}
+        return tuple(sorted(times))
+
+    def wrong_choices(self, choices: Iterable[tuple[str, Sequence[Any], Sequence[Any]]]) -> Iterator[str]:
+        """Yield a message for each option, with its values and the possible values, that selects an unknown value."""
+        for name, values, known in choices:
+            if unknown := [value for value in values if value not in known]:
+                yield f"{name}: {unknown[0]!r}, expected {', '.join(map(str, known)) or 'none'} of the site {self.name}"
 
     def key(self, text: str) -> PhotoKey:
         """Parse a key of this site. The text must not contain anything else: `..._0256 copy` is rejected."""

@@ -111,17 +111,15 @@ class SeedOptions(BaseModel, extra="forbid", frozen=True):
         return lamp and key.light == self.light and key.camera == self.camera
 
     def wrong_values(self, site: Site) -> Iterator[str]:
-        """Yield a message for each selected value that the site does not have."""
-        times = sorted({time for terrain in site.terrains for time in site.exposures_of(terrain, "")})
-        exposures = (*times, "best")
-        for name, values, known in (
-            ("light", [self.light], site.lights),
-            ("camera", [self.camera], site.cameras.sides),
-            ("azimuths", self.azimuths or (), site.azimuths),
-            ("exposure", [self.exposure], exposures),
-        ):
-            if unknown := [value for value in values if value not in known]:
-                yield f"{name}: {unknown[0]!r}, expected {', '.join(map(str, known)) or 'none'} of the site {site.name}"
+        """Return messages about selected values that the site does not have."""
+        return site.wrong_choices(
+            (
+                ("light", [self.light], site.lights),
+                ("camera", [self.camera], site.cameras.sides),
+                ("azimuths", self.azimuths or (), site.azimuths),
+                ("exposure", [self.exposure], (*site.all_exposures_ms, "best")),
+            )
+        )
 
     @field_validator("light", "azimuths", mode="before")
     @classmethod
