@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,6 +27,7 @@ _DARK_SHARE, _BLACK_SHARE = 0.05, 0.25  # of the largest value: median of a phot
 _CALIBRATION = re.compile(r"(?i).*\.(calibration|ya?ml)|(.*/)?cameras\.txt")
 _FAR = 100.0  # median distance of a cloud above which the unit is millimetres
 _RANGE_SUFFIXES = (".tif", ".tiff")
+_MAX_DAMAGED = 3  # number of files of a pattern that are tried
 
 
 def write_draft(folder: Path, out: Path) -> list[str]:
@@ -34,21 +36,29 @@ def write_draft(folder: Path, out: Path) -> list[str]:
         path for path in existing_folder(folder).rglob("*") if path.is_file() and not path.name.startswith(".")
     )
     names = [path.relative_to(folder).as_posix() for path in files]
-    images = largest_group([name for name in names if name.lower().endswith(png.SUFFIXES)])
+    all_images = [name for name in names if name.lower().endswith(png.SUFFIXES)]
+    images = largest_group(all_images)
     if not images:
         raise FormatError(f"no images, found {suffix_counts(folder)}", path=folder)
+    used = set(images)
     fields = find_fields(images)
     form = image_form(folder, images)
-    scans = find_scans(folder, [name for name in names if name not in set(images)], fields, form)
+    scans = find_scans(folder, [name for name in names if name not in used], fields, form)
     write_text(out, draft_text(out.stem, folder, fields, form, scans))
     return [
         f"{len(images)} images of {form.width} x {form.height} pixels with {form.bits} bits: {fields.pattern}",
         *(f"{field}: {', '.join(list(of)[:8])}{' ...' if len(of) > 8 else ''}" for field, of in fields.names.items()),
         *(f"{kind}: {text}" for kind, text in (("clouds", scans.clouds), ("range maps", scans.range_maps)) if text),
         f"calibration: {scans.calibration or 'none found'}",
+        *_unused([name for name in all_images if name not in used]),
         *fields.notes,
         f"{out}: replace FILL_IN, then: polarsim check-site {out} --root {folder}",
     ]
+
+
+def _unused(images: Sequence[str]) -> list[str]:
+    """Return a line on images with another suffix or in another number of folders, such as range maps."""
+    return [f"images without this pattern: {len(images)}, such as {images[0]}"] if images else []
 
 
 def image_form(folder: Path, names: Sequence[str]) -> ImageForm:
@@ -82,35 +92,35 @@ def image_form(folder: Path, names: Sequence[str]) -> ImageForm:
 
 def find_scans(folder: Path, names: Sequence[str], fields: PathFields, form: ImageForm) -> Scans:
     """Return the patterns of scans and calibrations among the files that are no photos."""
-    scans = Scans()
-    clouds = [
-        name for name in names if name.lower().endswith(nasa.CLOUD_SUFFIXES) and _reads(nasa.read_cloud, folder / name)
-    ]
-    if pattern := _pattern(clouds, fields):
-        cloud = nasa.read_cloud(folder / clouds[0], "m")
+    scans, size = Scans(), (form.width, form.height)
+    clouds = [name for name in names if name.lower().endswith(nasa.CLOUD_SUFFIXES)]
+    if found := _readable(clouds, fields, lambda name: nasa.read_cloud(folder / name, "m")):
+        pattern, cloud = found
         far = float(np.median(np.linalg.norm(cloud, axis=1))) > _FAR
         scans = replace(scans, clouds=pattern, unit="mm" if far else "m")
-    size = form.width, form.height
-    maps = [
-        name
-        for name in names
-        if name.lower().endswith(_RANGE_SUFFIXES)
-        and _reads(lambda path: nasa.read_range_map(path, size), folder / name)
-    ]
-    scans = replace(scans, range_maps=_pattern(maps, fields))
-    found = {name: stated for name in names if _CALIBRATION.fullmatch(name) and (stated := _stated(folder / name))}
-    if found:
-        pattern = _pattern(found, fields, ("terrain",)) or min(found, key=lambda name: (name.count("/"), name))
-        scans = replace(scans, calibration=pattern, stated=next(iter(found.values())))
+    maps = [name for name in names if name.lower().endswith(_RANGE_SUFFIXES)]
+    if found := _readable(maps, fields, lambda name: nasa.read_range_map(folder / name, size)):
+        scans = replace(scans, range_maps=found[0])
+    stated = {name: stated for name in names if _CALIBRATION.fullmatch(name) and (stated := _stated(folder / name))}
+    if stated:
+        pattern = _pattern(stated, fields) or min(stated, key=lambda name: (name.count("/"), name))
+        scans = replace(scans, calibration=pattern, stated=next(iter(stated.values())))
     return scans
 
 
-def _reads(read: Callable[[Path], object], path: Path) -> bool:
-    try:
-        read(path)
-    except PolarsimError:
-        return False
-    return True
+def _readable(
+    names: Sequence[str], fields: PathFields, read: Callable[[str], np.ndarray]
+) -> tuple[str, np.ndarray] | None:
+    """Return the pattern of most files of which a file can be read, and the content of that file."""
+    patterns: dict[str, list[str]] = {}
+    for name in names:
+        if pattern := _replaced(name, fields, ("terrain", "position")):
+            patterns.setdefault(pattern, []).append(name)
+    for pattern, files in sorted(patterns.items(), key=lambda item: -len(item[1])):
+        for name in files[:_MAX_DAMAGED]:
+            with suppress(PolarsimError):
+                return pattern, read(name)
+    return None
 
 
 def _stated(path: Path) -> StatedCalibration | None:
@@ -120,9 +130,9 @@ def _stated(path: Path) -> StatedCalibration | None:
         return None
 
 
-def _pattern(names: Iterable[str], fields: PathFields, chosen: Sequence[str] = ("terrain", "position")) -> str | None:
-    """Return the pattern that most names have when the texts of terrain and position are replaced by the fields."""
-    patterns = Counter(pattern for name in names if (pattern := _replaced(name, fields, chosen)))
+def _pattern(names: Iterable[str], fields: PathFields) -> str | None:
+    """Return the pattern that most names have when the text of the terrain is replaced by the field."""
+    patterns = Counter(pattern for name in names if (pattern := _replaced(name, fields, ("terrain",))))
     return patterns.most_common(1)[0][0] if patterns else None
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import takewhile
 
@@ -155,9 +155,9 @@ def _joined(layout: list[str | _Word], first: _Word, second: _Word) -> bool:
     return True
 
 
-def _take(words: list[_Word], name: str, matches: object) -> None:
+def _take(words: list[_Word], name: str, matches: Callable[[_Word], bool]) -> None:
     """Name the last word that matches."""
-    found = [word for word in words if not word.named and matches(word)]  # type: ignore[operator]
+    found = [word for word in words if not word.named and matches(word)]
     if found:
         found[-1].named = name
 

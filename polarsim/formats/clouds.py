@@ -20,13 +20,11 @@ def read_any_cloud(path: str | Path) -> np.ndarray:
     suffix = Path(path).suffix.lower()
     if suffix not in SUFFIXES:
         raise FormatError(f"unknown extension {suffix!r}, expected {', '.join(SUFFIXES)}")
-    if suffix in LAS_SUFFIXES:
-        import laspy
+    if suffix not in LAS_SUFFIXES:
+        return read_points(path)
+    import laspy
 
-        points = np.asarray(laspy.read(path).xyz, float)
-    else:
-        points = read_points(path)
-    points = points[np.isfinite(points).all(axis=1)]
+    points = np.asarray(laspy.read(path).xyz, float)
     if not len(points):
         raise FormatError("no point")
     return points

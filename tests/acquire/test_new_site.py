@@ -95,9 +95,12 @@ def make(root, site):
 @pytest.mark.parametrize("site", [other_site(), one_camera()], ids=["stereo", "one camera"])
 def test_a_draft_is_accepted_when_a_person_has_filled_in_the_marked_values(polarsim, tmp_path, site):
     make(tmp_path / "raw", site)
+    png.write_png(tmp_path / "raw/overview.png", np.zeros((30, 40), np.uint8))
+    next((tmp_path / "raw").rglob("*.ply")).write_text("damaged")
     draft = tmp_path / "site.yaml"
     result = polarsim("new-site", tmp_path / "raw", "--out", draft)
     assert result.returncode == 0
+    assert "images without this pattern: 1, such as overview.png" in result.stdout
     first = polarsim("check-site", draft)
     assert first.returncode == 1
     assert all(key in first.stdout for key in ("lamps.45", "lamps.135", "sandbox.half_width_m", "rig_lamp.share"))
