@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -20,6 +21,8 @@ from polarsim.geometry.boxes import iou, match_by_iou
 from polarsim.intervals import bootstrap_draws, percentile_interval
 from polarsim.photo import ROCK
 from polarsim.schemas.detect import ELSEWHERE
+
+log = logging.getLogger("polarsim")
 
 MIN_IOU = 0.5
 MIN_CONFIDENCE, SHOWN_CONFIDENCE = 0.01, 0.25  # of average precision, and of recall and of drawn boxes
@@ -86,6 +89,8 @@ def labelled_images(folder: Path) -> dict[Path, Path]:
     }
     if not labelled:
         raise FormatError("no image has a file labels/NAME.txt or masks/NAME.png", path=folder)
+    if unlabelled := [path.name for path in pictures if path not in labelled]:
+        log.warning("%s: %d images without a label file excluded, such as %s", folder, len(unlabelled), unlabelled[0])
     return labelled
 
 

@@ -130,6 +130,7 @@ def _by_position(site: Site, pattern: str | None, root: str | Path, terrain: Ter
             continue
         position = _name(site, "position", fields) or site.positions_of(terrain)[0]
         if position not in site.positions_of(terrain):
+            log.warning("%s: skipped, terrain %s has no position %s", path, terrain_text(terrain), position)
             continue
         if position in found:
             raise FormatError(f"position {position} also has the scan {found[position]}: remove a file", path=path)

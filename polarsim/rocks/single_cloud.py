@@ -73,6 +73,8 @@ def find_rocks_in_cloud(path: Path, *, unit: str, up: str, min_size_mm: float) -
         upright, tilt = upright_points((points - centre) / scale, up)
         kept = ~stray_points(upright)
         points, upright = points[kept], upright[kept]
+        if strays := int((~kept).sum()):
+            log.info("%s: %d of %d points are farther apart than their neighbours, excluded", path, strays, len(kept))
         extent = _extent(upright)
         check_density(upright, extent, scale, unit)
         if tilt > np.radians(1):
