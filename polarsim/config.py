@@ -107,7 +107,11 @@ class Config(BaseModel, extra="forbid", frozen=True):
         """Read the site, and select all that it has where the configuration selects nothing."""
         if not isinstance(content, dict):
             return content
-        site = Site.model_validate(site_of(content.get("site", DEFAULT)))
+        try:
+            site = Site.model_validate(site_of(content.get("site", DEFAULT)))
+        except ValidationError as error:
+            text = describe_error(error, "site")
+            raise ValueError(text if text.startswith("site:") else f"site.{text}") from error
         whole = {"positions": site.positions, **content, "site": site}
         if site != polar():
             whole = {"terrains": tuple(site.terrains), **whole}

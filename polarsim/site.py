@@ -18,7 +18,7 @@ from typing import Annotated, Any, get_args
 from pydantic import BeforeValidator, Field, PositiveFloat, PositiveInt, field_validator, model_validator
 
 from polarsim.errors import ConfigError, LabelError
-from polarsim.formats.files import packaged
+from polarsim.formats.files import packaged, resolve_packaged
 from polarsim.formats.yaml_files import read_model
 from polarsim.photo import (
     BLACK_LEVEL,
@@ -326,7 +326,7 @@ def read_site(name: str | Path) -> Site:
     path = Path(name)
     if path.suffix not in (".yaml", ".yml"):
         path = FOLDER / f"{name}.yaml"
-        if not NAME.fullmatch(str(name)):
+        if not NAME.fullmatch(str(name)) or not resolve_packaged(path).is_file():
             raise ConfigError(f"site {str(name)!r}: expected {_one_of(shipped_sites())}, or a file with suffix .yaml")
     site = read_model(path, Site, "site")
     if site.cameras.calibration is None:

@@ -55,7 +55,7 @@ Name = Annotated[str, BeforeValidator(_name)]
 TerrainName = Annotated[Terrain, BeforeValidator(_terrain)]
 
 
-class Part(BaseModel, extra="forbid", frozen=True):
+class Part(BaseModel, extra="forbid", frozen=True, allow_inf_nan=False):
     """Part of a site."""
 
 

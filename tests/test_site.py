@@ -1,5 +1,7 @@
 """Sites: NASA's is a file, and another one has other terrains, lamps, exposures and images."""
 
+from pathlib import Path
+
 import pytest
 from pydantic import ValidationError
 
@@ -8,6 +10,8 @@ from polarsim.errors import ConfigError, LabelError
 from polarsim.photo import PhotoKey
 from polarsim.site import Site, polar, read_site, site_of
 from tests.support.other_site import CONTENT, one_camera, other_rig, other_site
+
+CHECKOUT = Path(__file__).parents[1]
 
 
 def test_photos_of_another_site_have_its_names():
@@ -106,3 +110,26 @@ def test_the_simulated_sandbox_has_only_terrains_positions_and_lamps_of_the_site
     values = {"scenes": {"yard-z": 3}, "scanned": ["roof"], "tripods_m": {"roof": [0, 0, 1]}, "lamp_output": {"90": 1}}
     with pytest.raises(ValueError, match=f"analog.{name}"):
         other_site(analog={name: values[name]})
+
+
+@pytest.mark.parametrize("value", [".nan", ".inf", "-.inf"])
+@pytest.mark.parametrize("key", ["yaw_deg: 180", "half_width_m: [1.5", "share: 0.035"])
+def test_numbers_of_a_site_file_are_finite(tmp_path, key, value):
+    name, _, number = key.partition(": ")
+    text = (CHECKOUT / "config/sites/yard.yaml").read_text()
+    changed = text.replace(key, f"{name}: {'[' if number.startswith('[') else ''}{value}", 1)
+    assert changed != text
+    (tmp_path / "a.yaml").write_text(changed)
+    with pytest.raises(ConfigError, match=name):
+        read_site(tmp_path / "a.yaml")
+
+
+def test_an_unknown_site_is_an_error_with_the_names_of_the_shipped_sites():
+    with pytest.raises(ConfigError, match=r"nowhere.*polar-traverse.*yard"):
+        read_site("nowhere")
+
+
+def test_errors_of_a_site_in_a_configuration_name_the_section():
+    content = {"source": {"kind": "analog"}, "site": {"base": "yard", "cameras": {"baseline_m": [0.2, 0.1]}}}
+    with pytest.raises(ConfigError, match=r"site\.cameras"):
+        parse_config(content)
