@@ -53,7 +53,7 @@ def jobs_at_work(folder: Path, process: subprocess.Popen) -> tuple[psutil.Proces
     for _ in range(2000):
         found = processes.processes_of_run(folder)
         scripts = [one for one in found if any("/.snakemake/scripts/" in word for word in command_of(one))]
-        snakemakes = [one for one in found if one.ppid() == process.pid]
+        snakemakes = [one for one in found if parent_of(one) == process.pid]
         if scripts and snakemakes:  # jobs without Snakemake are of a killed run
             return snakemakes[0], scripts
         assert process.poll() is None, process.communicate()[0]
@@ -66,6 +66,13 @@ def command_of(process: psutil.Process) -> list[str]:
         return process.cmdline()
     except psutil.NoSuchProcess:
         return []
+
+
+def parent_of(process: psutil.Process) -> int | None:
+    try:
+        return process.ppid()
+    except psutil.NoSuchProcess:
+        return None
 
 
 def rules_in(text: str) -> set[str]:
