@@ -30,6 +30,7 @@ def labels(release_root, tmp_path_factory):
     """Truth, propagated labels and seeds by key, and the cameras."""
     folder = tmp_path_factory.mktemp("few")
     index_terrain(
+        site=polar(),
         terrain=TERRAIN,
         positions=list("ABC"),
         source=SourceOptions(kind="release", root=release_root),

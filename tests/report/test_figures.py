@@ -279,14 +279,14 @@ def test_a_cover_photo_is_identified_by_red_boxes(release_root, position, camera
     cover = png.read_png(release.cover_photos(release_root, 3)[position])
     keys = [key for key in release.label_files(release_root, 3) if key.light == "off" and key.exposure_ms == 256]
     keys = [key for key in keys if key.position == position]
-    assert cover_key(cover, hand_drawn(release_root, keys, (1936, 1216)), keys).camera == camera
+    assert cover_key(cover, hand_drawn(release_root, keys), keys, SIZE).camera == camera
 
 
 @pytest.mark.release
 def test_a_cover_photo_with_numbers_only_is_not_identified(release_root):
     cover = png.read_png(release.cover_photos(release_root, 4)["C"])
     keys = [key for key in release.label_files(release_root, 4) if key.position == "C" and key.exposure_ms == 256]
-    assert cover_key(cover, hand_drawn(release_root, keys, (1936, 1216)), keys) is None
+    assert cover_key(cover, hand_drawn(release_root, keys), keys, SIZE) is None
 
 
 def hand_drawn(root, keys):
