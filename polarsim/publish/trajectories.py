@@ -14,17 +14,28 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import yaml
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from polarsim.formats.ros import stamp_ns
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.poses import Pose
+from polarsim.geometry.trajectories import POSE_COLUMNS, Trajectory
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue
 from polarsim.run_files.run import TRACE
 
-POSE = ("time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
-_BODY = (*POSE, "vx_m_s", "vy_m_s", "vz_m_s", "wx_rad_s", "wy_rad_s", "wz_rad_s", "ax_m_s2", "ay_m_s2", "az_m_s2")
+_BODY = (
+    *POSE_COLUMNS,
+    "vx_m_s",
+    "vy_m_s",
+    "vz_m_s",
+    "wx_rad_s",
+    "wy_rad_s",
+    "wz_rad_s",
+    "ax_m_s2",
+    "ay_m_s2",
+    "az_m_s2",
+)
 _RIGID = 1e-6  # maximum change of the pose relative to the rover of a mounted camera; others are chase cameras
 
 
@@ -46,15 +57,8 @@ class DriveStates:
         return cls(folder, read_parquet(folder / TRACE, _BODY))
 
     @cached_property
-    def _rotations(self) -> Slerp:
-        rotations = Rotation.from_quat(self.table[["qx", "qy", "qz", "qw"]].to_numpy())
-        return Slerp(self.table["time_s"].to_numpy(), rotations)
-
-    def world_from_base(self, time_s: float) -> Pose:
-        times = self.table["time_s"].to_numpy()
-        at = float(np.clip(time_s, times[0], times[-1]))
-        position = np.array([np.interp(at, times, self.table[name]) for name in ("x_m", "y_m", "z_m")])
-        return Pose(self._rotations(at).as_matrix(), position)
+    def trajectory(self) -> Trajectory:
+        return Trajectory.from_table(self.table)
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,7 @@ class MountedCamera:
 
     name: str
     base_from_camera: Pose
-    frames: pd.DataFrame  # frame number and `POSE`, world from camera
+    frames: pd.DataFrame  # frame number and `POSE_COLUMNS`, world from camera
     pictures: Path
 
 
@@ -80,11 +84,13 @@ def sequences(catalogue: Catalogue) -> Iterator[tuple[str, DriveStates, list[Mou
 
 def _views(drive: DriveStates) -> Iterator[MountedCamera]:
     for path in sorted(drive.folder.glob("*/poses.parquet")):
-        frames = read_parquet(path, ("frame", *POSE))
+        frames = read_parquet(path, ("frame", *POSE_COLUMNS))
+        if not len(frames):
+            continue
         poses = [_pose(row) for row in frames.to_dict("records")]
-        times = frames["time_s"].to_numpy()
-        mounts = [drive.world_from_base(time).inverse() @ pose for time, pose in zip(times, poses, strict=True)]
-        if not mounts or max(np.abs(mount.matrix - mounts[0].matrix).max() for mount in mounts) > _RIGID:
+        bases = drive.trajectory.at(frames["time_s"].to_numpy())
+        mounts = [bases.pose(index).inverse() @ pose for index, pose in enumerate(poses)]
+        if max(np.abs(mount.matrix - mounts[0].matrix).max() for mount in mounts) > _RIGID:
             continue
         for pictures in sorted(path.parent.glob("*_*_*")):
             if pictures.is_dir() and any(pictures.glob("*.png")):
@@ -96,10 +102,10 @@ def write_euroc(catalogue: Catalogue, bundle: Bundle) -> None:
     for name, drive, views in sequences(catalogue):
         folder, table = f"{name}/mav0", drive.table
         stamps = [stamp_ns(time) for time in table["time_s"]]
-        imu = table[["wx_rad_s", "wy_rad_s", "wz_rad_s", "ax_m_s2", "ay_m_s2", "az_m_s2"]]
+        imu = table[list(_IMU_COLUMNS)]
         bundle.text(f"{folder}/imu0/data.csv", _csv(_IMU, stamps, imu))
         bundle.text(f"{folder}/imu0/sensor.yaml", _sensor("imu", Pose.identity(), "measurements without noise"))
-        truth = table[[*POSE[1:], "vx_m_s", "vy_m_s", "vz_m_s"]].assign(**dict.fromkeys("abcdef", 0.0))  # no biases
+        truth = table[[*POSE_COLUMNS[1:], *_VELOCITY]].assign(**dict.fromkeys("abcdef", 0.0))  # no biases
         bundle.text(f"{folder}/state_groundtruth_estimate0/data.csv", _csv(_TRUTH, stamps, truth))
         bundle.text(
             f"{folder}/state_groundtruth_estimate0/sensor.yaml",

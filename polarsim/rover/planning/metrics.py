@@ -1,11 +1,4 @@
-"""Metrics of an autonomous drive: contacts with rocks, path, energy, stops, score of the map, error of odometry.
-
-The map is scored by the rules of NASA's Lunar Autonomy Challenge (2025), as in the public leaderboard code. The height
-of a cell is the mean over 16 vertical rays of the first hit on ground or rock; the cell is rock if a ray hits a rock.
-The challenge scores a complete square of 15 cm cells; here only cells of the corridor along the straight line are
-scored. The 150 points for localisation are given in full, since no fiducials are used; for the accuracy of odometry see
-`odometry`. Of 1000 points, 300 are for heights, 300 for rocks, 250 for productivity.
-"""
+"""Metrics of an autonomous drive: contacts with rocks, path, energy, stops, score of the map, errors of poses."""
 
 from __future__ import annotations
 
@@ -14,30 +7,23 @@ import math
 import numpy as np
 import pandas as pd
 
+from polarsim.geometry.trajectories import Trajectory, absolute_error, consecutive, relative_errors
 from polarsim.rover.drive.table import TREAD_AND_FLANK
 from polarsim.rover.drive.trace import rock_contacts
-from polarsim.rover.perception.ground_view import by_cells, part_centres, true_surface
-from polarsim.rover.perception.hazard_grid import HazardGrid
+from polarsim.rover.planning.challenge import POINTS, points_of
 from polarsim.rover.planning.clearance import closest_pass
 from polarsim.rover.planning.drive import Outcome
-from polarsim.rover.planning.odometry import absolute_error, relative_error, visual_odometry
+from polarsim.rover.planning.odometry import visual_odometry
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.planner import Planner, hazard_field
 from polarsim.rover.vehicle.table import Vehicle
-from polarsim.rover.world.surface import World
 from polarsim.schemas.rover import AUTONOMY_EVENTS, COLLISION, HIGH_M, STOP, TOUCH
 
 CLASSES_M = ((0.05, 0.10), (0.10, 0.20), (0.20, math.inf))
 NO_ROCK = -1
 _OF = (("wheels", TREAD_AND_FLANK), ("legs", ("leg",)), ("the body", ("body",)))
 _TOTALS = {"time_s": "min", "duration_s": "sum", "impulse_n_s": "sum"}  # of all links of a part
-_CORRIDOR_M = 1.05  # half width of the scored corridor along the straight line: the wheels and a margin
-_BLIND_M = 2.2  # ground ahead of base_link at the start that the camera does not see
 _NEAREST_M, _FARTHEST_M = 1.5, 10.0  # range of depths for odometry
-POINTS = {"geometric map": 300.0, "rock map": 300.0, "productivity": 250.0, "localisation": 150.0}
-HEIGHT_M = 0.05  # maximum error of a right height
-FULL_RATE_1_S = 180 * 180 / (24 * 3600)  # cells per second for full productivity: the square in the mission time
-_RAYS = 4  # rays along a side of a cell
 
 
 def event_table(outcome: Outcome) -> pd.DataFrame:
@@ -106,63 +92,16 @@ def _of_pilot(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> l
         rectified = perception.rectification.left_from_rectified
         poses = [cameras[0].inverse() @ camera @ rectified for camera in cameras]
         estimated, lost = visual_odometry(pairs, perception.rectification, _NEAREST_M, _FARTHEST_M)
-        moved, angle = relative_error(estimated, poses)
-        positions = [np.array([pose.translation for pose in trajectory]) for trajectory in (estimated, poses)]
+        times = np.arange(len(poses))
+        found, true = Trajectory.from_poses(times, estimated), Trajectory.from_poses(times, poses)
+        moved, angle = relative_errors(found, true, consecutive(len(poses)))
         rows += [
-            ("odometry: absolute error", "m", absolute_error(*positions)),
+            ("odometry: absolute error", "m", absolute_error(found.positions, true.positions)),
             ("odometry: relative error", "m", moved),
             ("odometry: relative angle", "degrees", math.degrees(angle)),
             ("odometry: moves not found", "", float(lost)),
         ]
     return rows
-
-
-def points_of(grid: HazardGrid, world: World, line: np.ndarray, seconds: float) -> dict[str, float]:
-    """Return the challenge's score of a map in the corridor along a line (2, 2), from the first visible ground on."""
-    height, rock = true_cells(world, grid.x, grid.y, grid.cell_m)
-    return challenge_score(grid.surface_of_cells(), grid.rock, height, rock, corridor(grid, line), seconds)
-
-
-def true_cells(world: World, x: np.ndarray, y: np.ndarray, cell_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return heights (rows, columns), m, and rock flags of cells with centres at x (columns,) and y (rows,)."""
-    gx, gy = np.meshgrid(*(part_centres(values, cell_m, _RAYS) for values in (x, y)))
-    ground, rock = true_surface(world, gx, gy)
-    meets_rock = by_cells(rock > ground, _RAYS).any(axis=(1, 3))
-    return np.asarray(by_cells(np.maximum(rock, ground), _RAYS).mean(axis=(1, 3))), np.asarray(meets_rock)
-
-
-def challenge_score(
-    height: np.ndarray,
-    rock: np.ndarray,
-    true_height: np.ndarray,
-    true_rock: np.ndarray,
-    counted: np.ndarray,
-    seconds: float,
-) -> dict[str, float]:
-    """Return the points of a map (rows, columns): heights, m, NaN where unknown, and rock flags.
-
-    `counted`: cells that are scored. An unknown height is wrong, an unknown rock means no rock; a cell is mapped if its
-    height is known.
-    """
-    near = np.abs(np.where(np.isfinite(height), height, np.inf) - true_height) < HEIGHT_M
-    right = int((rock & true_rock & counted).sum())
-    wrong = int(((rock != true_rock) & counted).sum())
-    rate = float((np.isfinite(height) & counted).sum()) / seconds if seconds else 0.0
-    return {
-        "geometric map": POINTS["geometric map"] * float(near[counted].mean()) if counted.any() else 0.0,
-        "rock map": POINTS["rock map"] * 2 * right / (2 * right + wrong) if (true_rock & counted).any() else math.nan,
-        "productivity": POINTS["productivity"] * min(rate / FULL_RATE_1_S, 1.0),
-        "localisation": POINTS["localisation"],
-    }
-
-
-def corridor(grid: HazardGrid, line: np.ndarray) -> np.ndarray:
-    """Return (rows, columns) bool: scored cells along a line (2, 2)."""
-    x, y = np.meshgrid(grid.x - line[0, 0], grid.y - line[0, 1])
-    length = float(np.hypot(*(line[-1] - line[0])))
-    step = (line[-1] - line[0]) / length
-    along, aside = x * step[0] + y * step[1], y * step[0] - x * step[1]
-    return np.asarray((along > _BLIND_M) & (along < length) & (np.abs(aside) < _CORRIDOR_M))
 
 
 def unjustified(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> int:

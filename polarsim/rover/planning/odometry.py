@@ -1,4 +1,4 @@
-"""Baseline of visual odometry, and its errors: match features between consecutive stereo pairs and estimate the motion.
+"""Baseline of visual odometry: match features between consecutive stereo pairs and estimate the motion.
 
 ORB features with mutual matches, depth by semi-global matching, motion by PnP with RANSAC and refinement, all by OpenCV
 (after Nister, Naroditsky & Bergen, CVPR 2004). There is no map and no loop closure, so errors accumulate.
@@ -10,12 +10,11 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from trimesh.registration import procrustes
 
 from polarsim.detect.stereo.match import match_stereo
 from polarsim.detect.stereo.rectify import Rectification
 from polarsim.geometry.lens import HALF_PIXEL
-from polarsim.geometry.poses import Pose, angle_between
+from polarsim.geometry.poses import Pose
 
 _FEATURES = 1500
 _REPROJECTION_PX, _ITERATIONS, _SEED = 1.0, 300, 0
@@ -44,25 +43,6 @@ def visual_odometry(
             poses.append(poses[-1] @ move)
         before = (keypoints, descriptors, match_stereo(left, right, rig, nearest_m, farthest_m))
     return poses, lost
-
-
-def absolute_error(estimated: np.ndarray, true: np.ndarray) -> float:
-    """Return the root mean square distance of positions (n, 3), m, n >= 3, after a rigid alignment of the estimate.
-
-    As evo (Grupp 2017). The alignment is a least-squares fit without scale (Umeyama, IEEE PAMI 13 (1991) 376); any
-    rotation about a straight line gives the same error.
-    """
-    return float(np.sqrt(procrustes(estimated, true, reflection=False, scale=False)[2]))
-
-
-def relative_error(estimated: Sequence[Pose], true: Sequence[Pose]) -> tuple[float, float]:
-    """Return the root mean square errors of steps from pose to pose: translation, m, and angle, rad, as evo."""
-    moved, turned = [], []
-    for k in range(len(true) - 1):
-        step, estimated_step = (poses[k].inverse() @ poses[k + 1] for poses in (true, estimated))
-        moved.append(float(np.linalg.norm((step.inverse() @ estimated_step).translation)))
-        turned.append(angle_between(step, estimated_step))
-    return float(np.sqrt(np.mean(np.square(moved)))), float(np.sqrt(np.mean(np.square(turned))))
 
 
 def _move(

@@ -10,7 +10,7 @@ from polarsim.rover.perception import hazard_map
 from polarsim.rover.perception.ground_view import estimate, plane_under
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.map_updates import update_from_boxes
-from polarsim.rover.planning.metrics import true_cells
+from polarsim.rover.planning.challenge import true_cells
 from polarsim.rover.world.surface import bare_world
 from tests.rover import driven
 from tests.rover.perception.boxes import CAMERA, CONFIDENCE, GROUND, box_of, level, ride, table
