@@ -24,18 +24,9 @@ from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue
 from polarsim.run_files.run import TRACE
 
-_BODY = (
-    *POSE_COLUMNS,
-    "vx_m_s",
-    "vy_m_s",
-    "vz_m_s",
-    "wx_rad_s",
-    "wy_rad_s",
-    "wz_rad_s",
-    "ax_m_s2",
-    "ay_m_s2",
-    "az_m_s2",
-)
+_VELOCITY = ("vx_m_s", "vy_m_s", "vz_m_s")
+_IMU_COLUMNS = ("wx_rad_s", "wy_rad_s", "wz_rad_s", "ax_m_s2", "ay_m_s2", "az_m_s2")
+_BODY = (*POSE_COLUMNS, *_VELOCITY, *_IMU_COLUMNS)
 _RIGID = 1e-6  # maximum change of the pose relative to the rover of a mounted camera; others are chase cameras
 
 
