@@ -83,6 +83,9 @@ class SunLamp(Part):
         "point", description="'point': a lamp near the sandbox, also with a reflector. 'directional': parallel light."
     )
     position_m: Point | None = Field(None, description="Approximate position of a point lamp, sandbox frame, m.")
+    radius_m: PositiveFloat = Field(
+        0.045, description="Radius of the lit disc of a point lamp, m. A larger disc makes the edges of shadows softer."
+    )
     azimuth_deg: float | None = Field(None, description="Direction to a directional lamp, from +X towards +Y, degrees.")
     elevation_deg: float | None = Field(None, description="Elevation of a directional lamp above the horizon, degrees.")
 

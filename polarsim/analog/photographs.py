@@ -42,7 +42,7 @@ from polarsim.site_parts import FAR_M, SunLamp
 ELECTRONS, _USUAL_EXPOSURE_MS = 20000.0, 256
 _IRRADIANCE = 0.01277  # 1/m2
 _ANNOTATED_SHADOWS = 0.5  # minimum exposure of annotated shadows, as a share of the usual exposure
-_LAMP_RADIUS = 0.045  # radius of the disc of a lamp, metres
+_RIG_LAMP_RADIUS = 0.045  # radius of the disc of the rig's lamp, metres
 _SUN_RADIUS = 0.0047  # angular radius of a directional lamp, radians
 _HALL_DN_PER_S = 1.2  # brightness of sand in the dark hall
 _GLARE = 0.002  # radiance at the centre of lens ghosts
@@ -115,10 +115,13 @@ def _lamps(site: Site, stations: Stations, position: str) -> dict[str, DiscLamp]
     lamps = {}
     for name, lamp_position in stations.lamps_at(position).items():
         target = left.apply(np.array([0, 0.0, 4.0])) if name == ROVER else np.zeros(3)
-        is_far = name != ROVER and site.lamps[name].kind == "directional"
-        radius = FAR_M * _SUN_RADIUS if is_far else _LAMP_RADIUS
+        radius = _RIG_LAMP_RADIUS if name == ROVER else _radius(site.lamps[name])
         lamps[name] = DiscLamp(lamp_position, target, radius, outputs[name])
     return lamps
+
+
+def _radius(lamp: SunLamp) -> float:
+    return FAR_M * _SUN_RADIUS if lamp.kind == "directional" else lamp.radius_m
 
 
 def _outputs(site: Site) -> dict[str, float]:

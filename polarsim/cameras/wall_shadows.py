@@ -22,6 +22,7 @@ from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.run_files.wall_edges import EdgeSamples, OpenGround, measure_edges
 from polarsim.run_files.walls import SIDES, Side, Wall, Walls
+from polarsim.site import Site
 
 log = logging.getLogger("polarsim")
 MIN_SAMPLES = 10  # minimum number of measured points of an edge
@@ -133,6 +134,7 @@ def refine_by_wall_shadows(
     photos: Path,
     localised: Mapping[str, LocalisedRig],
     suns: Mapping[str, np.ndarray],
+    site: Site,
     located: set[str],
     drawn: Path | None = None,
 ) -> tuple[dict[str, np.ndarray], Walls | None]:
@@ -145,7 +147,7 @@ def refine_by_wall_shadows(
     if walls is None:
         return {}, None
     ground = OpenGround.of(mesh)
-    edges = measure_edges(terrain, ground, walls, photos, localised, suns, drawn)
+    edges = measure_edges(terrain, ground, walls, photos, localised, suns, site, drawn)
     lamps = fit_lamps(name, walls, edges, suns, located)
     if all(wall.support > 0 for wall in walls.sides.values()):
         return lamps, None
@@ -155,5 +157,5 @@ def refine_by_wall_shadows(
         found = fit_walls(name, walls, edges, suns) or found
         if found is None:
             break
-        edges = measure_edges(terrain, ground, found, photos, localised, suns, drawn)
+        edges = measure_edges(terrain, ground, found, photos, localised, suns, site, drawn)
     return lamps, found

@@ -29,14 +29,14 @@ from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.run_files.walls import SIDES, Side, Walls
+from polarsim.site import Site
 
 ALONG_STEP = 0.01  # distance between rays along the top of a wall, metres
 AVERAGED = 20  # number of neighbouring profiles in a group, against the grain of the sand
 STEP = 0.0025  # distance between the points of a profile, metres
 REACH = 0.30  # maximum distance between predicted and measured edge, metres
 PROFILE = 0.65  # half length of profiles, metres: reach, half width of the widest penumbra, and ground beyond it
-LAMP_RADIUS = 0.045  # radius of the discs of lamps (NASA's), metres; determines the width of the penumbra
-SUN_RADIUS = 0.0047  # the same of a directional lamp such as the Sun, radians
+SUN_RADIUS = 0.0047  # of a directional lamp such as the Sun, radians
 LIFT = 0.004  # metres: start of shadow rays above the mesh, which noise would otherwise shade in grazing light
 WALL_MARGIN = 0.04  # metres: folds of the cloth nearer to a wall, and height above the top of a near wall
 BRIGHTEST_GREY = 250  # grey values of published photos above it may be clipped
@@ -133,16 +133,21 @@ class EdgeProfiles:
         return np.where(enough, np.nanmedian(by_profile, axis=1), np.nan)
 
 
-def edge_profiles(ground: OpenGround, walls: Walls, lamp: np.ndarray) -> EdgeProfiles:
-    """Place profiles across the shadow edges of all walls between the sand and a lamp (3,)."""
+def edge_profiles(ground: OpenGround, walls: Walls, lamp: np.ndarray, radius_m: float) -> EdgeProfiles:
+    """Place profiles across the shadow edges of all walls between the sand and a lamp (3,).
+
+    `radius_m`: radius of the disc of the lamp, which determines the width of the penumbra.
+    """
     numbers = [number for number, side in enumerate(SIDES) if side in walls.sides]
-    parts = [_profiles_of_side(ground, walls, SIDES[number], lamp) for number in numbers]
+    parts = [_profiles_of_side(ground, walls, SIDES[number], lamp, radius_m) for number in numbers]
     side = np.repeat(numbers, [len(penumbra) for _, penumbra in parts])
     points, penumbra = (np.concatenate(of_sides) for of_sides in zip(*parts, strict=True))
     return EdgeProfiles(ground, walls, side, points, penumbra)
 
 
-def _profiles_of_side(ground: OpenGround, walls: Walls, side: Side, lamp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _profiles_of_side(
+    ground: OpenGround, walls: Walls, side: Side, lamp: np.ndarray, radius_m: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Return points (n, AVERAGED, k, 3) and penumbra (n,) of the profiles of a wall; n is 0 for a lamp inside it."""
     wall, half = walls.sides[side], round(PROFILE / STEP)
     axis, sign = "xy".index(side[1]), -1.0 if side[0] == "-" else 1.0
@@ -160,8 +165,7 @@ def _profiles_of_side(ground: OpenGround, walls: Walls, side: Side, lamp: np.nda
     at = edges[:, None, :2] + steps[:, None] * (rays[:, :2] / level[:, None])[:, None]
     points = _on_open_sand(ground, walls, lamp, at.reshape(-1, 2)).reshape(groups, AVERAGED, 2 * half + 1, 3)
     # The disc faces the sand: its image on the ground is stretched by the inverse sine of the elevation.
-    radius = SUN_RADIUS * float(np.linalg.norm(lamp)) if is_directional(lamp) else LAMP_RADIUS
-    penumbra = radius * distance * np.linalg.norm(rays, axis=1) / -rays[:, 2]
+    penumbra = radius_m * distance * np.linalg.norm(rays, axis=1) / -rays[:, 2]
     penumbra = penumbra.reshape(groups, AVERAGED).mean(axis=1)
     usable = np.isfinite(points[:, :, half, 2]).any(axis=1) & np.isfinite(penumbra)
     return points[usable], penumbra[usable]
@@ -194,6 +198,7 @@ def measure_edges(
     photos: Path,
     localised: Mapping[str, LocalisedRig],
     suns: Mapping[str, np.ndarray],
+    site: Site,
     drawn: Path | None = None,
 ) -> dict[str, EdgeSamples]:
     """Measure the shadow edges of walls in all photos of a terrain under a single Sun lamp, by azimuth.
@@ -205,7 +210,7 @@ def measure_edges(
     masks = {} if drawn is None else pictures_at(drawn)
     pictures = {key: path for key, path in pictures_at(photos).items() if key.terrain == terrain}
     proven = {position for position, rig in localised.items() if not rig.unproven}
-    profiles = {azimuth: edge_profiles(ground, walls, suns[azimuth]) for azimuth in suns}
+    profiles = {name: edge_profiles(ground, walls, lamp, disc_radius(lamp, site, name)) for name, lamp in suns.items()}
     parts: dict[str, list[EdgeSamples]] = {azimuth: [] for azimuth in suns}
     for (_, position, light, azimuth, camera), keys in by_bracket(pictures).items():
         if position not in proven or light == "on" or azimuth not in suns or not len(profiles[azimuth].side):
@@ -219,6 +224,11 @@ def measure_edges(
         if rate is not None:
             parts[azimuth].append(profiles[azimuth].measure(rate, localised[position].camera(camera)))
     return {azimuth: EdgeSamples.joined(of_sun) for azimuth, of_sun in parts.items()}
+
+
+def disc_radius(lamp: np.ndarray, site: Site, name: str) -> float:
+    """Return the radius of the disc of a lamp at a position (3,), metres."""
+    return SUN_RADIUS * float(np.linalg.norm(lamp)) if is_directional(lamp) else site.lamps[name].radius_m
 
 
 def _published(path: Path, drawn: Path | None, camera: Camera) -> np.ndarray | None:

@@ -100,7 +100,8 @@ def check_consistency(
     metrics += both
     if photos is not None and scene.walls is not None:
         suns = read_suns(cameras, last, site, terrain)
-        metrics += wall_shadow_metrics(measure_edges(terrain, OpenGround.of(scene), scene.walls, photos, last, suns))
+        edges = measure_edges(terrain, OpenGround.of(scene), scene.walls, photos, last, suns, site)
+        metrics += wall_shadow_metrics(edges)
     for metric in metrics:
         for sentence in metric_warning(metric.subject, metric.metric, metric.value):
             log.warning("terrain %s: %s", terrain_text(terrain), sentence)

@@ -130,7 +130,7 @@ def photographed(tmp_path_factory):
 
 def test_walls_of_photos_replace_nominal_walls(photographed):
     mesh = level_sand(walls=NOMINAL)
-    lamps, walls = refine_by_wall_shadows("terrain 01", 1, mesh, photographed, {"A": RIG}, SUN_LAMPS, set())
+    lamps, walls = refine_by_wall_shadows("terrain 01", 1, mesh, photographed, {"A": RIG}, SUN_LAMPS, polar(), set())
     assert lamps == {}
     lamp = SUN_LAMPS["30"]
     edge = np.array([[lamp[0] - (lamp[0] - 2.0) * lamp[2] / (lamp[2] - 0.31), 0.0, 0.0]])
@@ -168,7 +168,7 @@ def wall_error(walls: Walls, lamp: np.ndarray = SUN_LAMPS["30"]) -> float:
 def test_walls_of_published_photos_replace_nominal_walls_whatever_the_tone_curve(published):
     mesh = level_sand(walls=NOMINAL)
     photos, drawn = published / "photos", published / "drawn"
-    _, walls = refine_by_wall_shadows("terrain 01", 1, mesh, photos, {"A": RIG}, SUN_LAMPS, set(), drawn)
+    _, walls = refine_by_wall_shadows("terrain 01", 1, mesh, photos, {"A": RIG}, SUN_LAMPS, polar(), set(), drawn)
     assert walls.origin == "photos"
     assert wall_error(NOMINAL) > 0.025
     assert wall_error(walls) < 0.005  # the square root moves the point of half brightness
@@ -195,7 +195,7 @@ def test_published_photos_of_another_size_keep_the_nominal_walls(published, tmp_
     for path in (published / "photos").iterdir():
         png.write_png(tmp_path / path.name, png.read_png(path)[::2, ::2])
     mesh = level_sand(walls=NOMINAL)
-    assert refine_by_wall_shadows("terrain 01", 1, mesh, tmp_path, {"A": RIG}, SUN_LAMPS, set()) == ({}, None)
+    assert refine_by_wall_shadows("terrain 01", 1, mesh, tmp_path, {"A": RIG}, SUN_LAMPS, polar(), set()) == ({}, None)
     assert [record.levelname for record in caplog.records].count("WARNING") >= 1
 
 
@@ -203,7 +203,7 @@ def test_lamps_of_photos_are_moved_over_measured_walls(photographed):
     walls = measured(2.0, 0.31)
     off = {azimuth: lamp + np.array([0.0, 0.0, 0.03]) for azimuth, lamp in SUN_LAMPS.items()}
     mesh = level_sand(walls=walls)
-    lamps, found = refine_by_wall_shadows("terrain 01", 1, mesh, photographed, {"A": RIG}, off, set())
+    lamps, found = refine_by_wall_shadows("terrain 01", 1, mesh, photographed, {"A": RIG}, off, polar(), set())
     assert found is None
     assert list(lamps) == ["30"]
     assert lamps["30"][2] == pytest.approx(SUN_LAMPS["30"][2], abs=0.012)

@@ -6,10 +6,11 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.photo import NO_ROCK
 from polarsim.run_files.scene import TerrainMesh
-from polarsim.run_files.wall_edges import LAMP_RADIUS
 from polarsim.run_files.walls import Walls
+from polarsim.site import polar
 
 DISC_POINTS = 64
+LAMP_RADIUS = polar().lamps["30"].radius_m
 GROUND = Mesh(np.array([[-2, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]], float), np.array([[0, 1, 2], [0, 2, 3]]))
 
 
