@@ -700,7 +700,10 @@ class CoverPaths:
 
     def scenes_of_fold(self, wildcards: Wildcards) -> list[str]:
         """Return the scenes that a fold's detector is trained on."""
-        return [f"results/{wildcards.run}/covers/scenes/Terrain{number:02d}" for number in self.trained_in(wildcards)]
+        return [
+            f"results/{wildcards.run}/covers/scenes/Terrain{terrain_text(number)}"
+            for number in self.trained_in(wildcards)
+        ]
 
     def scenes_behind(self, wildcards: Wildcards) -> list[str]:
         """Return the pictures that a fold's data set links to."""

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from polarsim.photo import terrain_text
 from polarsim.randomness import generator
 from polarsim.rover.drive.control import ReferencePath, Steering, SteeringLaw
 from polarsim.rover.drive.options import DriveOptions, Point
@@ -72,7 +73,7 @@ class DriveJob:
 
 def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, seed: int) -> DriveJob:
     """Return the drive that the options describe, over the meshes of a run (`meshes/TerrainNN/`)."""
-    terrains = [read_terrain_meshes(meshes / f"Terrain{number:02d}", number) for number in world.terrains]
+    terrains = [read_terrain_meshes(meshes / f"Terrain{terrain_text(name)}", name) for name in world.terrains]
     ground = dem_world(world, terrains, np.array(path_of(world, drive))) if world.dem else stitch(terrains, world)
     ground = rough_world(ground, drive.spread * GROUND_SD_M, seed)
     return DriveJob(ground, read_vehicle(drive.vehicle), read_soil(soil.table, soil.soil), drive, soil, world, seed)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 from pydantic import BaseModel, Field, PositiveFloat
 
+from polarsim.site_parts import TerrainName
 from polarsim.user_path import UserPath
 
-LENGTH_M = 3.5  # length of a terrain in the strip
+LENGTH_M = 3.5  # length of a terrain in the strip: of POLAR's 4 m without the strip along the walls
 
 
 class DemOptions(BaseModel, extra="forbid", frozen=True):
@@ -38,8 +37,8 @@ class DemOptions(BaseModel, extra="forbid", frozen=True):
 class WorldOptions(BaseModel, extra="forbid", frozen=True):
     """Ground of a drive."""
 
-    terrains: tuple[Annotated[int, Field(ge=1, le=13)], ...] = Field(
-        (4, 1, 11), min_length=1, description="Numbers of the terrains in the strip, from east to west."
+    terrains: tuple[TerrainName, ...] = Field(
+        (4, 1, 11), min_length=1, description="Terrains of the strip by number or name, from east to west."
     )
     width_m: PositiveFloat = Field(5.0, description="Width of the strip including filler ground, m.")
     margin_m: PositiveFloat = Field(2.5, description="Length of filler ground at both ends of the terrains, m.")

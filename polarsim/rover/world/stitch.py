@@ -20,6 +20,7 @@ from polarsim.errors import RoverError, with_path
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import remove_unused_vertices
+from polarsim.photo import Terrain
 from polarsim.randomness import generator
 from polarsim.rover.world.hulls import require_volume, top_at
 from polarsim.rover.world.options import LENGTH_M, WorldOptions
@@ -35,7 +36,7 @@ FADE = 0.3  # m, width of the transition from a terrain's edge to filler ground
 class TerrainSolids:
     """Meshes of a terrain in the sandbox frame: x towards azimuth 0, east."""
 
-    number: int
+    number: Terrain
     ground: Mesh
     rocks: Mapping[int, Mesh]
 
@@ -44,7 +45,7 @@ class TerrainSolids:
         return float(np.median(self.ground.vertices[:, 2]))
 
 
-def read_terrain_meshes(folder: str | Path, number: int) -> TerrainSolids:
+def read_terrain_meshes(folder: str | Path, number: Terrain) -> TerrainSolids:
     """Read ground and rocks of a folder; decimated rocks are preferred, and a rock without volume is an error."""
     folder = Path(folder)
     rocks = {}

@@ -6,6 +6,10 @@ import pytest
 from polarsim.errors import FormatError, RoverError
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
+from polarsim.rover.drive.job import job_of
+from polarsim.rover.drive.options import DriveOptions
+from polarsim.rover.soil.options import SoilOptions
+from polarsim.rover.world.options import WorldOptions
 from polarsim.rover.world.stitch import TerrainSolids, fill_holes, read_terrain_meshes, stitch, terrain_centres
 from tests.rover.made_world import SMALL, ball, plane
 
@@ -66,3 +70,15 @@ def test_a_ground_outside_its_part_is_an_error():
     far = Mesh(plane(0.0).vertices + np.array([9.0, 0.0, 0.0]), plane(0.0).faces)
     with pytest.raises(RoverError, match="terrain 4"):
         stitch([TerrainSolids(4, far, {}), TerrainSolids(1, plane(0.0), {})], SMALL)
+
+
+def test_terrains_with_names_form_a_strip(tmp_path):
+    """Sites name their terrains; `WorldOptions` and the names of mesh files have no fixed list."""
+    for name, rock in (("yard-a", 3), ("yard-b", 5)):
+        folder = tmp_path / f"Terrain{name}"
+        obj.write_obj(folder / f"terrain{name}_ground.obj", plane(0.0), "ground")
+        obj.write_obj(folder / f"terrain{name}_rock{rock}.obj", ball(0, 0, 0), "rock")
+    options = WorldOptions(terrains=("yard-b", "yard-a"), margin_m=1.0, cell_m=0.05)
+    job = job_of(meshes=tmp_path, world=options, soil=SoilOptions(), drive=DriveOptions(), seed=0)
+    assert list(job.world.rocks["terrain"]) == ["yard-b", "yard-a"]
+    assert list(job.world.rocks["rock_in_terrain"]) == [5, 3]
