@@ -21,8 +21,12 @@ NO_SUN = "no"  # azimuth of photos without a lamp that stands in for the Sun
 
 LIGHTS: tuple[Light, ...] = ("off", "on")
 
-BLACK_LEVEL = 16  # DN of an unlit pixel
-WHITE_LEVEL = 4095  # DN, 12 bits in a 16-bit file
+BLACK_LEVEL = 16  # DN of an unlit pixel in polarsim's photo format; `photo_format` converts the photos of other sites
+WHITE_LEVEL = 4095  # DN of a clipped pixel in this format: 12 bits in a 16-bit file
+# Width and height, px, of the photos for which lengths in pixels are stated: tolerances, gates and models tuned on
+# POLAR. Photos of other widths use the length times width / REFERENCE_WIDTH_PX.
+REFERENCE_SIZE_PX = (1936, 1216)
+REFERENCE_WIDTH_PX = REFERENCE_SIZE_PX[0]
 ELECTRONS_PER_DN = 8  # not published; value of similar sensors (Sony IMX249: 33,000 electrons at 12 bits)
 READ_NOISE_ELECTRONS = 7  # standard deviation, of similar sensors
 CENTRE_DN = 768.0  # DN above black of level sand at the centre, a fifth of white: makes the usual exposure optimal

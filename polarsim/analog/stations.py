@@ -13,7 +13,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.geometry.stereo import StereoRig
-from polarsim.photo import Terrain
+from polarsim.photo import REFERENCE_WIDTH_PX, Terrain
 from polarsim.randomness import generator
 from polarsim.site import Site
 from polarsim.site_parts import FAR_M, SunLamp
@@ -27,7 +27,6 @@ _LAMP_DISTANCE = 4.0  # ... about this distance, metres; directional lamps have 
 # A rig without a stated position: distance from the side +x of the sand, y and height, metres.
 _UNSURVEYED, _UNSURVEYED_PITCH_DEG = (1.5, -0.15, 1.25), (29.0, 31.0)
 _FIELD_OF_VIEW_DEG = 50.0  # horizontal, of a rig without a stated field of view
-_STATED_WIDTH = 1936  # width of the photos for which errors are stated, px
 _DISTORTION = (-0.11, 0.17, 2e-4, -1e-3, 0.0)  # of a made rig: similar to NASA's lenses
 # Standard deviations of the calibration file.
 _FOCAL_ERROR_PX, _PRINCIPAL_ERROR_PX, _K1_ERROR, _BASELINE_ERROR_MM = 1.0, 1.0, 0.002, 0.2
@@ -106,8 +105,8 @@ def _true_rig(site: Site, rng: np.random.Generator) -> StereoRig:
 
 
 def _px(lens: Lens) -> float:
-    """Return the size of a pixel of NASA's photos, for which errors are stated, in pixels of a lens."""
-    return lens.width / _STATED_WIDTH
+    """Return the size of a pixel of a photo of the reference width in pixels of a lens."""
+    return lens.width / REFERENCE_WIDTH_PX
 
 
 def _calibrated(rig: StereoRig, rng: np.random.Generator) -> StereoRig:

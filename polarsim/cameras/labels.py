@@ -8,11 +8,12 @@ import numpy as np
 
 from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.refine import BoxFit, EdgeNoise, PosePrior, check_pose, refine_pose
-from polarsim.cameras.search import USUAL_WIDTH_PX, SearchRanges, candidate_centres, search_pose
+from polarsim.cameras.search import SearchRanges, candidate_centres, search_pose
 from polarsim.errors import RegistrationError
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
+from polarsim.photo import REFERENCE_WIDTH_PX
 
 MIN_BOXES = 3  # positions with fewer boxes or meshes are localised by the survey
 ROLL_SD_DEG = 2.9  # prior on the roll of a tripod about level
@@ -132,7 +133,7 @@ def survey_prior(surveyed: Pose | None, options: LocalisationOptions) -> PosePri
 def _final_fits(
     starts: list[Pose], boxes: np.ndarray, outlines: Outlines, lens: Lens, prior: PosePrior
 ) -> list[BoxFit]:
-    thin, scale = outlines.thinned(START_DIRECTIONS), lens.width / USUAL_WIDTH_PX
+    thin, scale = outlines.thinned(START_DIRECTIONS), lens.width / REFERENCE_WIDTH_PX
     start_gates, final_gates = ([scale * gate for gate in gates] for gates in (START_GATES_PX, FINAL_GATES_PX))
     fits = []
     for start in starts:

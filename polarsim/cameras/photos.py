@@ -22,14 +22,13 @@ from polarsim.cameras.features import localise_by_features
 from polarsim.cameras.lamps import LampView, lamp_views, offset_text, refine_lamp
 from polarsim.cameras.options import RefinementOptions
 from polarsim.cameras.rounding import rounded, rounded_metrics, rounded_rig
-from polarsim.cameras.search import USUAL_WIDTH_PX
 from polarsim.cameras.shading import MeshSurface, cast_view, surface_of
 from polarsim.cameras.wall_shadows import refine_by_wall_shadows
 from polarsim.formats import colmap
 from polarsim.formats.files import relative_to, writing_folder
 from polarsim.geometry.patches import MatchingOptions, match_windows
 from polarsim.geometry.poses import angle_between
-from polarsim.photo import PositionCamera, Terrain, terrain_text
+from polarsim.photo import REFERENCE_WIDTH_PX, PositionCamera, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.run_files import lamps
 from polarsim.run_files.best_photos import BestPhotos, ViewPhotos, best_pictures, read_all_resized
@@ -93,7 +92,7 @@ def refine_cameras(
     elif covers is not None and mesh.walls is not None:
         lamp_positions = lamps.surveyed_suns(localised, site, terrain)
         _, walls = refine_by_wall_shadows(
-            f"terrain {terrain_text(terrain)}", terrain, mesh, covers, localised, lamp_positions, set(), drawn
+            f"terrain {terrain_text(terrain)}", terrain, mesh, covers, localised, lamp_positions, site, set(), drawn
         )
     with writing_folder(cameras) as folder:
         for path in located.iterdir():
@@ -151,7 +150,7 @@ def _refine(
     suns: dict[str, np.ndarray] = {}
     width = next(iter(located.values())).rig.left.width
     for of_usual_photos in options.scales:
-        scale = min(1.0, of_usual_photos * USUAL_WIDTH_PX / width)
+        scale = min(1.0, of_usual_photos * REFERENCE_WIDTH_PX / width)
         photos = read_all_resized(pictures, located, scale)
         matches = {
             (position, camera): _match_view(
@@ -234,7 +233,7 @@ def _refine_by_wall_shadows(
         return suns, None
     everywhere = lamps.surveyed_suns(localised, site, terrain) | suns
     name = f"terrain {terrain_text(terrain)}"
-    moved, walls = refine_by_wall_shadows(name, terrain, mesh, photos, refined, everywhere, set(suns))
+    moved, walls = refine_by_wall_shadows(name, terrain, mesh, photos, refined, everywhere, site, set(suns))
     return {**suns, **moved}, walls
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from polarsim.geometry import boxes as box_geometry
-from polarsim.geometry.boxes import MATCH_GATE_PX, match_by_position_and_size
+from polarsim.geometry.boxes import match_by_position_and_size, match_gate_px
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import EDGES, Outlines
@@ -88,7 +88,7 @@ def check_pose(
     """Return pairs, overlap and covariance at a pose."""
     unclipped = outlines.project(Camera(pose, lens))
     projected = box_geometry.clip(unclipped, lens.width, lens.height)
-    rows, columns = match_by_position_and_size(projected, boxes, MATCH_GATE_PX)
+    rows, columns = match_by_position_and_size(projected, boxes, match_gate_px(lens.width))
     overlap = np.diag(box_geometry.iou(np.nan_to_num(projected[rows]), boxes[columns])).copy()
     with np.errstate(invalid="ignore", divide="ignore"):
         in_view = box_geometry.area(projected) >= MIN_IN_VIEW * box_geometry.area(unclipped)

@@ -16,6 +16,7 @@ import numpy as np
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, camera_pose, yaw_pitch_roll
+from polarsim.photo import REFERENCE_WIDTH_PX
 from polarsim.site_parts import Sandbox, Tripod
 
 DISTANCE_STEP, HEIGHT_STEP = 0.3, 0.2  # metres: grid of tried positions
@@ -30,7 +31,6 @@ SIZE_SD = 0.5  # tolerance of log width and log height
 PITCH = np.radians([2.0, 60.0])  # minimum and maximum, downwards
 YAW_OFF_ORIGIN = np.radians(25.0)  # maximum angle between the optical axis and the terrain's centre, or ...
 YAW_MARGIN = np.radians(15.0)  # ... this angle beyond the surveyed heading
-USUAL_WIDTH_PX = 1936  # width of the photos for which tolerances in pixels are stated
 DUPLICATE_DISTANCE, DUPLICATE_ANGLE = 0.35, 0.05  # metres, radians: nearer hypotheses are duplicates
 MAX_PER_POSITION = 20  # maximum number of hypotheses of a position
 
@@ -90,7 +90,7 @@ def search_pose(
 
     The optical axes are near the terrain's centre; `surveyed` widens their range if its axis is not.
     """
-    normalised = _NormalisedBoxes.of(boxes, lens, SEARCH_SD_PX * lens.width / USUAL_WIDTH_PX)
+    normalised = _NormalisedBoxes.of(boxes, lens, SEARCH_SD_PX * lens.width / REFERENCE_WIDTH_PX)
     thin, off_origin = outlines.thinned(26), max(YAW_OFF_ORIGIN, _yaw_off_origin(surveyed) + YAW_MARGIN)
     hypotheses = [
         hypothesis for centre in centres for hypothesis in _hypotheses_at(centre, thin, normalised, off_origin)

@@ -10,7 +10,7 @@ import pandas as pd
 
 from polarsim.cameras.labels import FINAL_NOISE, LabelLocalisation
 from polarsim.cameras.refine import BoxFit, EdgeProblem, pose_of_unknowns, unknowns_of
-from polarsim.geometry.boxes import MATCH_GATE_PX, match_by_position_and_size
+from polarsim.geometry.boxes import match_by_position_and_size, match_gate_px
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
@@ -57,14 +57,14 @@ def fit_translations(
     unknowns = {
         position: unknowns_of(localisation.fit.sandbox_from_left) for position, localisation in positions.items()
     }
-    metres = start
+    metres, gate_px = start, match_gate_px(lens.width)
     mismatched = np.zeros(len(outlines), bool)  # rocks with boxes of another rock
     pairs: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     for _ in range(PAIRINGS):
         moved = translated(outlines, metres)
         for position, localisation in positions.items():
             rows, columns = match_by_position_and_size(
-                moved.seen(Camera(pose_of_unknowns(unknowns[position]), lens)), localisation.boxes, MATCH_GATE_PX
+                moved.seen(Camera(pose_of_unknowns(unknowns[position]), lens)), localisation.boxes, gate_px
             )
             known = ~mismatched[rows]
             pairs[position] = rows[known], columns[known]

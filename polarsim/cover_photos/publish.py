@@ -19,7 +19,7 @@ from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
 from polarsim.formats import tables
 from polarsim.formats.files import write_text
-from polarsim.photo import BOX_CLASSES
+from polarsim.photo import BOX_CLASSES, REFERENCE_WIDTH_PX
 from polarsim.schemas.covers import COVER_SCORES, FINE_TUNED, SINGLE
 
 
@@ -32,21 +32,22 @@ def publish_detector(
     scores: Path,
     detector: Path,
     card: Path,
+    width: int,
     options: PredictionOptions,
 ) -> None:
     """Write the detector with inference widths, calibration and a model card in Markdown.
 
     The detector was trained on all rocks. Therefore widths and calibration are selected on predictions of the detectors
     of the folds for photos of their test terrains, `found` and `datasets` as in `widths.choose_widths`. The card
-    contains the metrics of the folds (`scores`).
+    contains the metrics of the folds (`scores`). `width`: width of the photos, px.
     """
     if len(found) < 2:
         raise DetectError(f"{len(found)} fold, the model card requires metrics of at least 2 folds (covers.folds)")
     truth = tables.read_parquet(labels, tables.LABEL_COLUMNS)
     by_fold = read_folds(found, datasets)
     trained = detectors.read_detector(weights)
-    errors = _calibration_errors(truth, by_fold, trained.imgsz, options)
-    sizes, calibration = _chosen(truth, together(by_fold), trained.imgsz, options)
+    errors = _calibration_errors(truth, by_fold, trained.imgsz, options, width)
+    sizes, calibration = _chosen(truth, together(by_fold), trained.imgsz, options, width)
     complete = replace(
         trained,
         sizes=tuple((of_class.widths, of_class.gates_px) for of_class in sizes.by_class),
@@ -58,15 +59,19 @@ def publish_detector(
 
 
 def _chosen(
-    labels: pd.DataFrame, by_photo: WidthPredictions, imgsz: int, options: PredictionOptions
+    labels: pd.DataFrame, by_photo: WidthPredictions, imgsz: int, options: PredictionOptions, width: int
 ) -> tuple[ClassInferenceWidths, Calibration]:
-    sizes = widths_for(labels, by_photo, imgsz, options)
-    boxes = [merge(rows, sizes, options.nms_iou) for rows in by_photo.values()]
+    sizes = widths_for(labels, by_photo, imgsz, options, width)
+    boxes = [merge(rows, sizes, options.nms_iou, width) for rows in by_photo.values()]
     return sizes, fit_calibration(labels_by_photo(labels, list(by_photo)), boxes)
 
 
 def _calibration_errors(
-    labels: pd.DataFrame, by_fold: Mapping[str, WidthPredictions], imgsz: int, options: PredictionOptions
+    labels: pd.DataFrame,
+    by_fold: Mapping[str, WidthPredictions],
+    imgsz: int,
+    options: PredictionOptions,
+    width: int,
 ) -> tuple[float, float]:
     """Return the calibration error without and with calibration, for folds not used for widths and calibration.
 
@@ -76,8 +81,8 @@ def _calibration_errors(
     before: list[np.ndarray] = []
     after: list[np.ndarray] = []
     for fold, photos in by_fold.items():
-        sizes, calibration = _chosen(labels, together(by_fold, but=fold), imgsz, options)
-        boxes = [merge(rows, sizes, options.nms_iou) for rows in photos.values()]
+        sizes, calibration = _chosen(labels, together(by_fold, but=fold), imgsz, options, width)
+        boxes = [merge(rows, sizes, options.nms_iou, width) for rows in photos.values()]
         before += boxes
         after += [calibrate_boxes(rows, calibration) for rows in boxes]
     truth = labels_by_photo(labels, list(together(by_fold)))
@@ -94,7 +99,7 @@ def _card(detector: detectors.Detector, scores: pd.DataFrame, errors: tuple[floa
     worst = scores[(scores["terrain"] != ALL) & (scores["kind"] == BOX_CLASSES[0])].sort_values("map50").iloc[0]
     widths = "; ".join(
         f"{kind}s {' and '.join(map(str, sizes))} px"
-        + (f" (boxes below {gates[0]:g} px of 1,936: the larger width)" if gates else "")
+        + (f" (boxes below {gates[0]:g} px of {REFERENCE_WIDTH_PX:,}: the larger width)" if gates else "")
         for kind, (sizes, gates) in zip(BOX_CLASSES, detector.sizes, strict=True)
     )
     parameters = sum(value.numel() for value in detector.state.values())

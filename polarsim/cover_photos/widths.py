@@ -90,9 +90,9 @@ def choose_widths(
     by_fold = read_folds(found, datasets, SandFilter.read(site, cameras, meshes))
     found_rows, rows = [], []
     for fold, boxes in by_fold.items():
-        chosen = widths_for(truth, together(by_fold, but=fold), imgsz, options)
+        chosen = widths_for(truth, together(by_fold, but=fold), imgsz, options, site.images.width)
         for key, by_width in boxes.items():
-            found_rows += detection_rows(key, merge(by_width, chosen, options.nms_iou))
+            found_rows += detection_rows(key, merge(by_width, chosen, options.nms_iou, site.images.width))
         rows += [
             (fold, kind, _joined(sizes_of_class.widths), _joined(sizes_of_class.gates_px), imgsz)
             for kind, sizes_of_class in zip(BOX_CLASSES, chosen.by_class, strict=True)
@@ -103,16 +103,16 @@ def choose_widths(
 
 
 def widths_for(
-    labels: pd.DataFrame, photos: WidthPredictions, imgsz: int, options: PredictionOptions
+    labels: pd.DataFrame, photos: WidthPredictions, imgsz: int, options: PredictionOptions, width: int
 ) -> ClassInferenceWidths:
-    """Return the widths of the options, else the best widths on these photos, else the training width."""
+    """Return the widths of the options, else the best on these photos of a `width`, px, else the training width."""
     if named := ClassInferenceWidths.named(options):
         return named
     if not photos:
         return ClassInferenceWidths.same(InferenceWidths((imgsz,)))
     widths = sorted(next(iter(photos.values())))
     by_width = {width: [by_photo_width[width] for by_photo_width in photos.values()] for width in widths}
-    return choose_sizes(labels_by_photo(labels, list(photos)), by_width, options.nms_iou)
+    return choose_sizes(labels_by_photo(labels, list(photos)), by_width, options.nms_iou, width)
 
 
 def read_folds(

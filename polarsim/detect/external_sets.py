@@ -14,8 +14,7 @@ from polarsim.detect.ipd import IpdRules, MissingTreatment, instance_performance
 from polarsim.errors import DetectError, FormatError, LabelError
 from polarsim.formats import class_lists, release, tables, yolo
 from polarsim.geometry import boxes
-from polarsim.photo import NO_ROCK, PhotoKey
-from polarsim.site import polar
+from polarsim.photo import NO_ROCK, REFERENCE_SIZE_PX, PhotoKey
 
 PAIR_IOU = 0.5
 
@@ -132,14 +131,14 @@ def identify(first: pd.DataFrame, second: pd.DataFrame, pair_iou: float) -> tupl
 
 
 def _read_folder(folder: Path) -> pd.DataFrame:
-    """Read all boxes of a folder. IoU is independent of the image size, so the size of POLAR photos is used."""
+    """Read all boxes of a folder. The boxes are in pixels of `REFERENCE_SIZE_PX`; IoU does not depend on the size."""
     folder = release.box_folder(folder)  # `polarsim detect` writes label files to `labels`
     names = class_lists.class_names(folder)
     parts = []
     for path in sorted(folder.glob("*.txt")):
         if path.name == class_lists.CLASS_FILE:
             continue
-        numbers, corners, confidence = yolo.read_detections(path, polar().images.size)
+        numbers, corners, confidence = yolo.read_detections(path, REFERENCE_SIZE_PX)
         kinds = [names[number] if number < len(names) else f"class {number}" for number in numbers]
         columns = dict(zip(BOX_COLUMNS, corners.T, strict=True))
         parts.append(pd.DataFrame({"key": path.stem, "kind": kinds, "confidence": confidence} | columns))

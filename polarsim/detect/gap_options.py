@@ -18,7 +18,7 @@ class Component(BaseModel, extra="forbid", frozen=True):
         "run", description="Source of poses and lenses; located: from scans or labels, without refinement on photos."
     )
     lamps: Literal["run", "survey", "truth"] = Field(
-        "run", description="Source of the positions of Sun lamps; survey: NASA's survey."
+        "run", description="Source of the positions of Sun lamps; survey: approximate positions of the site."
     )
     meshes: Literal["run", "thinned", "truth"] = Field(
         "run", description="Source of the surfaces of rocks and ground; thinned: rocks with 5 % of their vertices."

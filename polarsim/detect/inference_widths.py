@@ -12,9 +12,8 @@ from polarsim.detect import metrics
 from polarsim.detect.nms import suppress_by_class
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
-from polarsim.photo import BOX_CLASSES
+from polarsim.photo import BOX_CLASSES, REFERENCE_WIDTH_PX
 
-GATES_WIDTH = 1936  # px: gates are box sizes in an image of this width
 _OVERLAP = 1.25  # boxes within this factor of a gate are used from both widths before suppression
 _GATES_PX = (32.0, 48.0, 64.0, 96.0, 128.0)  # candidate gates between two widths
 
@@ -23,8 +22,8 @@ _GATES_PX = (32.0, 48.0, 64.0, 96.0, 128.0)  # candidate gates between two width
 class InferenceWidths:
     """Inference widths, ascending, and the box sizes (gates) at which detection switches between adjacent widths.
 
-    Boxes with a longer side below `gates_px[n]` (px of an image `GATES_WIDTH` wide) are detected at `widths[n + 1]`,
-    larger boxes at `widths[n]`. There is one gate between each two adjacent widths.
+    Boxes with a longer side below `gates_px[n]` (px of an image `REFERENCE_WIDTH_PX` wide) are detected at
+    `widths[n + 1]`, larger boxes at `widths[n]`. There is one gate between each two adjacent widths.
     """
 
     widths: tuple[int, ...]
@@ -36,8 +35,9 @@ class InferenceWidths:
         widths = (*self.widths[:fewer], widest) if fewer < len(self.widths) else self.widths
         return InferenceWidths(widths, self.gates_px[: len(widths) - 1])
 
-    def ranges_px(self, factor: float) -> list[tuple[float, float]]:
-        """Return the minimum and maximum longer side of boxes at each width, px of an image as in `merge`."""
+    def ranges_px(self, width: int) -> list[tuple[float, float]]:
+        """Return the minimum and maximum longer side of boxes at each width, px of an image of a `width`."""
+        factor = width / REFERENCE_WIDTH_PX
         edges = [np.inf, *(factor * gate for gate in self.gates_px), 0.0]
         return [(low / _OVERLAP, high * _OVERLAP) for high, low in pairwise(edges)]
 
@@ -68,40 +68,41 @@ class ClassInferenceWidths:
         return ClassInferenceWidths(tuple(sizes.within(widest) for sizes in self.by_class))
 
 
-def merge(
-    found: Mapping[int, np.ndarray], sizes: ClassInferenceWidths, nms_iou: float, factor: float = 1.0
-) -> np.ndarray:
+def merge(found: Mapping[int, np.ndarray], sizes: ClassInferenceWidths, nms_iou: float, width: int) -> np.ndarray:
     """Merge the boxes (n, 6) of one image at each width.
 
-    Boxes are x0, y0, x1, y1 in pixels of an image of `factor` times `GATES_WIDTH`, confidence, class; the
-    result is in descending order of confidence.
+    Boxes are x0, y0, x1, y1 in pixels of an image of a `width`, confidence, class; the result is in descending order of
+    confidence.
     """
     if len(sizes.widths) == 1:
         return found[sizes.widths[0]]
     selected = []
     for kind, class_sizes in enumerate(sizes.by_class):
-        for width, (smallest, largest) in zip(class_sizes.widths, class_sizes.ranges_px(factor), strict=True):
-            rows = found[width]
+        for at, (smallest, largest) in zip(class_sizes.widths, class_sizes.ranges_px(width), strict=True):
+            rows = found[at]
             side = (rows[:, 2:4] - rows[:, :2]).max(axis=1, initial=0)
             selected.append(rows[(rows[:, 5] == kind) & (side >= smallest) & (side < largest)])
     return suppress_by_class(np.concatenate(selected), nms_iou)
 
 
 def choose_sizes(
-    labels: Sequence[tuple[np.ndarray, np.ndarray]], found: Mapping[int, Sequence[np.ndarray]], nms_iou: float
+    labels: Sequence[tuple[np.ndarray, np.ndarray]],
+    found: Mapping[int, Sequence[np.ndarray]],
+    nms_iou: float,
+    width: int,
 ) -> ClassInferenceWidths:
     """Return the widths and gates with the maximum AP@0.5 of each class.
 
     Candidates are single widths and pairs of widths with gates of `_GATES_PX`. The images should show places that are
     used neither for training nor for the evaluation. Classes without labels get the sizes with the best mean AP@0.5.
 
-    Labels are classes (n,) and boxes (n, 4) of each image, pixels of a photo; `found` are the boxes of each image at
-    each width, as in `merge`.
+    Labels are classes (n,) and boxes (n, 4) of each image, pixels of a photo of a `width`; `found` are the boxes of
+    each image at each inference width, as in `merge`.
     """
     if not any(len(classes) for classes, _ in labels):
         raise DetectError("inference widths cannot be chosen: no image has labels")
     widths = sorted(found)
-    candidates = [InferenceWidths((width,)) for width in widths]
+    candidates = [InferenceWidths((single,)) for single in widths]
     candidates += [InferenceWidths(pair, (gate,)) for pair in combinations(widths, 2) for gate in _GATES_PX]
 
     def precisions(sizes: InferenceWidths) -> np.ndarray:
@@ -110,7 +111,7 @@ def choose_sizes(
             dict(zip(sizes.widths, rows, strict=True))
             for rows in zip(*(found[width] for width in sizes.widths), strict=True)
         )
-        merged = [merge(by_width, ClassInferenceWidths.same(sizes), nms_iou) for by_width in of_pictures]
+        merged = [merge(by_width, ClassInferenceWidths.same(sizes), nms_iou, width) for by_width in of_pictures]
         ranked = metrics.rank_classes(labels, merged, np.array([0.5]))
         return np.array([metrics.precision_at_recalls(of_class).mean() for of_class in ranked])
 

@@ -14,7 +14,7 @@ from polarsim.detect import detectors
 from polarsim.detect.dataset import dataset_images
 from polarsim.detect.frame import letterbox, read_picture
 from polarsim.detect.grouping import BOX_COLUMNS, detection_rows
-from polarsim.detect.inference_widths import GATES_WIDTH, ClassInferenceWidths, InferenceWidths, merge
+from polarsim.detect.inference_widths import ClassInferenceWidths, InferenceWidths, merge
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.sand_filter import SandFilter
 from polarsim.detect.split import TEST
@@ -119,7 +119,7 @@ def predict_images(
     widths = sizes.widths
     by_width = [_detect_at(loaded, pictures, width, full) for width in widths]
     for results in zip(*by_width, strict=True):
-        yield merge(dict(zip(widths, results, strict=True)), sizes, nms_iou, full[0] / GATES_WIDTH)
+        yield merge(dict(zip(widths, results, strict=True)), sizes, nms_iou, full[0])
 
 
 def _detect_at(

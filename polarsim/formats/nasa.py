@@ -25,7 +25,6 @@ log = logging.getLogger("polarsim")
 MM = 0.001  # metres
 CLOUD_SUFFIXES = (".xyz", ".txt", ".pts", ".ply")
 
-POSITION_DISTANCE_MM = {"A": 1500, "B": 4000, "C": 1500}  # from the edge of the box, in the names of NASA's folders
 _ENTRY = re.compile(r"([A-Z0-9_]+):(.*)")
 _COUNTS = {
     "CAMERA_MATRIX_LEFT": (9,),

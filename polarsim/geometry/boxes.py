@@ -6,7 +6,9 @@ from typing import Literal
 
 import numpy as np
 
-MATCH_GATE_PX = 40.0  # maximum distance of a pair, centre to centre; errors of poses cause less
+from polarsim.photo import REFERENCE_WIDTH_PX
+
+_MATCH_GATE_PX = 40.0  # of photos of the reference width: errors of poses cause less
 MAX_LOG_SIZE = 1.6  # maximum |log width ratio| + |log height ratio| of a pair
 
 
@@ -154,10 +156,18 @@ def box_of_mask(mask: np.ndarray) -> np.ndarray | None:
     return np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1], float)
 
 
+def match_gate_px(width: int) -> float:
+    """Return the usual maximum distance of a pair, centre to centre, px of a photo of a width, px."""
+    return _MATCH_GATE_PX * width / REFERENCE_WIDTH_PX
+
+
 def match_by_position_and_size(
-    projected: np.ndarray, annotated: np.ndarray, gate_px: float = MATCH_GATE_PX
+    projected: np.ndarray, annotated: np.ndarray, gate_px: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Match projected (m, 4) and annotated (b, 4) boxes of similar position and size (rows, columns)."""
+    """Match projected (m, 4) and annotated (b, 4) boxes of similar position and size (rows, columns).
+
+    `gate_px`: maximum distance of a pair, centre to centre.
+    """
     projected, annotated = _rows(projected), _rows(annotated)
     size = np.maximum(projected[:, 2:] - projected[:, :2], 1e-3)
     size_annotated = annotated[:, 2:] - annotated[:, :2]

@@ -30,7 +30,7 @@ EDGE_TERMS = (  # far: edge at the tip of the shadow; near: at the rock; side: p
 ROVER_LIGHT_TERMS = ("all", "share here", "share elsewhere", "small", "far m")
 MIN_PROBABILITY = 0.45  # minimum probability of a label, maximises F1
 LARGE_PX = 50.0  # sqrt(area) above which the size has no effect
-CENTRE_DISTANCE_M = 3.5  # approximate distance of the centre of the sandbox
+CENTRE_DISTANCE_M = 3.5  # zero of this term: distance of the centre of POLAR's sandbox, to which the model is fitted
 PACKAGED = Path(__file__).with_suffix(".json")
 
 

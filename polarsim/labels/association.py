@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from polarsim.geometry.boxes import MATCH_GATE_PX, iou, match_by_distance, match_by_iou, match_pairs
+from polarsim.geometry.boxes import iou, match_by_distance, match_by_iou, match_gate_px, match_pairs
 from polarsim.geometry.camera import Camera
 from polarsim.labels.bodies import Dome, TerrainCasters, build_worlds, with_domes
 from polarsim.labels.projection import ground_depth, move_rocks, project_rock
@@ -200,7 +200,7 @@ def _gathered(
         annotated = np.array([track.mean for track in tracks[position]]).reshape(-1, 4)
         projected = {rock: shape for rock in world.bodies if (shape := project_rock(world, view, rock))}
         expected = np.array([shape.box for shape in projected.values()]).reshape(-1, 4)
-        matched[position] = match_ids(annotated, expected, list(projected), MATCH_GATE_PX)
+        matched[position] = match_ids(annotated, expected, list(projected), match_gate_px(view.lens.width))
         domes.append([fit_dome(world, view, box) for box in annotated[matched[position] == NO_ROCK]])
     numbers, stand_ins = number_domes(domes, first)
     for position, stand_in_ids in zip(tracks, numbers, strict=True):

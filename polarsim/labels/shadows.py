@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.geometry.boxes import MATCH_GATE_PX, area, clip, iou
+from polarsim.geometry.boxes import area, clip, iou, match_gate_px
 from polarsim.geometry.masks import Window, windows_of
 from polarsim.labels.association import match_ids
 from polarsim.labels.bodies import active_lamp
@@ -129,7 +129,8 @@ class PositionShadows:
         """Return the rock (n,) that casts each annotated shadow, matched by the cast shadows of all rocks."""
         cast = self.cast(camera, light, azimuth, dict.fromkeys(self.world.bodies))
         expected = np.array([shadow.box for shadow in cast.values()]).reshape(-1, 4)
-        return match_ids(boxes, expected, list(cast), SHADOW_GATE * MATCH_GATE_PX, smallest_iou=0.1)
+        gate_px = SHADOW_GATE * match_gate_px(self.rocks.view(camera).lens.width)
+        return match_ids(boxes, expected, list(cast), gate_px, smallest_iou=0.1)
 
     def cast(
         self,

@@ -9,7 +9,7 @@ import numpy as np
 from polarsim.geometry.boxes import area, box_around_points, iou, largest_iou, match_by_iou
 from polarsim.geometry.polygons import signed_area
 from polarsim.lint.rules import Defect
-from polarsim.photo import BOX_CLASSES, POLYGON_CLASSES, ROCK, SHADOW, PhotoKey
+from polarsim.photo import BOX_CLASSES, POLYGON_CLASSES, REFERENCE_SIZE_PX, ROCK, SHADOW, PhotoKey
 
 Boxes = tuple[np.ndarray, np.ndarray]  # class numbers (n,), boxes (n, 4) in pixels
 Size = tuple[int, int]  # width and height of the photo, pixels
@@ -23,7 +23,7 @@ MISSING_SHADOWS, EXTRA_SHADOWS = 4, 3  # minimum number of shadows fewer, or mor
 ROCK_CLASS, SHADOW_CLASS = (BOX_CLASSES.index(name) for name in (ROCK, SHADOW))
 Polygons = list[tuple[int, np.ndarray]]  # class number, vertices (n, 2) in pixels
 TINY_PX2, MIN_EXTENT_PX = 9.0, 2.0  # minimum area and extent of a polygon
-HUGE_PX2 = 300_000.0  # maximum area of a rock or shadow
+HUGE_SHARE = 300_000 / np.prod(REFERENCE_SIZE_PX)  # maximum area of a rock or shadow over that of the photo: 13 %
 COVERED = 0.98  # minimum share of the photo that polygons cover
 COVER_STEP = 4  # pixels between the samples of the coverage
 MIN_ROCKS = 3  # minimum number of rocks that identify a camera
@@ -88,7 +88,7 @@ def ring_defects(polygons: Polygons, size: Size) -> Iterator[Defect]:
             ("thin_polygon", extent.min() < MIN_EXTENT_PX),
             ("triangle", len(vertices) == 3),
             ("out_of_photo", outside),
-            ("giant_shadow", kind == SHADOW_POLYGON and ring.area > HUGE_PX2),
+            ("giant_shadow", kind == SHADOW_POLYGON and ring.area > HUGE_SHARE * np.prod(size)),
         ):
             if present:
                 rows.setdefault(name, []).append(number)
@@ -107,7 +107,7 @@ def file_defects(polygons: Polygons, size: Size) -> Iterator[Defect]:
         huge = tuple(
             number
             for number, (kind, vertices) in enumerate(polygons)
-            if kind == ROCK_POLYGON and abs(signed_area(vertices)) > HUGE_PX2
+            if kind == ROCK_POLYGON and abs(signed_area(vertices)) > HUGE_SHARE * np.prod(size)
         )
         if huge:
             yield Defect("ground_as_rock", f"polygon {huge[0] + 1}", huge)

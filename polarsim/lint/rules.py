@@ -85,7 +85,7 @@ RULES: dict[str, Rule] = {
     "triangle": Rule("P604", "note", "only three points"),
     "ground_as_rock": Rule("P605", "error", "ground annotated as a rock", "makes it ground"),
     "no_ground": Rule("P606", "warning", "no ground"),
-    "giant_shadow": Rule("P607", "warning", "shadow above 300,000 px"),
+    "giant_shadow": Rule("P607", "warning", "shadow above 13 % of the photo"),
     "no_shadow_polygon": Rule("P608", "note", "rocks, but no shadow"),
     "cover_holes": Rule("P609", "warning", "over 2 % of the photo without a polygon"),
     "paint_order": Rule("P610", "note", "ground or background after a rock or shadow: painting in this order erases it",

@@ -22,7 +22,9 @@ from polarsim.site import Site
 MIN_BOXES_OF_A_VIEW = 3  # minimum number of boxes that identify a view
 MIN_VIEW_LEAD, MIN_VIEW_IOU = 0.25, 0.4  # minimum lead of another view in mean IoU, and minimum mean IoU
 OFFSETS_PX = np.arange(-320, 1, 4)  # tried offsets from left to right at the photo's centre
-SLOPE, DROP_PX = -0.18, 15.5  # change of the offset per row, and vertical offset, of the release's rig
+# Start of the fit: change of the offset per row, and vertical offset, of the release's rig. The fit finds those of
+# other rigs, if more than half of the boxes start within `NEAR_PX`.
+SLOPE, DROP_PX = -0.18, 15.5
 PLANE_FITS = 3  # of fitting the offset as a plane
 NEAR_PX = 40.0  # maximum distance of a pair from the plane
 MIN_PAIRS = 6  # minimum number of pairs for a plane

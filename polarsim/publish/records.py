@@ -25,7 +25,7 @@ COLUMNS: dict[str, tuple[str, str]] = {
     "file": ("Path in this bundle: 16-bit PNG, images with 12-bit values.", ""),
     "domain": ("real, analog, or the reflectance model of a twin.", ""),
     "key": ("Photo key: terrain, position, light, azimuth, camera, exposure.", ""),
-    "terrain": ("Number of the sandbox scene, 1 to 13.", ""),
+    "terrain": ("Number or name of the sandbox scene.", ""),
     "position": ("Tripod position.", ""),
     "light": ("Rover light, on or off.", ""),
     "azimuth": ("Azimuth of the Sun lamp in the sandbox frame; no: lamp off.", ""),

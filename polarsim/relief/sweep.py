@@ -52,7 +52,7 @@ SPECKLE_M2 = 0.05  # measured areas up to this size that are separated by steps 
 # 0.14 for 12 on 11, and 0.37 for 1 on 3, whose heights contradict the feet of the rocks.
 MIN_SHARE = 0.25
 GROUND_DROP = 0.01  # metres by which the ground is lowered as an occluder of its own cells
-PIXEL_M = 0.0017  # size of a pixel on the ground, across the line of sight
+PIXEL_M = 0.0017  # size of a pixel on the ground, across the line of sight: of POLAR's photos, 3.5 m / 2,070 px
 SD_SCALE = 0.5  # standard deviation by `_deviation`, in units of the formula; fitted to the analog's terrain 3
 
 

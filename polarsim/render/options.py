@@ -198,7 +198,7 @@ class FittingOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class SensorOptions(BaseModel, extra="forbid", frozen=True):
-    """Conversion of radiance to DN. Black level (16) and clipping (12 bits) are fixed by the data set."""
+    """Conversion of radiance to DN. Black level (16) and clipping (12 bits) are those of polarsim's photo format."""
 
     samples: Literal[1, 4, 9, 16] = Field(1, description="Rays per pixel. More rays smooth edges and take longer.")
     blur_px: float = Field(0, ge=0, le=50, description="Standard deviation of the lens's Gaussian point spread, px.")

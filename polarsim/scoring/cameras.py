@@ -11,7 +11,7 @@ import numpy as np
 from polarsim.formats import obj
 from polarsim.formats.files import read_json
 from polarsim.formats.tables import read_parquet
-from polarsim.geometry.boxes import iou, match_by_position_and_size
+from polarsim.geometry.boxes import iou, match_by_position_and_size, match_gate_px
 from polarsim.geometry.consensus import consensus_of_sets
 from polarsim.geometry.outlines import outlines_of
 from polarsim.geometry.poses import Pose, angle_between
@@ -138,8 +138,9 @@ def against_annotated(
         pairs = [np.zeros((0, 2, 4))]  # projected and annotated
         for position, rig in localised.items():
             boxes = agreed_boxes(annotated, position, camera)
-            projected = outlines.seen(rig.camera(camera))
-            rows, columns = match_by_position_and_size(projected, boxes)
+            view = rig.camera(camera)
+            projected = outlines.seen(view)
+            rows, columns = match_by_position_and_size(projected, boxes, match_gate_px(view.lens.width))
             pairs.append(np.stack([projected[rows], boxes[columns]], axis=1))
         first, second = np.concatenate(pairs).swapaxes(0, 1)
         offset_px = np.abs(first[:, :2] + first[:, 2:] - second[:, :2] - second[:, 2:]) / 2

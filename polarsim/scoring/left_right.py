@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from polarsim.geometry.boxes import iou, match_by_position_and_size
+from polarsim.geometry.boxes import iou, match_by_position_and_size, match_gate_px
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.patches import MatchingOptions, StereoMatches, cast_stereo, match_stereo_windows
 from polarsim.geometry.rays import Caster
@@ -91,8 +91,9 @@ def boxes_of_both(
             continue
         offset_of, iou_of = {}, {}
         for camera, boxes in boxes_of.items():
-            projected = outlines.seen(rig.camera(camera))
-            rocks, rows = match_by_position_and_size(projected, boxes)
+            view = rig.camera(camera)
+            projected = outlines.seen(view)
+            rocks, rows = match_by_position_and_size(projected, boxes, match_gate_px(view.lens.width))
             vertical = (projected[rocks][:, [1, 3]] - boxes[rows][:, [1, 3]]).mean(axis=1)
             offset_of[camera] = dict(zip(rocks.tolist(), vertical.tolist(), strict=True))
             iou_of[camera] = float(np.diag(iou(projected[rocks], boxes[rows])).sum()) / len(boxes)

@@ -15,7 +15,7 @@ from polarsim.errors import FormatError, LabelError
 from polarsim.formats import class_lists, release, yolo
 from polarsim.formats.files import existing_folder
 from polarsim.geometry.boxes import iou, match_by_iou, match_by_summed_iou
-from polarsim.photo import BOX_CLASSES, PhotoKey, terrain_text
+from polarsim.photo import BOX_CLASSES, REFERENCE_SIZE_PX, PhotoKey, terrain_text
 from polarsim.site import Site, polar
 
 KEY_GROUPS = ("terrain", "position", "light", "azimuth", "camera")
@@ -161,8 +161,8 @@ def _score_files(
     if not set(of_truth) & set(of_labels):
         raise LabelError(f"no label file has the same name as a file in {truth}", path=labels)
     selected = of_truth if selected is None else selected
-    read_truth, unreadable = read_sound(selected, box_reader(polar().images.size))  # IoU does not depend on the size
-    read_detections = box_reader(polar().images.size, detections=True)
+    read_truth, unreadable = read_sound(selected, box_reader(REFERENCE_SIZE_PX))  # IoU does not depend on the size
+    read_detections = box_reader(REFERENCE_SIZE_PX, detections=True)
     if unreadable and not read_truth:
         raise FormatError(f"all {len(unreadable)} label files are invalid, first {unreadable[0]}", path=truth)
     read_labels = {name: read_detections(of_labels[name]) for name in read_truth if name in of_labels}

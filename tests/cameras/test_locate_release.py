@@ -54,7 +54,7 @@ def test_real_seeds_localise_the_rig(release_root, terrain, position, stood, lea
     rig = LocalisedRig(default_rig(), pose)
     right = clip(outlines.project(rig.camera("R")), 1936, 1216)
     annotated = consensus_boxes(best_boxes(release_root, terrain, position, "R"))
-    rows, columns = match_by_position_and_size(right, annotated)
+    rows, columns = match_by_position_and_size(right, annotated, 40)
     assert len(rows) >= len(localisation.fit.iou) - 1
     assert np.diag(iou(right[rows], annotated[columns])).mean() >= least_right
 

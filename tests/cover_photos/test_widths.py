@@ -131,7 +131,7 @@ def test_a_published_detector_has_widths_calibration_and_a_card(folds, tmp_path)
     tables.write_parquet(tmp_path / "scores.parquet", scores[list(COVER_SCORES.columns)].astype(COVER_SCORES.dtypes))
     publish_detector(
         weights=weights, **folds, scores=tmp_path / "scores.parquet", detector=tmp_path / "detector.pt",
-        card=tmp_path / "detector.md", options=OPTIONS,
+        card=tmp_path / "detector.md", width=1936, options=OPTIONS,
     )  # fmt: skip
     detector = detectors.read_detector(tmp_path / "detector.pt")
     (rock_widths, rock_gates), (shadow_widths, _) = detector.sizes
@@ -147,5 +147,5 @@ def test_a_published_detector_has_widths_calibration_and_a_card(folds, tmp_path)
     with pytest.raises(DetectError):
         publish_detector(
             weights=weights, labels=folds["labels"], **only, scores=tmp_path / "scores.parquet",
-            detector=tmp_path / "d.pt", card=tmp_path / "d.md", options=OPTIONS,
+            detector=tmp_path / "d.pt", card=tmp_path / "d.md", width=1936, options=OPTIONS,
         )  # fmt: skip

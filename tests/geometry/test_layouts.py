@@ -137,7 +137,11 @@ CASES = {  # a function, and by argument: values and types that hold them exactl
         (BOXES, WHOLE),
         (BOXES, WHOLE),
     ),
-    "boxes.assign": (boxes.match_by_position_and_size, (LARGER_BOXES, WHOLE), (LARGER_BOXES, WHOLE)),
+    "boxes.assign": (
+        lambda a, b: boxes.match_by_position_and_size(a, b, 40),
+        (LARGER_BOXES, WHOLE),
+        (LARGER_BOXES, WHOLE),
+    ),
     "consensus": (
         lambda one, other: (
             consensus.consensus_boxes([one, other]),

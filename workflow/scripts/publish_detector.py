@@ -6,6 +6,7 @@ from polarsim.cover_photos.publish import publish_detector
 from polarsim.detect.options import PredictionOptions
 from polarsim.job_files import list_of_paths
 from polarsim.reporting import reporting
+from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
     publish_detector(
@@ -16,5 +17,6 @@ with reporting(log=snakemake.log[0]):
         scores=Path(snakemake.input.scores),
         detector=Path(snakemake.output.detector),
         card=Path(snakemake.output.card),
+        width=Site(**snakemake.params.site).images.width,
         options=PredictionOptions(**snakemake.params.options),
     )

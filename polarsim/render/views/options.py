@@ -11,6 +11,7 @@ from pydantic import AfterValidator, BaseModel, Field, PositiveFloat, PositiveIn
 
 from polarsim.formats.files import resolve_from
 from polarsim.formats.yaml_files import read_model
+from polarsim.photo import BLACK_LEVEL, REFERENCE_SIZE_PX, WHITE_LEVEL
 from polarsim.render.options import RenderOptions
 from polarsim.site import DEFAULT, Site, read_site
 from polarsim.site_parts import TerrainName
@@ -56,8 +57,8 @@ class PinholeLens(ViewsSection):
 
     kind: Literal["pinhole"] = Field(description="Pinhole camera without distortion.")
     hfov_deg: float = Field(gt=0, lt=170, description="Horizontal field of view, degrees.")
-    width_px: PositiveInt = Field(1936, le=16384, description="Width of the images, px.")
-    height_px: PositiveInt = Field(1216, le=16384, description="Height of the images, px.")
+    width_px: PositiveInt = Field(REFERENCE_SIZE_PX[0], le=16384, description="Width of the images, px.")
+    height_px: PositiveInt = Field(REFERENCE_SIZE_PX[1], le=16384, description="Height of the images, px.")
     baseline_m: PositiveFloat = Field(0.3, description="Distance between the cameras of a pair, metres.")
 
 
@@ -171,7 +172,12 @@ class AutoExposure(ViewsSection):
     """Automatic exposure of an image, from the lit pixels."""
 
     percentile: float = Field(95, gt=0, le=100, description="Percentile of the lit pixels that is exposed to `grey`.")
-    grey: int = Field(3000, gt=16, le=4095, description="Target DN of the percentile, including black level 16.")
+    grey: int = Field(
+        3000,
+        gt=BLACK_LEVEL,
+        le=WHITE_LEVEL,
+        description=f"Target DN of the percentile, including black level {BLACK_LEVEL}.",
+    )
 
 
 class StarField(ViewsSection):

@@ -10,7 +10,7 @@ import numpy as np
 
 from polarsim.formats import png
 from polarsim.formats.yolo import read_rock_boxes
-from polarsim.geometry.boxes import box_centres, iou, match_by_position_and_size
+from polarsim.geometry.boxes import box_centres, iou, match_by_position_and_size, match_gate_px
 from polarsim.geometry.consensus import consensus_boxes
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import Outlines, outlines_of
@@ -134,7 +134,7 @@ def _draw_position(
     if photo is not None and photo.exists():
         pixels = to_8bit(png.read_png(photo))
     projected = outlines.seen(rig.camera("L"))
-    rows, columns = match_by_position_and_size(projected, boxes)
+    rows, columns = match_by_position_and_size(projected, boxes, match_gate_px(lens.width))
     matched, matched_boxes = projected[rows], boxes[columns]
     start, end = box_centres(matched_boxes), box_centres(matched)
     scale = pixels.shape[1] / lens.width

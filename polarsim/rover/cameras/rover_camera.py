@@ -148,6 +148,7 @@ class RoverCamera:
         return self.expose(radiance, light.model, exposure_ms, *name), float(exposure_ms)
 
     def _gain(self, model: Model) -> float:
+        # The rover's cameras are no cameras of a site: on every ground they have the sensitivity of NASA's.
         return gain_of(model, self.render_options, polar())
 
 
