@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +16,6 @@ from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import nasa, png
 from polarsim.formats.calibrations import read_stated
 from polarsim.formats.files import existing_folder, suffix_counts, write_text
-from polarsim.formats.stated_calibration import StatedCalibration
 from polarsim.site_parts import FIELD
 
 _MAX_SAMPLES = 24  # number of images of which pixels are read
@@ -28,6 +26,7 @@ _CALIBRATION = re.compile(r"(?i).*\.(calibration|ya?ml)|(.*/)?cameras\.txt")
 _FAR = 100.0  # median distance of a cloud above which the unit is millimetres
 _RANGE_SUFFIXES = (".tif", ".tiff")
 _MAX_DAMAGED = 3  # number of files of a pattern that are tried
+_MAX_REASONS = 5  # number of skipped files whose reasons are listed
 
 
 def write_draft(folder: Path, out: Path) -> list[str]:
@@ -50,6 +49,7 @@ def write_draft(folder: Path, out: Path) -> list[str]:
         *(f"{field}: {', '.join(list(of)[:8])}{' ...' if len(of) > 8 else ''}" for field, of in fields.names.items()),
         *(f"{kind}: {text}" for kind, text in (("clouds", scans.clouds), ("range maps", scans.range_maps)) if text),
         f"calibration: {scans.calibration or 'none found'}",
+        *_skipped(scans.skipped),
         *_unused([name for name in all_images if name not in used]),
         *fields.notes,
         f"{out}: replace FILL_IN, then: polarsim check-site {out} --root {folder}",
@@ -59,6 +59,13 @@ def write_draft(folder: Path, out: Path) -> list[str]:
 def _unused(images: Sequence[str]) -> list[str]:
     """Return a line on images with another suffix or in another number of folders, such as range maps."""
     return [f"images without this pattern: {len(images)}, such as {images[0]}"] if images else []
+
+
+def _skipped(errors: Sequence[PolarsimError]) -> list[str]:
+    """Return a line for each scan and calibration that could not be read, up to a maximum number."""
+    rest = len(errors) - _MAX_REASONS
+    lines = [f"skipped: {error}" for error in errors[:_MAX_REASONS]]
+    return [*lines, f"skipped: {rest} more scans and calibrations"] if rest > 0 else lines
 
 
 def image_form(folder: Path, names: Sequence[str]) -> ImageForm:
@@ -91,43 +98,46 @@ def image_form(folder: Path, names: Sequence[str]) -> ImageForm:
 
 
 def find_scans(folder: Path, names: Sequence[str], fields: PathFields, form: ImageForm) -> Scans:
-    """Return the patterns of scans and calibrations among the files that are no photos."""
-    scans, size = Scans(), (form.width, form.height)
+    """Return the patterns of scans and calibrations among the files that are no photos, and errors of skipped files."""
+    scans, size, skipped = Scans(), (form.width, form.height), list[PolarsimError]()
     clouds = [name for name in names if name.lower().endswith(nasa.CLOUD_SUFFIXES)]
-    if found := _readable(clouds, fields, lambda name: nasa.read_cloud(folder / name, "m")):
+    if found := _readable(clouds, fields, lambda name: nasa.read_cloud(folder / name, "m"), skipped):
         pattern, cloud = found
         far = float(np.median(np.linalg.norm(cloud, axis=1))) > _FAR
         scans = replace(scans, clouds=pattern, unit="mm" if far else "m")
     maps = [name for name in names if name.lower().endswith(_RANGE_SUFFIXES)]
-    if found := _readable(maps, fields, lambda name: nasa.read_range_map(folder / name, size)):
+    if found := _readable(maps, fields, lambda name: nasa.read_range_map(folder / name, size), skipped):
         scans = replace(scans, range_maps=found[0])
-    stated = {name: stated for name in names if _CALIBRATION.fullmatch(name) and (stated := _stated(folder / name))}
+    stated = {}
+    for name in filter(_CALIBRATION.fullmatch, names):
+        try:
+            stated[name] = read_stated(folder / name)
+        except PolarsimError as error:
+            skipped.append(error)
     if stated:
         pattern = _pattern(stated, fields) or min(stated, key=lambda name: (name.count("/"), name))
         scans = replace(scans, calibration=pattern, stated=next(iter(stated.values())))
-    return scans
+    return replace(scans, skipped=tuple(skipped))
 
 
 def _readable(
-    names: Sequence[str], fields: PathFields, read: Callable[[str], np.ndarray]
+    names: Sequence[str], fields: PathFields, read: Callable[[str], np.ndarray], skipped: list[PolarsimError]
 ) -> tuple[str, np.ndarray] | None:
-    """Return the pattern of most files of which a file can be read, and the content of that file."""
+    """Return the pattern of most files of which a file can be read, and the content of that file.
+
+    Errors of files that cannot be read are appended to `skipped`.
+    """
     patterns: dict[str, list[str]] = {}
     for name in names:
         if pattern := _replaced(name, fields, ("terrain", "position")):
             patterns.setdefault(pattern, []).append(name)
     for pattern, files in sorted(patterns.items(), key=lambda item: -len(item[1])):
         for name in files[:_MAX_DAMAGED]:
-            with suppress(PolarsimError):
+            try:
                 return pattern, read(name)
+            except PolarsimError as error:
+                skipped.append(error)
     return None
-
-
-def _stated(path: Path) -> StatedCalibration | None:
-    try:
-        return read_stated(path)
-    except PolarsimError:
-        return None
 
 
 def _pattern(names: Iterable[str], fields: PathFields) -> str | None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.acquire.path_fields import PathFields
+from polarsim.errors import PolarsimError
 from polarsim.formats.stated_calibration import StatedCalibration
 from polarsim.photo import NO_SUN, parse_terrain, terrain_text
 from polarsim.site_parts import FILL_IN
@@ -33,13 +34,14 @@ class ImageForm:
 
 @dataclass(frozen=True)
 class Scans:
-    """Patterns of clouds, range maps and calibrations, and the unit of the clouds."""
+    """Patterns of clouds, range maps and calibrations, the unit of the clouds, and errors of skipped files."""
 
     clouds: str | None = None
     range_maps: str | None = None
     calibration: str | None = None
     unit: str = "m"
     stated: StatedCalibration | None = None
+    skipped: tuple[PolarsimError, ...] = ()
 
 
 def draft_text(name: str, folder: Path, fields: PathFields, form: ImageForm, scans: Scans) -> str:

@@ -96,10 +96,15 @@ def make(root, site):
 def test_a_draft_is_accepted_when_a_person_has_filled_in_the_marked_values(polarsim, tmp_path, site):
     make(tmp_path / "raw", site)
     png.write_png(tmp_path / "raw/overview.png", np.zeros((30, 40), np.uint8))
-    next((tmp_path / "raw").rglob("*.ply")).write_text("damaged")
+    damaged = min((tmp_path / "raw").rglob("*.ply"))
+    damaged.write_text("damaged")
+    other = tmp_path / "raw/calibration.yaml"
+    other.write_text("date: 2024-05-01\n")
     draft = tmp_path / "site.yaml"
     result = polarsim("new-site", tmp_path / "raw", "--out", draft)
     assert result.returncode == 0
+    skipped = [line for line in result.stdout.splitlines() if line.startswith("skipped: ")]
+    assert [path in line for line, path in zip(skipped, (str(damaged), str(other)), strict=True)] == [True, True]
     assert "images without this pattern: 1, such as overview.png" in result.stdout
     first = polarsim("check-site", draft)
     assert first.returncode == 1
