@@ -164,7 +164,7 @@ def level_pose(position: str, points: np.ndarray, stations: Mapping[str, Pose], 
     if len(sand) < MIN_SAND_POINTS:
         raise RegistrationError(
             f"the scan of position {position} has {len(sand)} points within {_metres(area.sand)} of the centre, "
-            f"{MIN_SAND_POINTS} needed"
+            f"{MIN_SAND_POINTS} needed: check its tripod, and that the points are in the frame of the camera"
         )
     thin = sand[:: max(1, len(sand) // 100_000)]
     return level_from(tracked_plane(thin, np.array([0, 0, np.median(thin[:, 2])]), SAND_SCALES)) @ guess

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from polarsim.errors import FormatError
+from polarsim.errors import FormatError, with_path
 from polarsim.formats import nasa
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.stereo import StereoRig, rectified_left
@@ -25,6 +25,7 @@ _NEIGHBOURS = (  # each pair of neighbours once: (rows, columns) of the first an
     ((_BUT_LAST, _BUT_FIRST), (_BUT_FIRST, _BUT_LAST)),
 )
 _DISTANCES_M = 0.1, 1000.0  # of the points of a cloud from the camera; other values mean another unit
+MIN_POINTS = 1000  # of a cloud in the image of the left camera
 PIXELS_PER_POINT = 0.7  # along a side, of the range map of a cloud: 7 of 8 pixels have a point
 
 
@@ -41,7 +42,8 @@ def read_scan(inventory: Inventory, position: str, rig: StereoRig, files: Files)
         cloud = _read_cloud(Path(inventory.clouds[position]), files.cloud_unit)
         if files.cloud_frame == "left":
             cloud = grid.left_from_rectified.inverse().apply(cloud)
-        range_map, lens = range_map_of_cloud(cloud, lens)
+        with with_path(inventory.clouds[position]):
+            range_map, lens = range_map_of_cloud(cloud, lens)
     trusted = range_map[trusted_pixels(range_map, lens.fx)]
     return np.asarray(grid.left_from_rectified.apply(trusted.astype(float)))
 
@@ -77,11 +79,16 @@ def range_map_of_cloud(cloud: np.ndarray, lens: Lens) -> tuple[np.ndarray, Lens]
     """Convert a cloud (n, 3) in the rectified left frame to a range map with the nearest point of each pixel.
 
     Return the range map and the lens of the map. The resolution is chosen such that most pixels have a point, because
-    `trusted_pixels` compares adjacent pixels.
+    `trusted_pixels` compares adjacent pixels. A cloud with few points in the image raises FormatError.
     """
     pixels = lens.project(cloud)
     inside = np.isfinite(pixels).all(axis=1)
     inside &= ((pixels >= 0) & (pixels < [lens.width, lens.height])).all(axis=1)
+    if inside.sum() < MIN_POINTS:
+        raise FormatError(
+            f"the image of the left camera contains {inside.sum()} of {len(cloud)} points, {MIN_POINTS} needed: "
+            "transform clouds from the frame of the scanner to files.cloud_frame"
+        )
     factor = min(1.0, PIXELS_PER_POINT * np.sqrt(inside.sum() / (lens.width * lens.height)))
     coarse = lens.scaled(factor)
     column, row = np.floor(pixels[inside] * factor).astype(int).T

@@ -69,6 +69,16 @@ def test_clouds_of_a_site_are_read_in_their_unit_and_frame(tmp_path, rng):
         read_scan(inventory, "gate", rig, files.model_copy(update={"cloud_unit": "m"}))
 
 
+def test_a_cloud_in_the_upright_frame_of_a_scanner_is_an_error(tmp_path, rng):
+    sand = np.column_stack([rng.uniform(1, 8, 20_000), rng.uniform(-2, 2, 20_000), np.full(20_000, -1.5)])
+    nasa.write_cloud(tmp_path / "a.xyz", sand, np.zeros(len(sand)), "m")
+    inventory = Inventory("yard-a", "files", clouds={"gate": str(tmp_path / "a.xyz")})
+    files = Files(photos="{terrain}.png", cloud_frame="left", cloud_unit="m")
+    with pytest.raises(FormatError, match="cloud_frame") as raised:
+        read_scan(inventory, "gate", StereoRig.single(other_rig().left), files)
+    assert raised.value.path == tmp_path / "a.xyz"
+
+
 def test_a_scan_of_a_single_camera_is_in_the_frame_of_the_camera(tmp_path, rng):
     lens = other_rig().left
     points = 2.0 * lens.directions(rng.uniform([60, 60], [580, 420], (40_000, 2)))
