@@ -65,7 +65,7 @@ def trusted_pixels(range_map: np.ndarray, focal_px: float) -> np.ndarray:
     similar range. Surfaces at grazing angles are removed together with mixed pixels.
     """
     distance = np.linalg.norm(range_map, axis=-1)
-    allowed = np.maximum(NOISE_JUMP, GRAZING_JUMP * distance / focal_px)
+    allowed = _allowed_jump(distance, focal_px)
     agreeing = np.zeros(distance.shape, np.uint8)
     with np.errstate(invalid="ignore"):
         for first, second in _NEIGHBOURS:
@@ -75,8 +75,16 @@ def trusted_pixels(range_map: np.ndarray, focal_px: float) -> np.ndarray:
     return agreeing >= MIN_AGREEING
 
 
+def _allowed_jump(distance: np.ndarray, focal_px: float) -> np.ndarray:
+    """Return the maximum range difference of neighbouring pixels on a surface at a distance, metres."""
+    return np.maximum(NOISE_JUMP, GRAZING_JUMP * distance / focal_px)
+
+
 def range_map_of_cloud(cloud: np.ndarray, lens: Lens) -> tuple[np.ndarray, Lens]:
-    """Convert a cloud (n, 3) in the rectified left frame to a range map with the nearest point of each pixel.
+    """Convert a cloud (n, 3) in the rectified left frame to a range map with the mean of the nearest surface per pixel.
+
+    The nearest point of a pixel would be too near by half the standard deviation of the range noise, so that scans from
+    opposite sides would not agree.
 
     Return the range map and the lens of the map. The resolution is chosen such that most pixels have a point, because
     `trusted_pixels` compares adjacent pixels. A cloud with few points in the image raises FormatError.
@@ -93,8 +101,13 @@ def range_map_of_cloud(cloud: np.ndarray, lens: Lens) -> tuple[np.ndarray, Lens]
     coarse = lens.scaled(factor)
     column, row = np.floor(pixels[inside] * factor).astype(int).T
     column, row = np.minimum(column, coarse.width - 1), np.minimum(row, coarse.height - 1)
-    points = cloud[inside]
-    order = np.argsort(-np.linalg.norm(points, axis=1), kind="stable")  # the nearest point is written last
-    range_map = np.full((coarse.height, coarse.width, 3), np.nan, np.float32)
-    range_map[row[order], column[order]] = points[order]
+    points, pixel = cloud[inside], row * coarse.width + column
+    distance = np.linalg.norm(points, axis=1)
+    nearest = np.full(coarse.width * coarse.height, np.inf)
+    np.minimum.at(nearest, pixel, distance)
+    front = distance <= (nearest + _allowed_jump(nearest, coarse.fx))[pixel]
+    sums = [np.bincount(pixel[front], axis[front], len(nearest)) for axis in points.T]
+    with np.errstate(invalid="ignore"):
+        mean = np.stack(sums, axis=-1) / np.bincount(pixel[front], minlength=len(nearest))[:, None]
+    range_map = mean.reshape(coarse.height, coarse.width, 3).astype(np.float32)
     return range_map, coarse
