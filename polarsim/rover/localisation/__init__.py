@@ -1,5 +1,5 @@
 """Localisation of the rover from its own sensors.
 
 Steps in order: `sensors` (readings of wheels and IMU), `wheel_odometry` (readings to a velocity of the body), `motion`
-(the result of stereo odometry).
+(the result of stereo odometry), `fusion` (the filter), `localiser` (sensors and filter during a drive).
 """
