@@ -82,7 +82,7 @@ class TrajectoryErrors:
     mean: float  # distance of positions, as in the leaderboard of SPICE-HL3
     rms: float  # root mean square distance of positions
     rms_aligned: float  # see `absolute_error`
-    relative: float  # see `relative_errors`, for steps of `STEP_M` along the true path; NaN for shorter paths
+    relative: float  # see `motion_errors`, for steps of `STEP_M` along the true path; NaN for shorter paths
     relative_angle: float
 
 
@@ -91,7 +91,7 @@ def trajectory_errors(estimated: Trajectory, true: Trajectory) -> TrajectoryErro
     true = true.at(estimated.times)
     from_start = estimated.moved(true.pose(0) @ estimated.pose(0).inverse())
     distance = np.linalg.norm(from_start.positions - true.positions, axis=1)
-    moved, turned = relative_errors(estimated, true, steps_along(true, STEP_M))
+    moved, turned = motion_errors(estimated, true, steps_along(true, STEP_M))
     return TrajectoryErrors(
         path=float(true.path[-1]),
         end=float(distance[-1]),
@@ -112,7 +112,7 @@ def absolute_error(estimated: np.ndarray, true: np.ndarray) -> float:
     return float(np.sqrt(procrustes(estimated, true, reflection=False, scale=False)[2]))
 
 
-def relative_errors(estimated: Trajectory, true: Trajectory, pairs: np.ndarray) -> tuple[float, float]:
+def motion_errors(estimated: Trajectory, true: Trajectory, pairs: np.ndarray) -> tuple[float, float]:
     """Return the root mean square errors of the motions between pairs of poses: translation, m, and angle, rad.
 
     `pairs` (k, 2): indices of the first and the second pose of each motion. NaN without pairs.

@@ -70,6 +70,10 @@ def _no_drive(catalogue: Catalogue) -> str:
     return "" if catalogue.drives else "the run has no drive (rover.run in its configuration)"
 
 
+def _no_sequence(catalogue: Catalogue) -> str:
+    return _no_drive(catalogue) or trajectories.without_sensors(catalogue)
+
+
 def _no_detector(catalogue: Catalogue) -> str:
     return "" if any(weights.detectors(catalogue)) else "the run has no detectors (target `detect`)"
 
@@ -153,14 +157,17 @@ FORMS: dict[str, Form] = {
         files=lambda catalogue: ros_bags.drive_bags(catalogue).values(),
     ),
     "euroc": Form(
-        "The rover's drives as EuRoC `mav0` folders: images of cameras mounted on the rover, an IMU without noise, "
-        "exact states. All data are synthetic.",
-        trajectories.write_euroc, files=trajectories.drive_files, unavailable=_no_drive,
+        "The rover's drives as EuRoC `mav0` folders, one per drive and light: images with calibration (`cam0` and "
+        "`cam1` are the stereo pair, if the run has one), `imu0` and wheel encoders (`wheels0`) with the errors of "
+        "sensors, exact states; estimates of the run as TUM trajectories of the rover in `estimates/`, with their "
+        f"errors in `{trajectories.BASELINES}`. All data are synthetic.",
+        trajectories.write_euroc, files=trajectories.drive_files, unavailable=_no_sequence,
     ),
     "tum": Form(
-        "The rover's drives as TUM folders: `rgb/`, `rgb.txt` and `groundtruth.txt` with poses of the camera in the "
-        "world frame. All data are synthetic.",
-        trajectories.write_tum, files=trajectories.drive_files, unavailable=_no_drive,
+        "The rover's drives as TUM folders, one per drive, light and camera: `rgb/`, `rgb.txt`, `groundtruth.txt` with "
+        "poses of the camera in the world frame, and a file of poses for each estimator of the run, with the errors "
+        f"in `{trajectories.BASELINES}`. All data are synthetic.",
+        trajectories.write_tum, files=trajectories.drive_files, unavailable=_no_sequence,
     ),
     "detectors": Form(
         "The run's detectors: `<split>/seedN/<domain>.pt`, tensors and plain values in PyTorch's format, and "

@@ -12,6 +12,7 @@ from polarsim.rover.cameras.frames import render_frames
 from polarsim.rover.drive.ride import run_drive
 from polarsim.rover.drive.table import rover_metrics
 from polarsim.rover.export.bag import write_bag
+from polarsim.rover.export.sequence import write_sensors
 from polarsim.rover.export.urdf import write_urdf
 from polarsim.rover.export.video import write_videos
 from polarsim.rover.options import RoverOptions
@@ -35,13 +36,17 @@ def run_drive_pipeline(
     pictures: bool = True,
     threads: int = 1,
 ) -> pd.DataFrame:
-    """Drive, render the pictures, run the onboard detector, write the bag and the URDF; return `rover_metrics`."""
+    """Drive and write all files of the drive; return `rover_metrics`.
+
+    Steps: physics, URDF, sensors, pictures, onboard detector, bag.
+    """
     trace = run_drive(
         meshes=meshes, folder=folder, world=options.world, soil=options.soil, drive=options.drive, seed=seed,
         progress=progress,
     )  # fmt: skip
     vehicle, suite = read_vehicle(options.drive.vehicle), options.cameras
     write_urdf(folder / URDF, vehicle)
+    write_sensors(folder, trace, vehicle, suite.views if pictures else (), suite.scale, seed)
     if pictures:
         render_frames(folder, vehicle, suite, seed, threads, render=render)
         if options.onboard:
@@ -51,5 +56,5 @@ def run_drive_pipeline(
         if suite.videos:
             write_videos(folder, vehicle, suite, seed, threads)
     if options.bags:
-        write_bag(folder, folder / BAG, vehicle, options.bag, seed)
+        write_bag(folder, folder / BAG, vehicle, options.bag)
     return rover_metrics(trace)

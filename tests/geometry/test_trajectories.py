@@ -16,7 +16,7 @@ from polarsim.geometry.trajectories import (
     Trajectory,
     absolute_error,
     consecutive,
-    relative_errors,
+    motion_errors,
     steps_along,
     trajectory_errors,
 )
@@ -47,7 +47,7 @@ def test_errors_equal_those_of_evo(seed):
 
     translation, angle = metrics.PoseRelation.translation_part, metrics.PoseRelation.rotation_angle_rad
     by_frame = [error(metrics.RPE(kind, 1, metrics.Unit.frames), theirs)[0] for kind in (translation, angle)]
-    np.testing.assert_allclose(relative_errors(estimated, true, consecutive(30)), by_frame)
+    np.testing.assert_allclose(motion_errors(estimated, true, consecutive(30)), by_frame)
     per_metre = [
         error(metrics.RPE(kind, 1.0, metrics.Unit.meters, pairs_from_reference=True), theirs)[0]
         for kind in (translation, angle)

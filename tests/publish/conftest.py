@@ -1,10 +1,22 @@
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
+from polarsim.formats.tables import write_parquet
+from polarsim.geometry.trajectories import POSE_COLUMNS
 from polarsim.publish.catalogue import Catalogue, read_catalogue
 from polarsim.publish.run import publish_forms
 from tests.publish.tiny import make_run
+
+ESTIMATES = {("odometry", ""): 1.02, ("fused", "1_hapke_0256"): 1.005, ("fused", "4_hapke_0256"): 1.1}
+
+
+def estimate(table: pd.DataFrame, scale: float, estimator: str, pictures: str) -> pd.DataFrame:
+    """Return the poses of every tenth row of a trace, with a path that is too long by a factor."""
+    poses = table[list(POSE_COLUMNS)].iloc[::10]
+    start = poses["x_m"].iloc[0]
+    return poses.assign(x_m=start + scale * (poses["x_m"] - start), estimator=estimator, pictures=pictures)
 
 
 @pytest.fixture(scope="session")
@@ -32,7 +44,7 @@ def published(run, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def drive(tmp_path_factory) -> Path:
-    """Write a simulated drive with a bag in a separate run."""
+    """Write a simulated drive with a stereo pair, two estimates and a bag in a separate run."""
     from polarsim.rover.export.bag import write_bag
     from polarsim.rover.export.options import BagOptions
     from polarsim.rover.vehicle.table import read_vehicle
@@ -40,7 +52,9 @@ def drive(tmp_path_factory) -> Path:
 
     vehicle = read_vehicle(Path(__file__).parents[2] / "config/viper.yaml")
     folder = make_run(tmp_path_factory.mktemp("driven")) / "rover/seed0"
-    write_drive(folder, vehicle)
+    trace = write_drive(folder, vehicle, ("front_end_cam", "ncl", "ncr"))
+    estimates = [estimate(trace.table, scale, *name) for name, scale in ESTIMATES.items()]
+    write_parquet(folder / "localisation/estimates.parquet", pd.concat(estimates, ignore_index=True))
     write_bag(folder, folder / "drive.mcap", vehicle, BagOptions())
     return folder
 

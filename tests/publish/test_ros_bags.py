@@ -64,3 +64,16 @@ def test_a_drive_is_copied_and_counted(drives_published, drive):
         assert reader.message_count == sum(counts.values())
     assert counts["/front_end_cam/image/compressed"] == 6
     assert counts["/odom"] == 101
+    assert counts["/ncl/image/compressed"] == counts["/ncr/image/compressed"] == 6
+    assert counts["/imu"] == counts["/wheels/speeds"] == 201
+
+
+def test_rosbags_reads_the_estimates_of_the_pictures_in_the_bag(drives_published, store):
+    found: dict[str, list] = {}
+    with Reader(drives_published("mcap") / "drives/seed0") as reader:
+        for connection, _, raw in reader.messages():
+            if connection.topic.startswith("/pose/"):
+                found.setdefault(connection.topic, []).append(store.deserialize_cdr(raw, connection.msgtype))
+    assert {topic: len(messages) for topic, messages in found.items()} == {"/pose/odometry": 21, "/pose/fused": 21}
+    assert found["/pose/odometry"][-1].pose.position.x == pytest.approx(1 - 1.02 * 0.4)
+    assert found["/pose/fused"][-1].pose.position.x == pytest.approx(1 - 1.005 * 0.4)

@@ -12,6 +12,7 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.rover.cameras.frames import pose_table
 from polarsim.rover.cameras.layout import TRUTH_COLUMNS
 from polarsim.rover.drive.trace import COLUMNS, LevelChanges, Trace, trace_table, write_trace
+from polarsim.rover.export.sequence import write_sensors
 from polarsim.rover.vehicle.mounts import mount_of
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
 from polarsim.rover.world.practice import PracticeGround, practice_world
@@ -34,6 +35,7 @@ SMALL = {
     "bag": {"sun": "3", "height_hz": 0.2},
 }
 RADIUS, SPEED = 0.25, 0.2
+SUMMARY = {"ended": "finished", "options": {"soil": {"gravity_m_s2": 1.62}}}  # of drive.json
 
 
 def column(name: str) -> int:
@@ -62,7 +64,7 @@ def straight_drive(seconds: float = 2.0, log_hz: float = 100.0, picture_hz: floa
     tracks = LevelChanges(
         shots, np.arange(len(shots) + 1), np.arange(len(shots), dtype=np.int32), np.full(len(shots), -1e-3, np.float32)
     )
-    return Trace(trace_table(rows), bare_world(np.zeros((41, 81)), 0.05, -2.0, -1.0), tracks, {"ended": "finished"})
+    return Trace(trace_table(rows), bare_world(np.zeros((41, 81)), 0.05, -2.0, -1.0), tracks, dict(SUMMARY))
 
 
 def write_drive(
@@ -71,6 +73,7 @@ def write_drive(
     """Write a drive, and pictures of some views with a rock in each picture and a detection in every second."""
     trace = straight_drive()
     write_trace(folder, trace)
+    write_sensors(folder, trace, vehicle, views, scale, seed=0)
     frames = range(0, len(trace.tracks.time), 2)
     for view in views:
         mount = mount_of(vehicle.camera(view), scale)

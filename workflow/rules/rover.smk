@@ -10,6 +10,7 @@ rule rover:
     """All outputs of this stage; empty without drives."""
     input:
         of_drives("results/{run}/rover/seed{seed}/{name}", name=["trace.parquet", "drive.json"]),
+        of_drives("results/{run}/rover/seed{seed}/localisation/sensors.parquet"),
         of_drives("results/{run}/rover/seed{seed}/{view}/poses.parquet", view=DRIVES.views),
         of_drives("results/{run}/rover/seed{seed}/{view}/{sun}_coco.json", view=DRIVES.views, sun=DRIVES.suns),
         of_drives("results/{run}/rover/seed{seed}/drive.mcap") if ROVER.bags else [],
@@ -41,6 +42,26 @@ rule drive_rover:
         drive=options("rover.drive"),
     script:
         "../scripts/drive_rover.py"
+
+
+rule read_sensors:
+    """Readings of wheels and IMU in a drive, and the calibration of all sensors."""
+    input:
+        trace="results/{run}/rover/seed{seed}/trace.parquet",
+        tracks="results/{run}/rover/seed{seed}/tracks.npz",  # read through trace
+        drive="results/{run}/rover/seed{seed}/drive.json",  # read through trace
+        vehicle=DRIVES.vehicle,
+    output:
+        sensors="results/{run}/rover/seed{seed}/localisation/sensors.parquet",
+        calibration="results/{run}/rover/seed{seed}/localisation/calibration.json",  # written through sensors
+    resources:
+        mem_mb=memory_per_attempt(1000),
+        runtime=10,
+    params:
+        views=DRIVES.views,
+        scale=ROVER.cameras.scale,
+    script:
+        "../scripts/read_sensors.py"
 
 
 rule render_drive:
@@ -167,6 +188,7 @@ rule write_bag:
     input:
         trace="results/{run}/rover/seed{seed}/trace.parquet",
         drive="results/{run}/rover/seed{seed}/drive.json",  # read through trace
+        sensors="results/{run}/rover/seed{seed}/localisation/sensors.parquet",  # read through trace
         pictures=DRIVES.pictures_of_drive(),  # read through trace
         detections=DRIVES.detections(),  # read through trace
         vehicle=DRIVES.vehicle,

@@ -13,5 +13,4 @@ with reporting(log=snakemake.log[0]):
         out=Path(snakemake.output.bag),
         vehicle=read_vehicle(Path(snakemake.input.vehicle)),
         options=BagOptions(**snakemake.params.options),
-        seed=int(snakemake.wildcards.seed),
     )

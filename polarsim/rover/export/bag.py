@@ -1,4 +1,4 @@
-"""Write a drive as an MCAP file of ROS 2 messages, without ROS: states, pictures, detections, ground truth, ground.
+"""Write a drive as an MCAP file of ROS 2 messages, without ROS: states, sensors, pictures, detections, ground truth.
 
 Topics are in docs/rover.md. Messages are generated one by one in the order of their stamps, so memory does not grow
 with the drive. Stamps are times of the drive's clock, so equal drives give equal bytes. Messages are dictionaries in
@@ -7,53 +7,57 @@ units of ROS: metres, radians, seconds, newtons.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.spatial.transform import Rotation
 
 from polarsim.errors import FormatError, with_path
 from polarsim.formats import bags, png, ros, tables
 from polarsim.formats.files import writing
-from polarsim.formats.ros import Message, Stamped, header, pose, ros_quaternion, stamp_ns, vector
+from polarsim.formats.ros import Message, Stamped, header, pose, stamp_ns
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
-from polarsim.randomness import generator
 from polarsim.rover.cameras.layout import DETECTION_COLUMNS, POSE_COLUMNS, TRUTH_COLUMNS, picture_folder
 from polarsim.rover.drive.trace import CONTACTS, Trace, read_trace
 from polarsim.rover.export.options import BagOptions
+from polarsim.rover.export.sensor_messages import (
+    estimates,
+    first_per_period,
+    joint_state,
+    odometry_message,
+    readings,
+    true_imu,
+)
+from polarsim.rover.localisation.sensors import SENSOR_COLUMNS
 from polarsim.rover.vehicle.camera_names import FOLLOWING
 from polarsim.rover.vehicle.mounts import mount_of, pose_of_quaternion
 from polarsim.rover.vehicle.table import WHEELS, CameraPart, Vehicle
+from polarsim.run_files.calibration import ESTIMATES, FOLDER, SENSORS
 
-STATE_HZ, IMU_HZ = 50.0, 100.0  # messages per second
-ACCELEROMETER_SD, GYROSCOPE_SD = 0.01, 0.001  # noise of a reading on /imu, m/s2 and rad/s
+STATE_HZ = 50.0  # messages of states per second; those of sensors have the rate of the readings
 HEIGHT_CELL_M = 0.06  # minimum cell of /terrain/height, since the cells of the drive would need too much space
 UP = np.array([0.0, 0.0, 1.0])
 CONTACT_CODES = {name: code for code, name in enumerate(CONTACTS)}  # as in polarsim_msgs/WheelState
 JOINTS = tuple(f"{code}_{joint}" for code in WHEELS for joint in ("lift", "steer", "spin"))
-_UNMEASURED = (-1.0, *[0.0] * 8)  # covariance of an orientation that an IMU does not measure (REP 145)
 
 
-def write_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions, seed: int = 0) -> dict[str, int]:
+def write_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions) -> dict[str, int]:
     """Write a drive's folder as a bag and return the number of messages by topic."""
     trace = read_trace(folder)
-    streams = [_still(trace, vehicle), _states(trace, vehicle), _imu(trace, seed), _heights(trace, options)]
+    streams = [
+        _still(trace, vehicle), _states(trace, vehicle), _heights(trace, options), true_imu(trace),
+        readings(tables.read_parquet(folder / FOLDER / SENSORS, SENSOR_COLUMNS)),
+        *estimates(folder / FOLDER / ESTIMATES, options),
+    ]  # fmt: skip
     for camera in vehicle.cameras:
         pictures = picture_folder(folder, camera.name, options.sun, options.model, options.exposure_ms)
         if pictures.is_dir():
             streams.append(_pictures(camera, pictures, options))
     with writing(out) as temporary:
         return bags.write_mcap_bag(temporary, streams)
-
-
-def first_per_period(times: np.ndarray, hz: float) -> np.ndarray:
-    """Return the index of the first time in each period of a rate; all indices if the rate exceeds that of `times`."""
-    period = np.floor(times * hz + 1e-6)
-    return np.flatnonzero(np.diff(period, prepend=-np.inf) > 0)
 
 
 def _still(trace: Trace, vehicle: Vehicle) -> Iterator[Stamped]:
@@ -83,7 +87,7 @@ def _states(trace: Trace, vehicle: Vehicle) -> Iterator[Stamped]:
         angular_velocity = np.array([row[name] for name in ("wx_rad_s", "wy_rad_s", "wz_rad_s")])
         odometry = odometry_message(time_ns, base, velocity, angular_velocity)
         yield time_ns, "/odom", "nav_msgs/msg/Odometry", odometry
-        joints = joint_state(time_ns, [row[n] for n in order], [rates[n][index] for n in order])
+        joints = joint_state(time_ns, JOINTS, [row[n] for n in order], [rates[n][index] for n in order])
         yield time_ns, "/joint_states", "sensor_msgs/msg/JointState", joints
         yield time_ns, "/wheels/state", "polarsim_msgs/msg/WheelStates", wheel_states(time_ns, row)
 
@@ -101,23 +105,6 @@ def _moving(time_ns: int, base: Pose, row: dict[str, Any], vehicle: Vehicle) -> 
         ):
             frames.append(ros.transform(time_ns, parent, child, moved))
     return frames
-
-
-def _imu(trace: Trace, seed: int) -> Iterator[Stamped]:
-    """Yield the readings with sensor noise on /imu, and without noise on /imu/truth."""
-    table = trace.table
-    noise = generator(seed, "rover", "imu")
-    sd = (ACCELEROMETER_SD, GYROSCOPE_SD)
-    readings = table[["ax_m_s2", "ay_m_s2", "az_m_s2", "wx_rad_s", "wy_rad_s", "wz_rad_s"]].to_numpy()
-    quaternions = table[["qx", "qy", "qz", "qw"]].to_numpy()
-    times = table["time_s"].to_numpy()
-    for index in first_per_period(times, IMU_HZ):
-        time_ns, true = stamp_ns(float(times[index])), readings[index]
-        noisy = true + noise.normal(size=6) * np.repeat(sd, 3)
-        yield time_ns, "/imu", "sensor_msgs/msg/Imu", imu(time_ns, noisy[:3], noisy[3:], sd, None)
-        rotation = Rotation.from_quat(quaternions[index]).as_matrix()
-        exact = imu(time_ns, true[:3], true[3:], (0.0, 0.0), rotation)
-        yield time_ns, "/imu/truth", "sensor_msgs/msg/Imu", exact
 
 
 def _heights(trace: Trace, options: BagOptions) -> Iterator[Stamped]:
@@ -189,57 +176,6 @@ def _by_frame(path: Path, columns: tuple[str, ...]) -> dict[int, list[dict[str, 
 
 def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
     return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
-
-
-def odometry_message(
-    time_ns: int, world_from_base: Pose, velocity: np.ndarray, angular_velocity: np.ndarray
-) -> Message:
-    """Return nav_msgs/Odometry: the true pose in `odom`.
-
-    `velocity` (3,) is in the world frame, `angular_velocity` (3,) in the base frame.
-    """
-    return {
-        "header": header(time_ns, "odom"),
-        "child_frame_id": "base_link",
-        "pose": {"pose": pose(world_from_base), "covariance": [0.0] * 36},
-        "twist": {
-            "twist": {"linear": vector(world_from_base.rotation.T @ velocity), "angular": vector(angular_velocity)},
-            "covariance": [0.0] * 36,
-        },
-    }
-
-
-def joint_state(time_ns: int, position: Sequence[float], velocity: Sequence[float]) -> Message:
-    """Return sensor_msgs/JointState of `JOINTS`; torques are in `wheel_states`."""
-    return {
-        "header": header(time_ns, ""),
-        "name": list(JOINTS),
-        "position": [float(value) for value in position],
-        "velocity": [float(value) for value in velocity],
-        "effort": [],
-    }
-
-
-def imu(
-    time_ns: int,
-    acceleration: np.ndarray,
-    angular_velocity: np.ndarray,
-    sd: tuple[float, float],
-    rotation: np.ndarray | None,
-) -> Message:
-    """Return sensor_msgs/Imu.
-
-    `sd`: standard deviation of acceleration, m/s2, and rate, rad/s. `rotation` (3, 3) of base_link; None if unmeasured.
-    """
-    return {
-        "header": header(time_ns, "base_link"),
-        "orientation": ros_quaternion(np.eye(3) if rotation is None else rotation),
-        "orientation_covariance": list(_UNMEASURED) if rotation is None else [0.0] * 9,
-        "angular_velocity": vector(angular_velocity),
-        "angular_velocity_covariance": (np.eye(3) * sd[1] ** 2).ravel().tolist(),
-        "linear_acceleration": vector(acceleration),
-        "linear_acceleration_covariance": (np.eye(3) * sd[0] ** 2).ravel().tolist(),
-    }
 
 
 def wheel_states(time_ns: int, row: Mapping[str, Any]) -> Message:

@@ -26,6 +26,7 @@ from polarsim.rover.drive.state import RoverState
 from polarsim.rover.drive.trace import Trace
 from polarsim.rover.vehicle.table import WHEELS
 
+UNIT = "Inertial Sense IMX-5"
 RATE_HZ = 100.0  # readings per second, one before each command
 AXES = ("x", "y", "z")
 STEER_COLUMNS = tuple(f"{code}_steer_rad" for code in WHEELS)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pandas as pd
 
-from polarsim.geometry.trajectories import Trajectory, absolute_error, consecutive, relative_errors
+from polarsim.geometry.trajectories import Trajectory, absolute_error, consecutive, motion_errors
 from polarsim.rover.drive.table import TREAD_AND_FLANK
 from polarsim.rover.drive.trace import rock_contacts
 from polarsim.rover.planning.challenge import POINTS, points_of
@@ -94,7 +94,7 @@ def _of_pilot(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> l
         estimated, lost = visual_odometry(pairs, perception.rectification, _NEAREST_M, _FARTHEST_M)
         times = np.arange(len(poses))
         found, true = Trajectory.from_poses(times, estimated), Trajectory.from_poses(times, poses)
-        moved, angle = relative_errors(found, true, consecutive(len(poses)))
+        moved, angle = motion_errors(found, true, consecutive(len(poses)))
         rows += [
             ("odometry: absolute error", "m", absolute_error(found.positions, true.positions)),
             ("odometry: relative error", "m", moved),

@@ -4,14 +4,17 @@ import tracemalloc
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from polarsim.errors import FormatError
 from polarsim.rover.drive.trace import write_trace
-from polarsim.rover.export.bag import first_per_period, grid_map, write_bag
+from polarsim.rover.export.bag import grid_map, write_bag
 from polarsim.rover.export.options import BagOptions
+from polarsim.rover.export.sensor_messages import first_per_period
+from polarsim.rover.export.sequence import write_sensors
 from polarsim.rover.vehicle.table import read_vehicle
 from tests.rover.drives import SPEED, straight_drive, write_drive
 
@@ -61,6 +64,8 @@ def test_all_topics_read_back(found):
         "/wheels/state": states,
         "/imu": 201,
         "/imu/truth": 201,
+        "/wheels/speeds": 201,
+        "/wheels/steering": 201,
         "/terrain/height": 2,
         **{
             f"/{view}/{topic}": pictures
@@ -142,12 +147,18 @@ def test_detections_and_truth_are_those_of_the_tables(found):
     assert found["/front_end_cam/detections"][0].ros_msg.detections[0].results[0].hypothesis.score == 0.75
 
 
-def test_only_one_topic_of_the_imu_has_noise(found):
+def test_sensors_have_the_readings_of_the_drive_and_only_the_truth_has_no_noise(found, drive):
+    readings = pd.read_parquet(drive / "localisation/sensors.parquet")
     true = np.array([m.ros_msg.linear_acceleration.z for m in found["/imu/truth"]])
-    read_by_sensor = np.array([m.ros_msg.linear_acceleration.z for m in found["/imu"]])
     assert (true == 1.62).all()
-    assert np.std(read_by_sensor - true) == pytest.approx(0.01, rel=0.25)  # 201 readings
+    np.testing.assert_array_equal([m.ros_msg.linear_acceleration.z for m in found["/imu"]], readings["az_m_s2"])
+    sd = np.std(readings["az_m_s2"])
+    assert found["/imu"][0].ros_msg.linear_acceleration_covariance[0] == pytest.approx(sd**2, rel=0.5)
     assert found["/imu"][0].ros_msg.orientation_covariance[0] == -1
+    speeds, steering = (found[f"/wheels/{name}"][100].ros_msg for name in ("speeds", "steering"))
+    assert list(speeds.name) == [f"{code}_spin" for code in ("lf", "rf", "lr", "rr")]
+    assert speeds.velocity == pytest.approx([SPEED / 0.25] * 4, abs=0.01)  # a step of the encoder in 10 ms
+    assert (len(speeds.position), len(steering.velocity)) == (0, 0)  # not measured
 
 
 def test_heights_of_the_grid_map_are_at_their_positions():
@@ -177,7 +188,9 @@ def test_memory_does_not_grow_with_the_drive(tmp_path):
     peaks = []
     for seconds in (1.0, 2.5):
         folder = tmp_path / str(seconds)
-        write_trace(folder, straight_drive(seconds, log_hz=5, picture_hz=10))
+        trace = straight_drive(seconds, log_hz=5, picture_hz=10)
+        write_trace(folder, trace)
+        write_sensors(folder, trace, VEHICLE, (), 1.0, seed=0)
         tracemalloc.start()
         write_bag(folder, folder / "drive.mcap", VEHICLE, BagOptions(height_hz=10))
         peaks.append(tracemalloc.get_traced_memory()[1])
