@@ -1,6 +1,9 @@
-"""Randomised training scenes: rocks of a terrain on generated sand, rendered with exact labels.
+"""Randomised training scenes: rocks of a terrain on generated ground, rendered with exact labels.
 
-1. `options`: number of scenes, and the ranges of the random parameters.
-2. `layout`: sand, and rocks on it; `viewpoints`: camera and lamps.
-3. `render_scenes`: images, masks and labels, with a dark hall outside the walls and traces of erased `strokes`.
+1. `options`: number, kind and size of the scenes, and the ranges of the random parameters of the sandbox.
+2. Sandbox: `layout`, sand and rocks on it; `viewpoints`, camera and lamps.
+3. Field: `field_options`, ranges of the random parameters; `field_ground`, view and ground; `field_rocks`, rocks,
+   gravel and parts of vehicles; `field_look`, texture, sky and compression; `field_scenes`, images.
+4. `render_scenes`: images, masks and labels; of the sandbox with a dark hall outside the walls and traces of erased
+   `strokes`. `scene_image`: labelled image, and contrast of labels.
 """

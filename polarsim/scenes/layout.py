@@ -175,8 +175,12 @@ def draw_sizes(count: int, ranges: SceneRanges, random: np.random.Generator) -> 
 
     Power laws describe the rocks at the Surveyor landing sites (Cintala & McBride, NASA TM-104804 (1995)).
     """
-    low, high = ranges.rock_size_m
-    power = random.uniform(*ranges.size_power)
+    return power_law(count, ranges.rock_size_m, random.uniform(*ranges.size_power), random)
+
+
+def power_law(count: int, limits: Range, power: float, random: np.random.Generator) -> np.ndarray:
+    """Return random sizes (n,) between the limits; the number of larger sizes falls with the exponent `power`."""
+    low, high = limits
     share = random.random(count)
     return np.asarray((low**-power - share * (low**-power - high**-power)) ** (-1 / power))
 

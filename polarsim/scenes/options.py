@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from typing import Literal
 
 from pydantic import BaseModel, Field
 
@@ -17,6 +18,11 @@ PHOTO_SIZE = (1936, 1216)  # px: size of an image for which the ranges are state
 class SceneOptions(BaseModel, extra="forbid", frozen=True):
     """Number and size of the rendered scenes."""
 
+    kind: Literal["sandbox", "field"] = Field(
+        "sandbox",
+        description="sandbox: sand and walls under low lamps, as POLAR. field: natural ground with or without sky, for "
+        "images from elsewhere.",
+    )
     number: int = Field(64, ge=1, description="Number of scenes with the rocks of each terrain.")
     lamps: int = Field(
         6,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +13,7 @@ from polarsim.formats import obj, png, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.heightfields import smooth_noise
 from polarsim.geometry.images import resize
-from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, ROCK, SHADOW, WHITE_LEVEL, Terrain, terrain_text
+from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, WHITE_LEVEL, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.randomness import generator
 from polarsim.render.ground_truth import boxes_of_ids
@@ -23,29 +23,17 @@ from polarsim.render.optics import apply_lens_to_olat_images
 from polarsim.render.sensor import expose
 from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files import class_masks
-from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS, SHADOW_IDS
+from polarsim.run_files.instances import BACKGROUND, GROUND
+from polarsim.scenes.field_options import FieldRanges
+from polarsim.scenes.field_scenes import render_field_scene
 from polarsim.scenes.layout import RandomScene, RockShape, draw_scene
 from polarsim.scenes.options import PHOTO_SIZE, Range, SceneOptions, SceneRanges
+from polarsim.scenes.scene_image import NUMBERS, SceneImage, rock_contrast, tone_curve
 from polarsim.scenes.strokes import augment_with_annotations
 from polarsim.scenes.viewpoints import coarse_sand, draw_lamp
-from polarsim.tone import encode_tone
 
+_FIELD_SHAPES = 60  # number of shapes for scenes of the kind field
 _BRIGHT_SAND = 90  # percentile of the sand radiance that defines the exposure, independent of walls and lamps
-_SEAM_PX = 2  # width of the seam around an object that is included in the contrast
-_CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)  # 4-connectivity
-_EXTREMES = (0.05, 0.95)  # quantiles of the grey values between which contrast is measured
-_WHITE = 255  # maximum of 8-bit images
-_NUMBERS = {ROCK: ROCK_IDS, SHADOW: SHADOW_IDS}
-Label = tuple[str, int, np.ndarray]
-
-
-@dataclass(frozen=True)
-class SceneImage:
-    """Image of a scene under one lamp."""
-
-    image: np.ndarray  # (h, w) uint8
-    mask: np.ndarray  # (h, w) uint8 class mask, see `run_files.class_masks`
-    labels: list[Label]  # boxes in pixels of the rendered size
 
 
 def render_scenes(
@@ -57,34 +45,58 @@ def render_scenes(
     stored_px: int,
     options: SceneOptions,
     threads: int,
-    ranges: SceneRanges | None = None,
+    ranges: SceneRanges | FieldRanges | None = None,
 ) -> None:
     """Write `images/NAME.png`, `masks/NAME.png` (classes) and `labels/NAME.txt` (YOLO) of every scene and lamp.
 
     NAME consists of terrain, scene and lamp, such as `t01_s007_l2`. Images are rendered at `options.scale` and stored
     with a width of `stored_px`.
 
-    `meshes`: folder with closed rock meshes. `ranges`: ranges of the random parameters; `scale` is that of the options.
+    `meshes`: folder with closed rock meshes. `ranges`: ranges of the random parameters, of the kind of the options;
+    `scale` is that of the options.
     """
     files = obj.rock_files(meshes)
     if not files:
         raise DetectError("no rock meshes found, expected at least one terrainNN_rockK.obj", path=meshes)
-    shapes = [RockShape(obj.read_obj(path)) for path in files.values()]
-    ranges = replace(ranges or SceneRanges(), scale=options.scale)
+    ranges = replace(ranges or (FieldRanges() if options.kind == "field" else SceneRanges()), scale=options.scale)
+    shapes = read_shapes(list(files.values()), options)
     with writing_folder(pictures) as folder:
         for kind in ("images", "masks", "labels"):
             (folder / kind).mkdir()
         for scene in track(range(number), f"scenes of terrain {terrain_text(terrain)}"):
-            random = generator(options.seed, "covers", "scene", terrain, scene)
-            images = render_random_scene(shapes, stored_px, options.lamps, ranges, random, threads)
-            for lamp, rendered in enumerate(images):
-                name = f"t{terrain_text(terrain)}_s{scene:03d}_l{lamp}"
-                png.write_png(folder / "images" / f"{name}.png", rendered.image)
-                class_masks.write_class_mask(folder / "masks" / f"{name}.png", rendered.mask)
-                size = round(PHOTO_SIZE[0] * options.scale), round(PHOTO_SIZE[1] * options.scale)
-                classes = np.array([BOX_CLASSES.index(kind) for kind, _, _ in rendered.labels], int)
-                corners = np.array([box for _, _, box in rendered.labels], float).reshape(-1, 4)
-                yolo.write_boxes(folder / "labels" / f"{name}.txt", classes, corners, size)
+            write_scene(folder, shapes, terrain, scene, stored_px, options, ranges, threads)
+
+
+def read_shapes(files: Sequence[Path], options: SceneOptions) -> list[RockShape]:
+    """Read the shapes of rocks. Scenes of the kind field deform shapes at random and need only some of them."""
+    chosen = files[:_FIELD_SHAPES] if options.kind == "field" else files
+    return [RockShape(obj.read_obj(path)) for path in chosen]
+
+
+def write_scene(
+    folder: Path,
+    shapes: Sequence[RockShape],
+    terrain: Terrain,
+    scene: int,
+    stored_px: int,
+    options: SceneOptions,
+    ranges: SceneRanges | FieldRanges,
+    threads: int,
+) -> None:
+    """Write images, masks and labels of a scene, one of each per lamp. Scenes are independent of each other."""
+    random = generator(options.seed, "covers", "scene", terrain, scene)
+    if isinstance(ranges, FieldRanges):
+        images = render_field_scene(shapes, stored_px, options.lamps, ranges, random, threads)
+    else:
+        images = render_random_scene(shapes, stored_px, options.lamps, ranges, random, threads)
+    for lamp, rendered in enumerate(images):
+        name = f"t{terrain_text(terrain)}_s{scene:03d}_l{lamp}"
+        png.write_png(folder / "images" / f"{name}.png", rendered.image)
+        class_masks.write_class_mask(folder / "masks" / f"{name}.png", rendered.mask)
+        size = round(PHOTO_SIZE[0] * options.scale), round(PHOTO_SIZE[1] * options.scale)
+        classes = np.array([BOX_CLASSES.index(kind) for kind, _, _ in rendered.labels], int)
+        corners = np.array([box for _, _, box in rendered.labels], float).reshape(-1, 4)
+        yolo.write_boxes(folder / "labels" / f"{name}.txt", classes, corners, size)
 
 
 def render_random_scene(
@@ -103,13 +115,13 @@ def render_random_scene(
         labels = [
             (kind, rock, box)
             for kind, rock, box in boxes_of_ids(ids, scene.options)
-            if rock_contrast(ids, _NUMBERS[kind] + rock, box, radiance, light, curve) >= ranges.min_contrast
+            if rock_contrast(ids, NUMBERS[kind] + rock, box, radiance, light, curve) >= ranges.min_contrast
         ]
         image = curve[expose(radiance, light, scene.options, random if ranges.noise else None)]
         width = min(stored_px, image.shape[1])
         stored = resize(image, (width, round(width * PHOTO_SIZE[1] / PHOTO_SIZE[0])))
         stored = augment_with_annotations(stored, ranges.max_strokes, random, PHOTO_SIZE[0])
-        mask = class_masks.of_ids(ids, {_NUMBERS[kind] + rock for kind, rock, _ in labels})
+        mask = class_masks.of_ids(ids, {NUMBERS[kind] + rock for kind, rock, _ in labels})
         yield SceneImage(stored, class_masks.resized(mask, (stored.shape[1], stored.shape[0])), labels)
 
 
@@ -151,27 +163,3 @@ def add_background(
         high, wide = random.integers(2, 60, 2)
         hall[row : row + high, column : column + wide] *= random.uniform(0, 4)
     return np.asarray(radiance + np.where(bare, level * (hall / hall.mean()), 0), np.float32)
-
-
-def rock_contrast(
-    ids: np.ndarray, number: int, box: np.ndarray, radiance: np.ndarray, light: float, curve: np.ndarray
-) -> float:
-    """Return the contrast of an object and a seam around it, as a share of white.
-
-    Contrast is the difference between the 5th and the 95th percentile of the grey values without noise. The seam is
-    included because the outline of a dark rock in front of lit sand is visible.
-    """
-    import cv2
-
-    left, top, right, bottom = (box + _SEAM_PX * np.array([-1, -1, 1, 1])).round().astype(int).tolist()
-    window = (slice(max(top, 0), bottom), slice(max(left, 0), right))
-    mask = cv2.dilate((ids[window] == number).astype(np.uint8), _CROSS, iterations=_SEAM_PX)
-    values = np.sort(radiance[window][mask > 0])
-    extremes = values[[round(share * (len(values) - 1)) for share in _EXTREMES]]
-    low, high = curve[np.clip(BLACK_LEVEL + light * extremes, 0, WHITE_LEVEL).astype(int)]
-    return float(int(high) - int(low)) / _WHITE
-
-
-def tone_curve(gamma: float) -> np.ndarray:
-    """Return the tone curve (4096,) uint8 from 12 to 8 bits with exponent 1 / gamma."""
-    return encode_tone(np.arange(WHITE_LEVEL + 1) - BLACK_LEVEL, WHITE_LEVEL - BLACK_LEVEL, gamma)

@@ -9,7 +9,8 @@ from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL
 from polarsim.run_files import class_masks
 from polarsim.run_files.instances import GROUND, ROCK_IDS
 from polarsim.scenes.options import SceneOptions, SceneRanges
-from polarsim.scenes.render_scenes import add_background, render_scenes, rock_contrast, tone_curve
+from polarsim.scenes.render_scenes import add_background, render_scenes
+from polarsim.scenes.scene_image import rock_contrast, tone_curve
 from tests.scenes.conftest import block
 from tests.support.polar_photos import HEIGHT, SIZE, WIDTH
 

@@ -1,0 +1,256 @@
+"""Ground of scenes beyond the sandbox: a grid that is even in the image, with relief, bedrock, tracks and hills."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial import cKDTree
+
+from polarsim.geometry.camera import Camera
+from polarsim.geometry.heightfields import crater
+from polarsim.geometry.lens import Lens
+from polarsim.geometry.poses import camera_pose
+from polarsim.scenes.field_options import TARGET_M, FieldRanges, GroundKind, log_uniform
+from polarsim.scenes.options import PHOTO_SIZE
+
+_CELL_PX = 3.0  # cell of the ground in the image
+_MARGIN = 1.3  # extent of the grid over that of the image: objects outside cast shadows into the image
+_MAX_GROWTH = 0.025  # maximum step between rows over the depth
+_FAR, _HILLS = 60.0, 400.0  # distance of the farthest rocks and of the last row, over `TARGET_M`
+_HILL_GROWTH = 0.12
+_LATTICE = 64  # nodes of the periodic lattice of an octave
+_MAX_SLABS = 4000
+_NADIR_DEG = 88.0
+
+
+@dataclass(frozen=True)
+class FieldView:
+    """Camera above the origin that looks along +x, and the nodes of the ground that are evenly spaced in its image.
+
+    A row has a constant depth; the columns are at constant tangents of the horizontal angle of view.
+    """
+
+    camera: Camera
+    pitch: float  # depression of the optical axis, radians
+    tangent: float  # of half the horizontal field of view
+    forward: np.ndarray  # (rows,) x of the rows, metres, ascending
+    tangents: np.ndarray  # (columns,)
+
+    @property
+    def height(self) -> float:
+        """Height of the camera above the level ground, metres."""
+        return float(self.camera.centre[2])
+
+    @property
+    def width(self) -> float:
+        """Width of the image at the ground in the middle of the lower half of the image, metres."""
+        down = 0.5 * self.tangent * PHOTO_SIZE[1] / PHOTO_SIZE[0]
+        return float(2 * self.tangent * self.height / (np.sin(self.pitch) + down * np.cos(self.pitch)))
+
+    @cached_property
+    def depth(self) -> np.ndarray:
+        """Depth (rows,) of the rows along the optical axis, metres."""
+        return self.depth_at(self.forward)
+
+    @cached_property
+    def nodes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return x and y (rows, columns) of the nodes, metres."""
+        y = self.depth[:, None] * self.tangents
+        return np.broadcast_to(self.forward[:, None], y.shape), y
+
+    @cached_property
+    def cell(self) -> np.ndarray:
+        """Side (rows, 1) of a cell across the view, metres."""
+        return self.depth[:, None] * (self.tangents[1] - self.tangents[0])
+
+    def depth_at(self, x: np.ndarray) -> np.ndarray:
+        """Return the depth of points of level ground with coordinate x, metres."""
+        return np.asarray(x * np.cos(self.pitch) + self.height * np.sin(self.pitch))
+
+    def width_at(self, x: np.ndarray) -> np.ndarray:
+        """Return the width of the image at points of level ground with coordinate x, metres."""
+        return 2 * self.tangent * self.depth_at(x)
+
+    def cells_of(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the rows and columns of the nodes nearest to points (n, 2 or 3)."""
+        row = np.interp(points[:, 0], self.forward, np.arange(len(self.forward)))
+        depth = np.maximum(self.depth_at(points[:, 0]), 1e-6)
+        column = np.interp(points[:, 1] / depth, self.tangents, np.arange(len(self.tangents)))
+        return np.rint(row).astype(int), np.rint(column).astype(int)
+
+    def draw_points(self, count: int, evenness: float, random: np.random.Generator) -> np.ndarray:
+        """Return points (n, 2) of level ground, from even in the image (0) to even on the ground (1)."""
+        across = random.uniform(-1, 1, 4 * count) * self.tangent * 1.05
+        limit = self.tangent * PHOTO_SIZE[1] / PHOTO_SIZE[0]
+        down = random.uniform(-1, 1, 4 * count) * limit
+        slope = np.sin(self.pitch) + down * np.cos(self.pitch)
+        hit = slope > self.height / (_FAR * TARGET_M)
+        depth = self.height / slope[hit]
+        x = (depth - self.height * np.sin(self.pitch)) / np.cos(self.pitch)
+        weight = depth ** (3 * evenness)
+        chosen = random.choice(len(x), count, p=weight / weight.sum())
+        return np.stack([x, depth * across[hit]], axis=1)[chosen]
+
+
+def draw_view(ranges: FieldRanges, random: np.random.Generator) -> FieldView:
+    """Return a random view with ground in at least a quarter of the image."""
+    half = np.radians(log_uniform(ranges.field_of_view_deg, random)) / 2
+    tangent = float(np.tan(half))
+    upright = tangent * PHOTO_SIZE[1] / PHOTO_SIZE[0]  # tangent of half the vertical field of view
+    if random.random() < ranges.horizon_share:  # the horizon is in the upper half of the image
+        pitch = float(np.arctan(random.uniform(0.1, 0.95) * upright))
+    else:
+        pitch = float(np.radians(random.uniform(*ranges.pitch_deg)))
+        pitch = min(max(pitch, float(np.arctan(1.1 * upright))), float(np.radians(_NADIR_DEG)))
+    height = TARGET_M * max(np.sin(pitch), random.uniform(*ranges.low_height))
+    focal = PHOTO_SIZE[0] / (2 * tangent)
+    lens = Lens(focal, focal, PHOTO_SIZE[0] / 2, PHOTO_SIZE[1] / 2, width=PHOTO_SIZE[0], height=PHOTO_SIZE[1])
+    roll = float(np.radians(2) * random.standard_normal())
+    camera = Camera(camera_pose(np.array([0.0, 0, height]), 0.0, pitch, roll), lens).scaled(ranges.scale)
+    step = _CELL_PX / camera.lens.fx
+    columns = int(np.ceil(2 * _MARGIN * tangent / step))
+    tangents = np.linspace(-_MARGIN * tangent, _MARGIN * tangent, columns)
+    return FieldView(camera, pitch, tangent, _rows(pitch, height, upright, step), tangents)
+
+
+def _rows(pitch: float, height: float, upright: float, step: float) -> np.ndarray:
+    """Return x (rows,) of the rows of the grid, from below the image to the farthest ground in the image or hills."""
+    sine, cosine = np.sin(pitch), np.cos(pitch)
+
+    def ground_at(down: float) -> float:
+        return float(height * (cosine - down * sine) / (sine + down * cosine))
+
+    top = sine - _MARGIN * upright * cosine
+    horizon = top <= height / (_FAR * TARGET_M)
+    last = _FAR * TARGET_M if horizon else ground_at(-_MARGIN * upright)
+    x = [ground_at(_MARGIN * upright)]
+    while x[-1] < last:
+        depth = x[-1] * cosine + height * sine
+        x.append(x[-1] + depth * min(depth / height * step, _MAX_GROWTH))
+    while horizon and x[-1] < _HILLS * TARGET_M:
+        x.append(x[-1] * (1 + _HILL_GROWTH))
+    return np.array(x)
+
+
+def draw_ground(
+    view: FieldView, kind: GroundKind, ranges: FieldRanges, random: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return heights (rows, columns), metres, and albedo factors (rows, columns) of the nodes of a view."""
+    x, y = view.nodes
+    width = view.width
+    limit = 0.25 * view.height  # of heights, so that the camera is above the ground
+    hurst = random.uniform(*ranges.hurst)
+    sd = min(log_uniform(ranges.rough, random) * width, limit / 3)
+    heights = sd * octaves(x, y, view.cell, width, hurst, random)
+    albedo = 1 + random.uniform(*ranges.patch_sd) * octaves(x, y, view.cell, width, 0.3, random)
+    if kind == "ripples":
+        length, angle = random.uniform(0.03, 0.2) * width, random.uniform(0, np.pi)
+        phase = 2 * np.pi * (np.cos(angle) * x + np.sin(angle) * y) / length
+        phase = phase + random.uniform(0.3, 2) * octaves(x, y, view.cell, 5 * length, 1.0, random)
+        shown = np.clip(length / (4 * view.cell) - 0.5, 0, 1)
+        heights = heights + random.uniform(0.02, 0.06) * length * np.sin(phase + 0.6 * np.sin(phase)) * shown
+    elif kind == "craters":
+        for radius in width * 0.02 * random.uniform(0.02, 1, random.integers(3, 25)) ** -0.6:
+            depth = min(random.uniform(0.1, 0.4) * radius, limit)
+            centre = view.draw_points(1, 0.3, random)[0]
+            heights = heights + crater(x - centre[0], y - centre[1], radius, depth)
+    elif kind in ("bedrock", "outcrop"):
+        size = random.uniform(0.08, 0.5) * width
+        slab, gap = _slabs(x, y, size, random)
+        slab = slab * min(random.uniform(0.01, 0.06) * size, limit / 2)
+        slab = slab * np.clip(size / (2 * view.cell) - 1, 0, 1)  # coarse cells would show plates as steps
+        slab = slab + 0.3 * sd * octaves(x, y, view.cell, size, 0.6, random)
+        slab = slab - random.uniform(0.02, 0.12) * size * np.exp(-((gap / random.uniform(0.04, 0.15)) ** 2))
+        level = np.quantile(slab, random.uniform(0.02, 0.5 if kind == "bedrock" else 0.3))
+        sand = level + 0.5 * heights
+        if kind == "outcrop":
+            sand = sand + np.maximum(octaves(x, y, view.cell, 2 * width, 1.0, random) + 0.4, -0.2) * 0.3 * size
+        ratio = log_uniform((0.5, 1.8), random)
+        albedo = np.where(slab > sand, ratio, 1.0) * albedo
+        heights = np.maximum(slab, sand)
+    elif kind == "ledges":
+        drop = random.uniform(0.02, 0.1) * width
+        layers = heights + 2 * drop * octaves(x, y, view.cell, 2 * width, 1.0, random)
+        layers = layers + 0.3 * x * np.tan(np.radians(random.uniform(-8, 8)))
+        step = layers / drop
+        part = step - np.floor(step)
+        heights = drop * (np.floor(step) + np.clip((part - 0.75) / 0.25, 0, 1)) + 0.4 * heights
+        heights = np.clip(heights, -4 * limit, limit)
+        albedo = albedo * np.exp(0.2 * np.sin(2.4 * np.floor(step)))
+    if random.random() < ranges.tracks_share:
+        heights, albedo = _with_tracks(view, heights, albedo, width, random)
+    foot = view.cells_of(np.array([[max(view.forward[0], 0.0), 0.0]]))
+    heights = np.minimum(heights - heights[foot], np.maximum(limit, 0.1 * (x - view.forward[0])))
+    return heights + _hills(x, y, random.uniform(*ranges.hills), random), np.clip(albedo, 0.3, 2.5)
+
+
+def octaves(
+    x: np.ndarray, y: np.ndarray, cell: np.ndarray, widest: float, hurst: float, random: np.random.Generator
+) -> np.ndarray:
+    """Return noise (rows, columns) with structure of every size from `widest` to the cells, sd of about 1.
+
+    Octaves are cubic B-splines as in `heightfields.octave_relief`, on periodic lattices, for nodes that are not on a
+    rectangular grid. Octaves fade out where they are finer than two cells.
+    """
+    total, energy = np.zeros(np.shape(y)), 0.0
+    length, finest = widest, 2 * float(cell.min())
+    while length > finest:
+        amplitude = (length / widest) ** hurst
+        lattice = random.standard_normal((_LATTICE, _LATTICE))
+        angle, (dx, dy) = random.uniform(0, 2 * np.pi), random.uniform(0, _LATTICE, 2)
+        u = (np.cos(angle) * x + np.sin(angle) * y) / length + dx
+        v = (np.cos(angle) * y - np.sin(angle) * x) / length + dy
+        spline = ndimage.map_coordinates(lattice, [v, u], order=3, prefilter=False, mode="grid-wrap")
+        total += amplitude * np.clip(length / (2 * cell) - 1, 0, 1) * spline
+        energy += (0.46 * amplitude) ** 2  # variance of a cubic B-spline of normal numbers, mean over the lattice
+        length /= 2
+    return np.asarray(total / np.sqrt(max(energy, 1e-12)))
+
+
+def _slabs(x: np.ndarray, y: np.ndarray, size: float, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Return heights (rows, columns) of tilted plates, about -1 to 1, and the distance from their edges over `size`."""
+    near = x < 12 * TARGET_M
+    low, high = (np.array([extreme(x[near]), extreme(y[near])]) for extreme in (np.min, np.max))
+    size = max(size, float(np.sqrt(np.prod(high - low) / _MAX_SLABS)))
+    stretch = np.array([1.0, random.uniform(0.4, 1.0)])
+    count = np.maximum(np.ceil((high - low) / (size * stretch)), 1).astype(int)
+    rows, columns = np.meshgrid(*(np.arange(number) for number in count), indexing="ij")
+    seeds = np.stack([rows, columns], axis=-1).reshape(-1, 2) + random.uniform(0.05, 0.95, (rows.size, 2))
+    places = (np.stack([x, y], axis=-1).reshape(-1, 2) - low) / (size * stretch)
+    distance, number = map(np.asarray, cKDTree(seeds).query(places, k=2))
+    nearest, offset = number[:, 0], places - seeds[number[:, 0]]
+    level, tilt = random.uniform(-1, 1, len(seeds)), 0.8 * random.standard_normal((len(seeds), 2))
+    heights = level[nearest] + (np.clip(offset, -1, 1) * tilt[nearest]).sum(axis=1)
+    return heights.reshape(x.shape), (distance[:, 1] - distance[:, 0]).reshape(x.shape)
+
+
+def _with_tracks(
+    view: FieldView, heights: np.ndarray, albedo: np.ndarray, width: float, random: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return heights and albedo with two parallel wheel tracks with the traces of grousers."""
+    x, y = view.nodes
+    wheel, angle = random.uniform(0.06, 0.3) * width, random.uniform(0, np.pi)
+    centre, bend = view.draw_points(1, 0.2, random)[0], random.uniform(-0.1, 0.1) / width
+    along = np.cos(angle) * (x - centre[0]) + np.sin(angle) * (y - centre[1])
+    across = np.cos(angle) * (y - centre[1]) - np.sin(angle) * (x - centre[0]) + bend * along**2
+    apart = random.uniform(2, 5) * wheel
+    beside = np.minimum(np.abs(across), np.abs(across - apart)) / wheel  # distance from the middle of a track
+    rut = 1 / (1 + np.exp(np.clip((beside - 0.5) / 0.06, -40, 40)))
+    depth, pitch = random.uniform(0.03, 0.15) * wheel, random.uniform(0.15, 0.5) * wheel
+    shown = np.clip(pitch / (3 * view.cell) - 0.5, 0, 1)
+    lugs = np.tanh(3 * np.sin(2 * np.pi * along / pitch)) * shown
+    rim = 0.4 * np.exp(-(((beside - 0.62) / 0.1) ** 2))
+    heights = heights * (1 - 0.7 * rut) + depth * (rim - rut * (1 - 0.4 * lugs))
+    return heights, albedo * (1 + random.uniform(-0.35, 0.2) * rut)
+
+
+def _hills(x: np.ndarray, y: np.ndarray, slope: float, random: np.random.Generator) -> np.ndarray:
+    """Return heights (rows, columns) of ridges behind the rocks, with an elevation of tangent `slope` or less."""
+    if x[-1, 0] < _FAR * TARGET_M:
+        return np.zeros(x.shape)
+    ridge = octaves(x, y, np.full((1, 1), 10.0), 100 * TARGET_M, 0.9, random)
+    rise = np.clip((x / TARGET_M - 30) / 150, 0, 1)
+    return np.asarray(slope * x * rise * np.clip(0.5 + 0.4 * ridge, 0, 1.5))

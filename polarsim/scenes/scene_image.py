@@ -1,0 +1,51 @@
+"""Image of a scene with labels, and the contrast of labelled objects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from polarsim.photo import BLACK_LEVEL, ROCK, SHADOW, WHITE_LEVEL
+from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
+from polarsim.tone import encode_tone
+
+NUMBERS = {ROCK: ROCK_IDS, SHADOW: SHADOW_IDS}
+Label = tuple[str, int, np.ndarray]
+_SEAM_PX = 2  # width of the seam around an object that is included in the contrast
+_CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)  # 4-connectivity
+_EXTREMES = (0.05, 0.95)  # quantiles of the grey values between which contrast is measured
+_WHITE = 255  # maximum of 8-bit images
+
+
+@dataclass(frozen=True)
+class SceneImage:
+    """Image of a scene under one lamp."""
+
+    image: np.ndarray  # (h, w) uint8
+    mask: np.ndarray  # (h, w) uint8 class mask, see `run_files.class_masks`
+    labels: list[Label]  # boxes in pixels of the rendered size
+
+
+def rock_contrast(
+    ids: np.ndarray, number: int, box: np.ndarray, radiance: np.ndarray, light: float, curve: np.ndarray
+) -> float:
+    """Return the contrast of an object and a seam around it, as a share of white.
+
+    Contrast is the difference between the 5th and the 95th percentile of the grey values without noise. The seam is
+    included because the outline of a dark rock in front of lit sand is visible.
+    """
+    import cv2
+
+    left, top, right, bottom = (box + _SEAM_PX * np.array([-1, -1, 1, 1])).round().astype(int).tolist()
+    window = (slice(max(top, 0), bottom), slice(max(left, 0), right))
+    mask = cv2.dilate((ids[window] == number).astype(np.uint8), _CROSS, iterations=_SEAM_PX)
+    values = np.sort(radiance[window][mask > 0])
+    extremes = values[[round(share * (len(values) - 1)) for share in _EXTREMES]]
+    low, high = curve[np.clip(BLACK_LEVEL + light * extremes, 0, WHITE_LEVEL).astype(int)]
+    return float(int(high) - int(low)) / _WHITE
+
+
+def tone_curve(gamma: float) -> np.ndarray:
+    """Return the tone curve (4096,) uint8 from 12 to 8 bits with exponent 1 / gamma."""
+    return encode_tone(np.arange(WHITE_LEVEL + 1) - BLACK_LEVEL, WHITE_LEVEL - BLACK_LEVEL, gamma)
