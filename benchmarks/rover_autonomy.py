@@ -1,6 +1,6 @@
 """Autonomous drives of the rover by the workflow's functions: collisions and cost.
 
-`python benchmarks/rover_autonomy.py MESHES OUT --terrains 4 1 11 3 8 12 [--modes truth] [--seeds 40] [--minutes 60]`
+`python benchmarks/rover_autonomy.py MESHES OUT --terrains 4 1 11 3 8 12 [--modes truth] [--poses truth odometry] [--seeds 40] [--minutes 60]`
 
 The large table, of modes, Suns, exposures, lights and detectors; detectors of a run are named `<domain>-seed<N>`:
 
@@ -46,7 +46,7 @@ from polarsim.rover.world.options import WorldOptions
 from polarsim.schemas.rover import AUTONOMY, AUTONOMY_METRICS
 
 CONFIG = Path(__file__).parents[1] / "config"
-CASES = {"run", "modes", "auto_exposure", "headlights", "detectors"}  # options that select drives
+CASES = {"run", "modes", "poses", "auto_exposure", "headlights", "detectors"}  # options that select drives
 
 
 def drives(asked: argparse.Namespace, options: AutonomyOptions, cameras: CameraSuiteOptions) -> Iterator[Case]:
@@ -139,6 +139,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("out", type=Path)
     parser.add_argument("--terrains", type=int, nargs="+", default=[3, 1, 11])
     parser.add_argument("--modes", nargs="+", default=["truth"])
+    parser.add_argument("--poses", nargs="+", default=["truth"])
     parser.add_argument("--suns", nargs="+", default=["3"])
     parser.add_argument("--exposures", nargs="+", default=["256"], help="ms, or auto")
     parser.add_argument("--lights", nargs="+", default=["off"], choices=("off", "on"))
@@ -161,6 +162,7 @@ def main() -> None:
     options = AutonomyOptions.model_validate(
         {
             "modes": asked.modes,
+            "poses": asked.poses,
             "headlights": asked.lights,
             "auto_exposure": asked.exposures == ["auto"],
             "longest_s": max(160, 80 * len(asked.terrains)),  # about half a minute per terrain without stops

@@ -37,7 +37,7 @@ from polarsim.formats.release import (
 from polarsim.photo import Terrain, parse_terrain, terrain_text
 from polarsim.rover.cameras.options import rover_render
 from polarsim.rover.perception.options import OnboardDetector
-from polarsim.rover.planning.cases import MODES_WITHOUT_PICTURES, cases
+from polarsim.rover.planning.cases import cases
 from polarsim.rover.vehicle.camera_names import FRONT
 from polarsim.schemas.covers import CONTROL, FINE_TUNED, RENDERED
 
@@ -834,7 +834,7 @@ class RoverPaths:
 
     def autonomy_options(self) -> Options:
         """Return the options of a case. More seeds or modes leave finished drives valid, so these are excluded."""
-        excluded = {"run", "modes", "headlights", "auto_exposure", "detectors"}
+        excluded = {"run", "modes", "headlights", "auto_exposure", "detectors", "poses"}
         return self.rover.autonomy.model_dump(mode="json", exclude=excluded)
 
     def cameras_of_case(self, wildcards: Wildcards) -> Options:
@@ -862,4 +862,4 @@ class RoverPaths:
         return detector.model_dump(mode="json") | placed if detector else None
 
     def _is_unlit(self, wildcards: Wildcards) -> bool:
-        return self.cases[wildcards.case].mode in MODES_WITHOUT_PICTURES
+        return not self.cases[wildcards.case].has_pictures

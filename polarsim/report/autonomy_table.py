@@ -10,7 +10,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.report.layout import MISSING, write_blocks, write_table
 from polarsim.report.training_seeds import value_and_interval
-from polarsim.schemas.rover import AUTONOMY, AUTONOMY_DETECTORS, AUTONOMY_EFFECTS, AUTONOMY_RANK
+from polarsim.schemas.rover import AUTONOMY, AUTONOMY_DETECTORS, AUTONOMY_EFFECTS, AUTONOMY_RANK, KNOWN
 
 CAPTION = (
     "Autonomous drives, means over seeds. Mode: hazards from labels (truth), a detector, stereo depth, both, or none "
@@ -68,11 +68,17 @@ def tabulate_rank(*, by_detector: Path, ranks: Path, stem: Path, origin: Mapping
 def format_autonomy(table: pd.DataFrame) -> pd.DataFrame:
     """Return a row per kind of drive and a column per metric in `SHOWN`, with intervals."""
     rows = []
-    for key, part in table.groupby(_KEYS, sort=False):
+    for (*key, pose), part in table.groupby([*_KEYS, "pose"], sort=False):
         metrics = part.set_index("metric")
         row: dict[str, object] = {**dict(zip(_KEYS, key, strict=True)), "drives": int(part["drives"].max())}
+        row["mode"] = with_pose(str(row["mode"]), str(pose))
         rows.append(row | {text: _with_interval(metrics, metric) for metric, text in SHOWN.items()})
     return pd.DataFrame(rows)
+
+
+def with_pose(mode: str, pose: str) -> str:
+    """Return the name of a mode with its source of poses, if the pose is not known."""
+    return mode if pose == KNOWN else f"{mode}, {pose} pose"
 
 
 def format_effects(effects: pd.DataFrame) -> pd.DataFrame:

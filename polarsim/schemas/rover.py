@@ -4,6 +4,8 @@ from polarsim.schemas.table import Shared
 
 COLLISION, TOUCH, STOP = "collision", "touch", "stop"  # kinds of events
 MODES = ("truth", "detector", "stereo", "both", "blind")  # inputs of the planner
+POSES = ("truth", "odometry", "fused")  # sources of the rover's pose
+KNOWN, FUSED = POSES[0], POSES[-1]
 ANY, ALL = "any", "all"  # level of an axis without effect on a drive, and all levels pooled
 HIGH_M = 0.10  # minimum height of a rock for a collision; contact with a lower rock is a touch
 SHARED = Shared("""
@@ -16,6 +18,8 @@ SHARED = Shared("""
     case: = mode
     case: sun exposure lights model detector | str | | Sun, exposure, rover lights, reflectance model and detector of
         the drive; `any`: without effect on the drive, `all`: pooled
+    case: pose | str | | Pose by which the rover drives: `truth`, `odometry` (wheels and IMU), `fused` (with stereo
+        odometry)
     drives_count: drives | int64 | count | Number of drives
     seeds_count: seeds | int64 | count | Number of seeds
     value | float64 | `unit` | Value of the metric
@@ -61,6 +65,14 @@ AUTONOMY_EVENTS = SHARED.table("""
     duration_s | float64 | s | Time in contact
     impulse_n_s | float64 | N s | Absolute contact force over time
 """)
+AUTONOMY_ESTIMATE = SHARED.table("""
+    rover/autonomy/<drive>/localisation/estimate.parquet: A logged time of a drive whose pose is not known
+    time_s | float64 | s | Time from the start
+    x_m y_m z_m | float64 | m | Estimated position of base_link in the world
+    qw qx qy qz | float64 | | Estimated rotation, world from base_link
+    x_sd_m y_sd_m z_sd_m | float64 | m | Standard deviation of the position
+    rx_sd_rad ry_sd_rad rz_sd_rad | float64 | rad | Standard deviation of the rotation about the world's axes
+""")
 AUTONOMY_METRICS = SHARED.table("""
     rover/autonomy_metrics.parquet: A drive and metric
     = case seed ended metric unit value
@@ -73,7 +85,7 @@ AUTONOMY = SHARED.table("""
 AUTONOMY_EFFECTS = SHARED.table("""
     rover/autonomy_effects.parquet: A mode (`all`: mean of all modes except `blind`), axis, level of the axis and metric
     = mode
-    axis | str | | `sun`, `exposure`, `lights`, `model` or `detector`
+    axis | str | | `sun`, `exposure`, `lights`, `model`, `detector` or `pose`
     level | str | | Value on the axis
     = metric unit
     seeds | int64 | count | Seeds with all drives

@@ -18,9 +18,19 @@ from polarsim.schemas.rover import AUTONOMY, AUTONOMY_EFFECTS
 ORIGIN = {"source": "analog"}
 
 
-def drive(mode, sun="any", exposure="any", lights="any", detector="any", value=1.0, metric="collisions", model=None):
+def drive(
+    mode,
+    sun="any",
+    exposure="any",
+    lights="any",
+    detector="any",
+    value=1.0,
+    metric="collisions",
+    model=None,
+    pose="truth",
+):
     model = model or ("any" if lights == "any" else "hapke")
-    return mode, sun, exposure, lights, model, detector, metric, "", 3, 3, value, value - 0.5, value + 0.5
+    return mode, sun, exposure, lights, model, detector, pose, metric, "", 3, 3, value, value - 0.5, value + 0.5
 
 
 @pytest.fixture
@@ -44,6 +54,13 @@ def test_a_kind_is_a_mode_with_its_lights_over_all_detectors(table):
         rows = x[kinds["kind"] == kind.replace("\n", ", ")]
         assert rows.between(low, high).all()
         assert rows.mean() == pytest.approx((low + high) / 2)
+
+
+def test_a_pose_that_is_not_known_is_a_kind_of_its_own_and_a_row():
+    rows = [drive("stereo", "1", "0256", "off", pose=pose) for pose in ("truth", "fused")]
+    table = pd.DataFrame(rows, columns=list(AUTONOMY.columns))
+    assert drive_kinds(table)["kind"].tolist() == ["stereo", "stereo, fused pose"]
+    assert format_autonomy(table)["mode"].tolist() == ["stereo", "stereo, fused pose"]
 
 
 def test_a_mode_with_several_models_has_a_kind_per_model():

@@ -1,4 +1,4 @@
-"""Autonomous drives by mode, Sun, exposure, lights, model, detector and seed; tables and figures."""
+"""Autonomous drives by mode, pose, Sun, exposure, lights, model, detector and seed; tables and figures."""
 
 
 rule rover_autonomy:
@@ -24,6 +24,8 @@ rule drive_alone:
         map="results/{run}/rover/autonomy/{case}/map.npz",  # written through figures
         events="results/{run}/rover/autonomy/{case}/events.parquet",  # written through figures
         pictures=directory("results/{run}/rover/autonomy/{case}/pictures"),  # written through figures
+        # written through figures
+        localisation=directory("results/{run}/rover/autonomy/{case}/localisation"),
         drive="results/{run}/rover/autonomy/{case}/drive.json",  # written through figures
     resources:
         mem_mb=memory_per_attempt(3000),

@@ -14,6 +14,7 @@ import pandas as pd
 
 from polarsim.formats.npz import read_arrays
 from polarsim.formats.tables import read_parquet
+from polarsim.report.autonomy_table import with_pose
 from polarsim.report.figures.canvas import (
     COLUMN_IN,
     FAINT,
@@ -125,7 +126,8 @@ def drive_kinds(table: pd.DataFrame) -> pd.DataFrame:
     """Return the rows of single Suns and exposures with column `kind`: mode, and lights and model if they vary."""
     rows = table[(table["sun"] != ALL) & (table["detector"] == table["mode"].map(compared_detectors(table)))]
     both, models = (rows.groupby("mode")[axis].transform("nunique") > 1 for axis in ("lights", "model"))
-    kind = rows["mode"].where(~both | (rows["lights"] == "off"), rows["mode"] + ", lit")
+    mode = pd.Series(map(with_pose, rows["mode"], rows["pose"]), rows.index, dtype=object)
+    kind = mode.where(~both | (rows["lights"] == "off"), mode + ", lit")
     kind = kind.where(~models, kind + ", " + rows["model"])
     order = kind.map(lambda name: (MODES.index(name.split(",")[0]), name))
     return rows.assign(kind=kind).loc[order.sort_values(kind="stable").index]
@@ -135,11 +137,11 @@ def compared_detectors(table: pd.DataFrame) -> dict[str, str]:
     """Return the detector shown for each mode: `all` if all detectors have drives in the same conditions.
 
     Otherwise the kinds would be means over different detectors; then the first detector with drives in all conditions
-    (Sun, exposure, lights, model) is shown.
+    (Sun, exposure, lights, model, pose) is shown.
     """
     detectors = {}
     for mode, rows in table[table["detector"] != ALL].groupby("mode"):
-        names = rows.groupby(["sun", "exposure", "lights", "model"])["detector"].agg(set)
+        names = rows.groupby(["sun", "exposure", "lights", "model", "pose"])["detector"].agg(set)
         every, common = set.union(*names), set.intersection(*names)
         detectors[str(mode)] = ALL if len(every) > 1 and common in (every, set()) else min(common)
     return detectors

@@ -12,9 +12,10 @@ import pandas as pd
 from polarsim.formats.files import read_json
 from polarsim.formats.npz import read_arrays
 from polarsim.formats.tables import read_parquet
+from polarsim.report.autonomy_table import with_pose
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, figure_title, legend_line, page, show_image
 from polarsim.run_files.picture_sets import exposure_title, sun_title
-from polarsim.schemas.rover import AUTONOMY_EVENTS, COLLISION, HIGH_M, MODES, STOP, TOUCH
+from polarsim.schemas.rover import AUTONOMY_EVENTS, COLLISION, HIGH_M, MODES, POSES, STOP, TOUCH
 
 PICTURES = 2  # per drive
 _ROW_PX = 375
@@ -84,6 +85,8 @@ def shown_pictures(pictures: dict[float, Path], events: pd.DataFrame) -> dict[fl
 
 def _title(folder: Path) -> str:
     mode, *light = folder.name.rpartition("_seed")[0].split("_")
+    if light and light[0] in POSES:
+        mode = with_pose(mode, light.pop(0))
     drive = read_json(folder / "drive.json")
     conditions = [sun_title(light[0]), exposure_title(light[1])] if light else []
     return f"{', '.join([mode, *conditions])}: {drive['ended']} after {drive['seconds']:.0f} s"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.job import DriveJob, job_of, require_on_grid
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.simulation import Simulation
-from polarsim.rover.drive.state import OffGridError
+from polarsim.rover.drive.state import OffGridError, RoverState
 from polarsim.rover.drive.trace import LevelChanges, Trace, trace_table, write_trace
 from polarsim.rover.soil.nodes import LEVEL
 from polarsim.rover.soil.options import SoilOptions
@@ -64,13 +64,27 @@ def drive_to_end(job: DriveJob, folder: Path, progress: Progress | None = None) 
     return trace
 
 
-class RunningDrive:
-    """A running drive; by default the driver follows the job's path."""
+class PoseEstimator(Protocol):
+    """Source of the pose by which a driver steers; see `localisation.localiser`."""
 
-    def __init__(self, job: DriveJob, driver: Driver | None = None) -> None:
+    def read(self, state: RoverState) -> None:
+        """Read the sensors at a state."""
+
+    def log(self) -> None:
+        """Store the estimate of the last state that was read."""
+
+    @property
+    def plane_pose(self) -> tuple[float, float, float]:
+        """Estimated x, y, m, and heading, rad."""
+
+
+class RunningDrive:
+    """A running drive; by default the driver follows the job's path and the pose is known."""
+
+    def __init__(self, job: DriveJob, driver: Driver | None = None, estimator: PoseEstimator | None = None) -> None:
         require_on_grid(job)
         self.job, self.route = job, job.route
-        self.driver = driver or Driver(job.route, job.law)
+        self.driver, self.estimator = driver or Driver(job.route, job.law), estimator
         self.simulation = Simulation(job.world, job.vehicle, job.soil, job.physics, job.start)
         dt = self.simulation.dt
         self._every = {what: _steps(hz, dt) for what, hz in (("control", CONTROL_HZ), ("log", job.log_hz))}
@@ -114,17 +128,26 @@ class RunningDrive:
     def _events(self) -> None:
         """Run the events of this step: command, row, frame, end."""
         if self.step % self._every["control"] == 0:
-            x, y = self.simulation.data.qpos[:2]
-            self.simulation.apply(self.driver.command(float(x), float(y), self.simulation.heading))
+            self.simulation.apply(self.driver.command(*self._plane_pose()))
         if self.step % self._every["log"] == 0:
             state = self.simulation.state()
             self.rows.append(state.row(self.driver.offset, self.driver.heading_error))
             self.headway.append(self.driver.headway)
+            if self.estimator is not None:
+                self.estimator.log()
             self._check_headway()
         if self.step == self._frame_step(len(self.frames)):
             self._show()
         if self.driver.finished:
             self.ended = "finished"
+
+    def _plane_pose(self) -> tuple[float, float, float]:
+        """Return x, y and heading as the driver knows them."""
+        if self.estimator is not None:
+            self.estimator.read(self.simulation.state())
+            return self.estimator.plane_pose
+        x, y = self.simulation.data.qpos[:2]
+        return float(x), float(y), self.simulation.heading
 
     def _check_headway(self) -> None:
         """End the drive if the rover is stuck or the time is over."""

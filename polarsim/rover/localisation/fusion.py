@@ -124,10 +124,20 @@ class PoseFilter:
         self.covariance[_OLD_POSE, :] = self.covariance[_POSE, :]
         self.covariance[:, _OLD_POSE] = self.covariance[:, _POSE]
 
+    def expected_motion(self, base_from_camera: Pose) -> Pose:
+        """Return the motion `before_from_now` of a camera since the last pair."""
+        old, new = self._cameras(base_from_camera)
+        return old.inverse() @ new
+
+    def _cameras(self, base_from_camera: Pose) -> tuple[Pose, Pose]:
+        """Return the poses of a camera in the world at the last pair and now."""
+        assert self._old is not None, "no pose is remembered"
+        return self._old @ base_from_camera, self.pose @ base_from_camera
+
     def move(self, motion: Motion, base_from_camera: Pose) -> bool:
         """Correct by the motion of a camera since the last pair; return whether it agrees with the other sensors."""
         assert self._old is not None, "no pose is remembered"
-        old, new = self._old @ base_from_camera, self.pose @ base_from_camera
+        old, new = self._cameras(base_from_camera)
         expected = old.inverse() @ new
         turned = Rotation.from_matrix(expected.rotation.T @ motion.before_from_now.rotation).as_rotvec()
         difference = np.concatenate([turned, motion.before_from_now.translation - expected.translation])

@@ -24,11 +24,9 @@ from polarsim.rover.localisation.sensors import (
 from polarsim.rover.localisation.wheel_odometry import WheelOdometry
 from polarsim.rover.vehicle.mounts import pose_of_quaternion
 from polarsim.rover.vehicle.table import Vehicle
+from polarsim.schemas.rover import AUTONOMY_ESTIMATE
 
-ESTIMATE_COLUMNS = (
-    "time_s", "x_m", "y_m", "z_m", "qw", "qx", "qy", "qz",  # base_link in the world
-    "x_sd_m", "y_sd_m", "z_sd_m", "rx_sd_rad", "ry_sd_rad", "rz_sd_rad",  # of position and rotation in the world
-)  # fmt: skip
+ESTIMATE_COLUMNS = AUTONOMY_ESTIMATE.columns
 _LEVEL_READINGS = round(RATE_HZ)  # readings of a mean acceleration
 _SPIN, _STEER, _GYRO, _ACCELERATION = (
     slice(SENSOR_COLUMNS.index(names[0]), SENSOR_COLUMNS.index(names[0]) + len(names))
@@ -39,8 +37,11 @@ _SPIN, _STEER, _GYRO, _ACCELERATION = (
 class StereoOdometry(Protocol):
     """Source of motions from stereo pairs."""
 
-    def add(self, left: np.ndarray, right: np.ndarray) -> Motion | None:
-        """Return the motion since the last pair of pictures (h, w) uint8, None if it was not found."""
+    def add(self, left: np.ndarray, right: np.ndarray, predicted: Pose | None = None) -> Motion | None:
+        """Return the motion since the last pair of pictures (h, w) uint8, None if it was not found.
+
+        `predicted`: expected `before_from_now`; None for the first pair.
+        """
 
 
 class Localiser:
@@ -97,7 +98,8 @@ class Localiser:
         """Correct the estimate by a stereo pair of pictures (h, w) uint8 at the time of the last reading."""
         assert self.stereo is not None
         assert self._base_from_camera is not None
-        motion = self.stereo.add(left, right)
+        predicted = self.filter.expected_motion(self._base_from_camera) if self._pairs else None
+        motion = self.stereo.add(left, right, predicted)
         if motion is not None:
             self.filter.move(motion, self._base_from_camera)
         elif self._pairs:

@@ -65,9 +65,11 @@ def bright_pixels(grey: np.ndarray, minimum: float) -> np.ndarray:
 
 
 def update_from_pixels(
-    points: np.ndarray, rock: np.ndarray, camera: Camera, ground: HeightFunction, grid: HazardGrid
+    points: np.ndarray, rock: np.ndarray, above: np.ndarray, camera: Camera, grid: HazardGrid
 ) -> MapUpdate:
-    """Return the update of pixels: points (n, 3) of the world, and (n,) their rock numbers, 0 for ground.
+    """Return the update of pixels: points (n, 3) of the world, their rock numbers (n,), 0 for ground.
+
+    `above`: (n,) heights of points on rocks above the ground, m.
 
     A part of a cell is rock if at least half of the pixels near the centre of the part are rock, or half of all pixels
     of the part if none is near the centre, since the steep side of a rock has many pixels. A cell is rock if a part is
@@ -75,7 +77,7 @@ def update_from_pixels(
     """
     shape, size = grid.surface.shape, grid.surface.size
     part = _numbers(points, camera, grid, PARTS)
-    points, rock, part = points[part >= 0], rock[part >= 0], part[part >= 0]
+    points, rock, above, part = points[part >= 0], rock[part >= 0], above[part >= 0], part[part >= 0]
     shares = []
     for chosen in (np.ones(len(part), bool), _central(points, grid)):
         pixels, rocky = (np.bincount(part[mask], minlength=size) for mask in (chosen, chosen & (rock > 0)))
@@ -87,7 +89,7 @@ def update_from_pixels(
     surface = np.where(is_rock, top, mean)  # the steep side of a rock has more pixels than the top
     heights = np.zeros(int(rock.max(initial=0)) + 1)
     on_rock = rock > 0
-    np.maximum.at(heights, rock[on_rock], points[on_rock, 2] - ground(*points[on_rock, :2].T))
+    np.maximum.at(heights, rock[on_rock], above[on_rock])
     height = np.zeros(size)
     np.maximum.at(height, part[on_rock], heights[rock[on_rock]])
     share = of_parts(np.isfinite(mean).reshape(shape), "mean")

@@ -30,8 +30,9 @@ from polarsim.rover.cameras.options import CameraSuiteOptions, ImagingCondition
 from polarsim.rover.cameras.rover_camera import RoverCamera, near_path
 from polarsim.rover.drive.control import ReferencePath
 from polarsim.rover.drive.state import RoverState
+from polarsim.rover.localisation.localiser import Localiser
 from polarsim.rover.perception.detections import FrontCameraDetector
-from polarsim.rover.perception.ground_view import ground_below, plane_under
+from polarsim.rover.perception.ground_view import HeightFunction, ground_below, plane_under
 from polarsim.rover.perception.hazard_grid import HazardGrid, MapUpdate
 from polarsim.rover.perception.map_updates import (
     FARTHEST_M,
@@ -48,6 +49,7 @@ from polarsim.rover.world.surface import World
 from polarsim.run_files.instances import GROUND, ROCK_IDS
 
 _BESIDE_M = 2.0  # distance from the straight line within which changes of the ground are rendered
+_MODES_WITH_DEPTH = ("stereo", "both")
 _NEAREST_M = 1.5  # minimum depth of stereo
 _STEREO_BASE_M = 0.3  # baseline from the front camera to the second camera, to the right
 _STEREO_SCALE = 0.5  # size of pictures for stereo matching relative to the front camera's pictures
@@ -63,7 +65,7 @@ _EVEN, _EVEN_PX = 1.5, 5
 
 @dataclass(frozen=True)
 class Observation:
-    """Map updates at a time, and the stereo pair of pictures (h, w) uint8.
+    """Map updates at a time, the true pose of the front camera, and the stereo pair of pictures (h, w) uint8.
 
     `shown`: the front camera's picture (h, w) uint8, and `found`: (n, 5) boxes in it above the confidence threshold.
     """
@@ -90,6 +92,7 @@ class Perception:
         *,
         render: RenderOptions,
         detector: OnboardDetector | None = None,
+        localised: bool = False,
         threads: int = 1,
     ) -> None:
         """
@@ -99,11 +102,14 @@ class Perception:
             Scale, stars and Suns of the pictures; confidence and ground of the detector.
         render
             Options of the run. Shot and read noise are always on, since noise limits the range of headlights.
+        localised
+            Take a stereo pair in all modes, for the pose.
         threads
             Number of threads of the renderer. Does not affect the pictures.
         """
         self.world, self.vehicle, self.mode, self.light = world, vehicle, mode, light
         self.onboard, self.seed, self._threads = cameras.onboard, seed, threads
+        self.pairs = localised or mode in _MODES_WITH_DEPTH  # whether both cameras take pictures
         self.mount = mount_of(vehicle.camera(FRONT), cameras.scale)
         self._small = mount_of(vehicle.camera(FRONT), cameras.scale * _STEREO_SCALE)
         around = [camera.name for camera in vehicle.cameras if camera.name in _AROUND]
@@ -121,53 +127,92 @@ class Perception:
         self.rectification = rectification(self.mount.lens.scaled(_STEREO_SCALE), _STEREO_BASE_M)
         self._count = 0
 
-    @property
-    def pairs(self) -> bool:
-        """Whether both cameras take pictures."""
-        return self.mode in ("stereo", "both")
+    def observe(
+        self, state: RoverState, level: np.ndarray, grid: HazardGrid, localiser: Localiser | None = None
+    ) -> Observation:
+        """Observe the rover's state and the ground's levels (rows, columns), m.
 
-    def observe(self, state: RoverState, level: np.ndarray, grid: HazardGrid) -> Observation:
-        """Observe the rover's state and the ground's levels (rows, columns), m."""
+        With a localiser, the pictures correct its pose, and updates are placed by this pose, not by the state.
+        """
         with self._timed("scene"):
             base = self._camera.show_state(state, level)
-        camera = self.mount.at(base)
-        ground = self.world.height_at if self.onboard.ground == "surveyed" else plane_under(base, self._ground_m)
-        if self.mode == "truth":
-            with self._timed("pictures"):
-                observed = [self._visible_points(mount.at(base)) for mount in self._round]
-            with self._timed("map"):
-                points, rock = (np.concatenate(parts) for parts in zip(*observed, strict=True))
-                return Observation([update_from_pixels(points, rock, camera, ground, grid)], camera)
-        # Stereo matches small pictures, so the second camera, and without a detector also the first, is rendered small.
-        cameras = [self._small.at(base) if self._detector is None else camera]
-        if self.pairs:
-            cameras.append(right_of(self._small.at(base), _STEREO_BASE_M))
         with self._timed("pictures"):
-            taken = [self._picture(item, number) for number, item in enumerate(cameras)]
-        self._count += 1
-        updates: list[MapUpdate] = []
-        pair: tuple[np.ndarray, np.ndarray] | None = None
+            taken = self._pictures(base)
+        pair = self._pair(taken) if self.pairs else None
+        if localiser is not None and pair is not None:
+            with self._timed("localisation"):
+                localiser.see(*pair)
+        believed = base if localiser is None else localiser.pose
+        camera = self.mount.at(believed)
         shown: np.ndarray | None = None
         detections = np.zeros((0, 5))
+        if self.mode == "truth":
+            return Observation([self._update_from_labels(base, believed, grid)], self.mount.at(base), pair)
+        updates: list[MapUpdate] = []
         if self._detector is not None:
             with self._timed("detector"):
                 (shown,), (rows,) = self._detector.detect([taken[0]])
             rocks = (rows[:, 5] == BOX_CLASSES.index(ROCK)) & (rows[:, 4] >= self.onboard.confidence)
             detections = np.asarray(rows[rocks, :5], float)
             with self._timed("map"):
-                lit = bright_pixels(taken[0], _LEAST_GREY)
+                lit, ground = bright_pixels(taken[0], _LEAST_GREY), self._ground(believed, localiser is None)
                 updates.append(update_from_boxes(detections[:, :4], detections[:, 4], lit, camera, ground, grid))
             detections[:, :4] *= shown.shape[1] / camera.lens.width
-        if self.pairs:
+        if self.mode in _MODES_WITH_DEPTH:
+            assert pair is not None
             with self._timed("stereo"):
-                lens = self.rectification.lens
-                small = np.stack([tone.shrink(grey, max(lens.width, lens.height)) for grey in taken])
-                left, right = tone.to_8_bits(small)  # by the same tone curve, since matching compares grey values
-                points = self._points(left, right, bright_pixels(small[0], _LEAST_GREY), camera)
-            pair = left, right
+                points = self._points(*pair, bright_pixels(self._small_picture(taken[0]), _LEAST_GREY), camera)
             with self._timed("map"):
                 updates.append(update_from_depth(points, camera, grid))
-        return Observation(updates, camera, pair, pair[0] if pair and shown is None else shown, detections)
+        shown = pair[0] if pair and shown is None else shown
+        return Observation(updates, self.mount.at(base), pair, shown, detections)
+
+    def _pictures(self, base: Pose) -> list[np.ndarray]:
+        """Return the 12-bit pictures (h, w) of the front camera and, for pairs, the second camera.
+
+        Stereo matches small pictures, so the second camera, and without a detector also the first, is rendered small.
+        """
+        cameras = []
+        if self.pairs or self._detector is not None:
+            cameras.append(self._small.at(base) if self._detector is None else self.mount.at(base))
+        if self.pairs:
+            cameras.append(right_of(self._small.at(base), _STEREO_BASE_M))
+        taken = [self._picture(item, number) for number, item in enumerate(cameras)]
+        self._count += 1
+        return taken
+
+    def _small_picture(self, grey: np.ndarray) -> np.ndarray:
+        """Return a picture in the size of stereo matching."""
+        lens = self.rectification.lens
+        return tone.shrink(grey, max(lens.width, lens.height))
+
+    def _pair(self, taken: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Return small 8-bit pictures by the same tone curve, since matching compares grey values."""
+        with self._timed("stereo"):
+            left, right = tone.to_8_bits(np.stack([self._small_picture(grey) for grey in taken]))
+        return left, right
+
+    def _ground(self, base: Pose, known: bool) -> HeightFunction:
+        """Return the height of the ground; a surveyed ground is raised to the wheels if the pose is not known."""
+        if self.onboard.ground != "surveyed":
+            return plane_under(base, self._ground_m)
+        if known:
+            return self.world.height_at
+        x, y, z = base.apply(np.array([0.0, 0.0, self._ground_m])).tolist()
+        rise = z - float(self.world.height_at(x, y))
+        return lambda x, y: self.world.height_at(x, y) + rise
+
+    def _update_from_labels(self, base: Pose, believed: Pose, grid: HazardGrid) -> MapUpdate:
+        """Return the update of labels of all cameras, placed by the pose in which the rover believes itself."""
+        with self._timed("pictures"):
+            observed = [self._visible_points(mount.at(base)) for mount in self._round]
+        with self._timed("map"):
+            points, rock = (np.concatenate(parts) for parts in zip(*observed, strict=True))
+            above, on_rock = np.zeros(len(points)), rock > 0
+            above[on_rock] = points[on_rock, 2] - self._ground(base, True)(*points[on_rock, :2].T)
+            if believed is not base:
+                points = (believed @ base.inverse()).apply(points)
+            return update_from_pixels(points, rock, above, self.mount.at(believed), grid)
 
     def _visible_points(self, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
         """Return points (n, 3) of the world by pixel, and (n,) rock numbers, 0 on the ground; independent of light."""

@@ -1,7 +1,7 @@
 """The autonomous drives of a run and their names.
 
-A name is `<mode>_<Sun>_<exposure>_<lights>_<model>_<detector>_seed<N>`. It is `<mode>_seed<N>` for modes without
-pictures, and lacks the detector for stereo.
+A name is `<mode>_<pose>_<Sun>_<exposure>_<lights>_<model>_<detector>_seed<N>`. A pose that is known is omitted, drives
+without pictures lack Sun to model, and stereo lacks the detector.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, cast
 from polarsim.render.options import Model
 from polarsim.rover.cameras.options import CameraSuiteOptions, ImagingCondition, lights_ahead
 from polarsim.rover.perception.options import MODES_WITH_DETECTOR, Mode
-from polarsim.rover.planning.options import ON, AutonomyOptions
+from polarsim.rover.planning.options import ON, AutonomyOptions, PoseSource
 from polarsim.run_files.picture_sets import AUTO, exposure_name
-from polarsim.schemas.rover import ANY
+from polarsim.schemas.rover import ANY, FUSED, KNOWN, POSES
 
 if TYPE_CHECKING:
     import pandas as pd  # a plan imports this module, and pandas takes a third of a second
 
     from polarsim.rover.vehicle.table import Vehicle
 
-AXES = ("mode", "sun", "exposure", "lights", "model", "detector")
-MODES_WITHOUT_PICTURES = ("truth", "blind")
+AXES = ("mode", "sun", "exposure", "lights", "model", "detector", "pose")
+MODES_WITHOUT_PICTURES = ("truth", "blind")  # unless the pose needs them
 
 
 @dataclass(frozen=True)
@@ -38,12 +38,18 @@ class Case:
     lights: str = ANY
     model: str = ANY
     detector: str = ANY
+    pose: PoseSource = "truth"
 
     @property
     def name(self) -> str:
         axes = self.axes | {"model": self.model.replace("_", "-")}  # `_` separates the axes
+        mode, pose = axes.pop("mode"), axes.pop("pose")
         named = [value for value in axes.values() if value != ANY]
-        return "_".join([*named, f"seed{self.seed}"])
+        return "_".join([mode, *([] if pose == KNOWN else [pose]), *named, f"seed{self.seed}"])
+
+    @property
+    def has_pictures(self) -> bool:
+        return self.mode not in MODES_WITHOUT_PICTURES or self.pose == FUSED
 
     @property
     def axes(self) -> dict[str, str]:
@@ -69,22 +75,28 @@ def cases(
     exposures = (AUTO,) if options.auto_exposure else tuple(map(exposure_name, cameras.exposures_ms))
     lights = list(product(cameras.suns, exposures, options.headlights, cameras.models))
     result = []
-    for seed, mode in product(seeds, options.modes):
-        axes: list[tuple[str, ...]] = [()] if mode in MODES_WITHOUT_PICTURES else list(lights)
+    for seed, mode, pose in product(seeds, options.modes, options.poses):
+        if mode == "blind" and pose == FUSED:
+            continue
+        axes: list[tuple[str, ...]] = list(lights) if Case(mode, seed, pose=pose).has_pictures else [()]
         if mode in MODES_WITH_DETECTOR:
             axes = [(*light, name) for light in lights for name in detectors]
-        result += [Case(mode, seed, *values) for values in axes]
+        result += [Case(mode, seed, pose=pose, **dict(zip(AXES[1:-1], values, strict=False))) for values in axes]
     return result
 
 
 def parse_case(name: str) -> Case:
     """Return the drive with a name."""
     head, _, seed = name.rpartition("_seed")
-    mode, *axes = head.split("_", len(AXES) - 1)
-    named = dict(zip(AXES[1:], axes, strict=False))
+    mode, _, rest = head.partition("_")
+    pose, _, others = rest.partition("_")
+    if pose not in POSES:
+        pose, others = KNOWN, rest
+    axes = others.split("_", len(AXES) - 3) if others else []
+    named = dict(zip(AXES[1:-1], axes, strict=False))
     if "model" in named:
         named["model"] = named["model"].replace("-", "_")
-    return Case(cast(Mode, mode), int(seed), **named)
+    return Case(cast(Mode, mode), int(seed), **named, pose=cast(PoseSource, pose))
 
 
 def matched_drives(drives: pd.DataFrame, axis: str) -> pd.DataFrame:

@@ -1,7 +1,8 @@
 """Run an autonomous drive, or a blind drive along the straight line, and write its files.
 
 A folder contains the trace of the drive, `map.npz` (the rover's map at the end of the drive) and `pictures/`, of the
-front camera with detected rocks, by milliseconds. The map of a blind drive has no observations.
+front camera with detected rocks, by milliseconds. The map of a blind drive has no observations. `localisation/`
+contains `estimate.parquet` and `sensors.parquet`; it is empty if the pose is known.
 """
 
 from __future__ import annotations
@@ -11,7 +12,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
+from polarsim.errors import RoverError
+from polarsim.formats import tables
 from polarsim.formats.files import write_bytes, writing_folder
 from polarsim.formats.npz import write_arrays
 from polarsim.photo import COLOURS, ROCK
@@ -23,19 +27,22 @@ from polarsim.rover.drive.job import DriveJob, job_of, path_of
 from polarsim.rover.drive.options import DriveOptions, Point
 from polarsim.rover.drive.ride import RunningDrive
 from polarsim.rover.drive.trace import Trace, write_trace
+from polarsim.rover.localisation.localiser import Localiser
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.observation import Perception
 from polarsim.rover.perception.options import Mode, OnboardDetector
-from polarsim.rover.planning.options import AutonomyOptions
+from polarsim.rover.planning.options import AutonomyOptions, PoseSource
 from polarsim.rover.planning.pilot import OBSERVATIONS_HZ, Pilot
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
+from polarsim.schemas.rover import FUSED
 
 _AHEAD_M = 3.0  # from the start to the first terrain, and from the last terrain to the end
 _LOG_HZ = 20.0
 _CHUNK_S = 10.0
 _BEHIND_M = 1.5  # ground behind the rover's centre at the start, for the rear wheels and a margin
-MAP, PICTURES = "map.npz", "pictures"
+MAP, PICTURES, LOCALISATION = "map.npz", "pictures", "localisation"
+ESTIMATE, SENSORS = "estimate.parquet", "sensors.parquet"
 WIDTH_PX = 640  # of the pictures
 _QUALITY = 85
 _BOX = COLOURS[ROCK][::-1]  # blue, green, red
@@ -49,6 +56,8 @@ class Outcome:
     pilot: Pilot | None
     cpu_s: float  # of the entire drive
     wall_s: float
+    estimate: pd.DataFrame | None = None  # `ESTIMATE_COLUMNS`, None if the pose is known
+    sensors: pd.DataFrame | None = None  # `SENSOR_COLUMNS`, None if the pose is known
 
 
 def job_for(
@@ -82,6 +91,10 @@ def write_outcome(folder: Path, outcome: Outcome, options: AutonomyOptions) -> N
         folder / MAP, x_m=grid.x, y_m=grid.y, log_odds=grid.log_odds, seen=grid.seen, height_m=grid.height,
         surface_m=grid.surface_of_cells(), hazard=grid.hazards(options.planner.hazard_m),
     )  # fmt: skip
+    with writing_folder(folder / LOCALISATION) as temporary:
+        for name, table in ((ESTIMATE, outcome.estimate), (SENSORS, outcome.sensors)):
+            if table is not None:
+                tables.write_parquet(temporary / name, table)
     with writing_folder(folder / PICTURES) as temporary:
         for time_s, observation in outcome.pilot.observations if outcome.pilot else []:
             if observation.shown is not None:
@@ -108,22 +121,31 @@ def run_autonomous_drive(
     cameras: CameraSuiteOptions,
     *,
     render: RenderOptions,
+    pose: PoseSource = "truth",
     detector: OnboardDetector | None = None,
     threads: int = 1,
 ) -> Outcome:
-    """Drive from the first point of a job's path to the last; `threads` render the pictures."""
+    """Drive from the first point of a job's path to the last; `threads` render the pictures.
+
+    With a pose that is not known the drive ends where the rover believes itself at the goal.
+    """
     cpu, wall = time.process_time(), time.perf_counter()
     job = autonomous_job(job, options)
     driver: Pilot | None = None
+    localiser: Localiser | None = None
     if mode != "blind":
         perception = Perception(
             job.world, job.vehicle, job.route, mode, light, cameras, job.seed,
-            render=render, detector=detector, threads=threads,
+            render=render, detector=detector, localised=pose == FUSED, threads=threads,
         )  # fmt: skip
         driver = Pilot(job.route, perception, options)
-    ride = RunningDrive(job, driver)
+    if pose == FUSED:
+        raise RoverError("rover.autonomy.poses: `fused` is not available yet")
+    if pose == "odometry":
+        localiser = Localiser(job.vehicle, job.seed, job.physics.gravity_m_s2)
+    ride = RunningDrive(job, driver, localiser)
     if driver is not None:
-        driver.attach(ride.simulation)
+        driver.attach(ride.simulation, localiser)
     with one_blas_thread():  # matrices are small, so threads would be slower
         while ride.ended is None:
             try:
@@ -132,4 +154,5 @@ def run_autonomous_drive(
                 ride.ended, ride.reason = "energy", str(error)
             if driver is not None and driver.given_up and ride.ended is None:
                 ride.ended, ride.reason = "gave up", "no path after backing off"
-    return Outcome(ride.trace(), driver, time.process_time() - cpu, time.perf_counter() - wall)
+    tables_of = (None, None) if localiser is None else (localiser.estimate(), localiser.readings())
+    return Outcome(ride.trace(), driver, time.process_time() - cpu, time.perf_counter() - wall, *tables_of)

@@ -9,7 +9,7 @@ import pandas as pd
 
 from polarsim.geometry.trajectories import Trajectory, absolute_error, consecutive, motion_errors
 from polarsim.rover.drive.table import TREAD_AND_FLANK
-from polarsim.rover.drive.trace import rock_contacts
+from polarsim.rover.drive.trace import Trace, rock_contacts
 from polarsim.rover.planning.challenge import POINTS, points_of
 from polarsim.rover.planning.clearance import closest_pass
 from polarsim.rover.planning.drive import Outcome
@@ -21,6 +21,7 @@ from polarsim.schemas.rover import AUTONOMY_EVENTS, COLLISION, HIGH_M, STOP, TOU
 
 CLASSES_M = ((0.05, 0.10), (0.10, 0.20), (0.20, math.inf))
 NO_ROCK = -1
+GOAL_M = 1.0  # maximum true distance before the goal's line of a rover that believes itself at the goal
 _OF = (("wheels", TREAD_AND_FLANK), ("legs", ("leg",)), ("the body", ("body",)))
 _TOTALS = {"time_s": "min", "duration_s": "sum", "impulse_n_s": "sum"}  # of all links of a part
 _NEAREST_M, _FARTHEST_M = 1.5, 10.0  # range of depths for odometry
@@ -48,9 +49,10 @@ def drive_metrics(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) 
     seconds = max(float(drive["seconds"]), 1e-9)
     contacts = rock_contacts(trace)
     hit = contacts[contacts["height_m"] > HIGH_M]
+    arrived = drive["ended"] == "finished" and distance_to_goal(trace) <= GOAL_M
     rows: list[tuple[str, str, float]] = [
-        ("success", "", float(drive["ended"] == "finished" and not len(hit))),
-        ("goal reached", "", float(drive["ended"] == "finished")),
+        ("success", "", float(arrived and not len(hit))),
+        ("goal reached", "", float(arrived)),
         ("collisions", "", float(hit["rock"].nunique())),
         *((f"collisions of {name}", "", float(hit["rock"][hit["part"].isin(parts)].nunique())) for name, parts in _OF),
     ]
@@ -73,6 +75,14 @@ def drive_metrics(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) 
     if outcome.pilot is not None:
         rows += _of_pilot(outcome, vehicle, options)
     return pd.DataFrame(rows, columns=["metric", "unit", "value"])
+
+
+def distance_to_goal(trace: Trace) -> float:
+    """Return the distance of the rover's true position at the end before the goal's line, m; negative beyond it."""
+    line = np.array(trace.drive["path_m"])
+    way = line[-1] - line[0]
+    end = trace.table[["x_m", "y_m"]].to_numpy()[-1]
+    return float((line[-1] - end) @ way / np.linalg.norm(way))
 
 
 def _of_pilot(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> list[tuple[str, str, float]]:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Literal
 
-from pydantic import BaseModel, Field, PositiveFloat, field_validator
+from pydantic import BaseModel, Field, PositiveFloat, field_validator, model_validator
 
 from polarsim.rover.perception.options import Mode
+from polarsim.schemas.rover import FUSED
 
 ON = "on"
+PoseSource = Literal["truth", "odometry", "fused"]  # as `schemas.rover.POSES`
 
 
 class PlannerOptions(BaseModel, extra="forbid", frozen=True):
@@ -25,10 +27,11 @@ class PlannerOptions(BaseModel, extra="forbid", frozen=True):
 
 
 class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
-    """Autonomous drives: each combination of mode, seed, Sun, exposure, state of headlights, model and detector.
+    """Autonomous drives: each combination of mode, seed, Sun, exposure, state of headlights, model, detector and pose.
 
     Seeds are those of `rover.seeds`; Suns, exposures, models, stars and scale those of `rover.cameras`. The modes
-    `truth` and `blind` have one drive per seed, and the mode `stereo` has no detector.
+    `truth` and `blind` have one drive per seed and pose, except for `fused` poses, which need pictures, in mode
+    `truth`. The mode `stereo` has no detector, the mode `blind` no `fused` pose.
     """
 
     run: bool = Field(False, description="Simulate autonomous drives in the target `rover_autonomy`.")
@@ -48,6 +51,11 @@ class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
         description="Detectors, a drive for each: `packaged_rover`, `packaged`, `fine_tuned` or a training "
         "domain of the run. Empty: the onboard detector.",
     )
+    poses: tuple[PoseSource, ...] = Field(
+        ("truth",),
+        min_length=1,
+        description="Source of the rover's pose, a drive for each: truth, wheels and IMU, or these with stereo.",
+    )
     speed_m_s: PositiveFloat = Field(0.2, le=2.0, description="Speed of the body, m/s.")
     width_m: PositiveFloat = Field(
         8.0, description="Width of the strip, m. A wider strip leaves paths around dense terrains."
@@ -55,7 +63,13 @@ class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
     longest_s: PositiveFloat = Field(240.0, description="Maximum duration of a drive, s.")
     planner: PlannerOptions = PlannerOptions()
 
-    @field_validator("modes", "headlights", "detectors")
+    @model_validator(mode="after")
+    def _pictures_for_poses(self) -> AutonomyOptions:
+        if self.modes == ("blind",) and self.poses == (FUSED,):
+            raise ValueError("poses: `fused` needs pictures, but the mode `blind` takes none; add a mode or a pose")
+        return self
+
+    @field_validator("modes", "headlights", "detectors", "poses")
     @classmethod
     def _each_once(cls, values: tuple[object, ...]) -> tuple[object, ...]:
         if len(set(values)) < len(values):

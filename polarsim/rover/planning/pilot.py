@@ -10,6 +10,7 @@ import numpy as np
 
 from polarsim.rover.drive.control import Command, Driver, ReferencePath, SteeringLaw, wrapped
 from polarsim.rover.drive.simulation import Simulation
+from polarsim.rover.localisation.localiser import Localiser
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.observation import Observation, Perception
 from polarsim.rover.planning.options import AutonomyOptions
@@ -51,9 +52,9 @@ class Pilot(Driver):
         self.given_up = False
         self.travelled = 0.0  # m in any direction, since a detour may cross the line or lead back along it
 
-    def attach(self, simulation: Simulation) -> None:
-        """Attach the driver to a simulation and observe its world."""
-        self._simulation = simulation
+    def attach(self, simulation: Simulation, localiser: Localiser | None = None) -> None:
+        """Attach the driver to a simulation and observe its world; without a localiser its pose is known."""
+        self._simulation, self._localiser = simulation, localiser
         self.grid = HazardGrid(simulation.world)
         vehicle = simulation.vehicle
         self.planner = Planner(vehicle.wheel_centres[:, :2], self.options.planner)
@@ -82,6 +83,8 @@ class Pilot(Driver):
         if now >= self._next - 1e-9:
             self._next += self._every
             self._observe(now)
+            if self._localiser is not None:
+                x, y, heading = self._localiser.plane_pose  # corrected by the observation
             self._decide(now, x, y, heading)
         self.turning = self._plan is None  # no progress is expected
         if self._back_to is not None:
@@ -106,7 +109,9 @@ class Pilot(Driver):
 
     def _observe(self, now: float) -> None:
         self.grid.fade(now)
-        observation = self.perception.observe(self._simulation.state(), self._simulation.ground.level, self.grid)
+        observation = self.perception.observe(
+            self._simulation.state(), self._simulation.ground.level, self.grid, self._localiser
+        )
         for update in observation.updates:
             self.grid.add(update)
         if now < self._next_shown - 1e-9:

@@ -63,7 +63,7 @@ def detector_drives(every: pd.DataFrame, model: str) -> pd.DataFrame:
     selected = every[
         every["mode"].isin(MODES_WITH_DETECTOR) & every["metric"].isin(_METRICS) & (every["model"] == model)
     ]
-    keys = ["mode", "detector", "sun", "exposure", "lights", "seed"]
+    keys = ["mode", "detector", "sun", "exposure", "lights", "pose", "seed"]
     wide = (
         selected.pivot_table("value", keys, "metric").rename(columns=_METRICS).reset_index().rename_axis(columns=None)
     )

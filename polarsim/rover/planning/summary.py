@@ -14,14 +14,14 @@ from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.perception.options import OnboardDetector
-from polarsim.rover.planning.cases import AXES, MODES_WITHOUT_PICTURES, matched_drives, parse_case
+from polarsim.rover.planning.cases import AXES, matched_drives, parse_case
 from polarsim.rover.planning.drive import job_for, run_autonomous_drive, write_outcome
 from polarsim.rover.planning.metrics import drive_metrics, event_table
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
 from polarsim.rover.world.options import WorldOptions
-from polarsim.schemas.rover import ALL, ANY, AUTONOMY, AUTONOMY_EFFECTS, AUTONOMY_METRICS
+from polarsim.schemas.rover import ALL, ANY, AUTONOMY, AUTONOMY_EFFECTS, AUTONOMY_METRICS, KNOWN
 
 EVENTS = "events.parquet"
 OVER_BLIND = {"path": "path over the blind one's", "energy": "energy over the blind one's"}
@@ -50,8 +50,9 @@ def drive_case(
     vehicle = read_vehicle(drive_options.vehicle)
     light = chosen.light(vehicle)
     outcome = run_autonomous_drive(
-        job, chosen.mode, light, options, cameras, render=render, detector=detector, threads=threads
-    )
+        job, chosen.mode, light, options, cameras,
+        render=render, pose=chosen.pose, detector=detector, threads=threads,
+    )  # fmt: skip
     write_outcome(folder, outcome, options)
     tables.write_parquet(folder / EVENTS, event_table(outcome))
     rows = drive_metrics(outcome, vehicle, options)
@@ -74,7 +75,7 @@ def with_derived(every: pd.DataFrame) -> pd.DataFrame:
     parts = [every, maps.assign(metric=BOTH_MAPS, unit="points of 600")]
     for metric, name in OVER_BLIND.items():
         rows = every[every["metric"] == metric]
-        blind = rows[rows["mode"] == "blind"].set_index("seed")["value"]
+        blind = rows[(rows["mode"] == "blind") & (rows["pose"] == KNOWN)].set_index("seed")["value"]
         others = rows[(rows["mode"] != "blind") & rows["seed"].isin(blind.index)]
         ratio = others["value"] / others["seed"].map(blind)
         parts.append(others.assign(metric=name, unit="", value=ratio))
@@ -89,7 +90,7 @@ def drive_summary(every: pd.DataFrame) -> pd.DataFrame:
     """
     several = every.groupby("mode")["detector"].transform("nunique") > 1
     drives = pd.concat([every, every[several].assign(detector=ALL)])
-    drives = pd.concat([drives, drives[~drives["mode"].isin(MODES_WITHOUT_PICTURES)].assign(sun=ALL, exposure=ALL)])
+    drives = pd.concat([drives, drives[drives["sun"] != ANY].assign(sun=ALL, exposure=ALL)])
     rows = []
     for key, part in drives.dropna(subset="value").groupby([*AXES, "metric", "unit"], sort=True):
         value, low, high = mean_over_seeds(part["value"].to_numpy(float), part["seed"].to_numpy())
@@ -115,7 +116,7 @@ def effects_of(every: pd.DataFrame) -> pd.DataFrame:
     drove only with lights on is excluded from the effect of lights. Seeds with fewer drives than the others are
     excluded (unfinished tables). Mode `all` is the mean over modes.
     """
-    lit = every[~every["mode"].isin(MODES_WITHOUT_PICTURES)]
+    lit = every[every["sun"] != ANY]
     rows = []
     for mode in [*sorted(set(lit["mode"])), ALL]:
         drives = lit if mode == ALL else lit[lit["mode"] == mode]

@@ -56,7 +56,7 @@ def test_pixels_update_rock_cells_and_heights_and_no_unobserved_cells():
     side = [(left, own.y[row], LEVEL + z) for z in (0.02, 0.1, 0.2)]  # steep side of a rock
     top = (own.x[column - 1], own.y[row], LEVEL + 0.25)  # top of the same rock, in the adjacent cell
     points = np.array([*ground, *side, top])
-    look = update_from_pixels(points, np.array([0, 0, 7, 7, 7, 7]), CAMERA, flat, own)
+    look = update_from_pixels(points, np.array([0, 0, 7, 7, 7, 7]), points[:, 2] - LEVEL, CAMERA, own)
     assert (look.rock[row, column - 1 : column + 1] > 0).all()
     np.testing.assert_allclose(look.height[row, column - 1 : column + 1], 0.25, atol=1e-6)
     assert (look.weight > 0).sum() == 2
@@ -64,7 +64,8 @@ def test_pixels_update_rock_cells_and_heights_and_no_unobserved_cells():
     assert np.isfinite(look.surface).sum() == 4
     assert fine.max() == pytest.approx(LEVEL + 0.25)
     assert np.sort(fine[fine > 0])[2] == pytest.approx(LEVEL + 0.2)  # the highest pixel of the rock there, not the mean
-    single = update_from_pixels(np.array([[own.x[column], own.y[row], LEVEL]]), np.zeros(1, int), CAMERA, flat, own)
+    one = np.array([[own.x[column], own.y[row], LEVEL]])
+    single = update_from_pixels(one, np.zeros(1, int), np.zeros(1), CAMERA, own)
     assert single.weight[row, column] == pytest.approx(1 / PARTS**2)  # of a cell of which one part is observed
     assert single.rock[row, column] == 0
 
@@ -135,9 +136,10 @@ def test_pixels_at_the_centre_of_a_part_outweigh_the_steep_side_of_a_rock():
     x, y = own.x[column] + part / 2, own.y[row] + part / 2
     side = [(x + 0.4 * part, y, LEVEL + z) for z in np.arange(0.01, 0.2, 0.01)]
     points = np.array([(x, y, LEVEL), *side])
-    look = update_from_pixels(points, np.array([0] + [3] * len(side)), CAMERA, flat, own)
+    look = update_from_pixels(points, np.array([0] + [3] * len(side)), points[:, 2] - LEVEL, CAMERA, own)
     assert look.rock[row, column] == 0
-    assert update_from_pixels(points[1:], np.full(len(side), 3), CAMERA, flat, own).rock[row, column] > 0
+    alone = update_from_pixels(points[1:], np.full(len(side), 3), points[1:, 2] - LEVEL, CAMERA, own)
+    assert alone.rock[row, column] > 0
 
 
 def uniform(rock: float, weight: float = 1.0, height: float = 0.2, surface: float = np.nan) -> MapUpdate:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -13,13 +14,16 @@ from scipy import ndimage
 
 pytest.importorskip("mujoco", reason="mujoco is not installed")
 
+from polarsim.geometry.poses import Pose
 from polarsim.report.figures.autonomy_maps import picture_times, shown_pictures
 from polarsim.rover.cameras.options import CameraSuiteOptions, ImagingCondition, lights_ahead
 from polarsim.rover.drive import ride as ride_module
 from polarsim.rover.drive.job import DriveJob
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.ride import RunningDrive
-from polarsim.rover.perception.hazard_grid import HazardGrid
+from polarsim.rover.localisation.localiser import ESTIMATE_COLUMNS
+from polarsim.rover.localisation.sensors import SENSOR_COLUMNS
+from polarsim.rover.perception.hazard_grid import PARTS, HazardGrid
 from polarsim.rover.perception.observation import Observation, Perception
 from polarsim.rover.planning.drive import PICTURES, WIDTH_PX, autonomous_job, run_autonomous_drive, write_outcome
 from polarsim.rover.planning.metrics import drive_metrics, event_table
@@ -28,6 +32,7 @@ from polarsim.rover.planning.pilot import Pilot
 from polarsim.rover.planning.planner import Planner
 from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.options import SoilOptions
+from polarsim.rover.vehicle.mounts import pose_of_quaternion
 from polarsim.rover.vehicle.table import read_vehicle
 from polarsim.rover.world.options import WorldOptions
 from polarsim.rover.world.surface import ROCK_COLUMNS, bare_world
@@ -106,12 +111,56 @@ def test_a_drive_by_labels_avoids_rocks_that_a_blind_drive_hits(job):
 def test_equal_drives_write_equal_bytes(job, tmp_path):
     brief = OPTIONS.model_copy(update={"longest_s": 2.0})
     for name in ("a", "b"):
-        outcome = run_autonomous_drive(job, "truth", ImagingCondition("3", 256), brief, CAMERAS, render=driven.RENDER)
+        outcome = run_autonomous_drive(
+            job, "truth", ImagingCondition("3", 256), brief, CAMERAS, render=driven.RENDER, pose="odometry"
+        )
         write_outcome(tmp_path / name, outcome, brief)
     files = sorted(path.relative_to(tmp_path / "a") for path in (tmp_path / "a").rglob("*") if path.is_file())
-    assert len(files) == 7
+    assert len(files) == 9
     for file in files:
         assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes(), file
+
+
+def test_a_rover_on_odometry_drives_to_where_it_believes_the_goal(job):
+    short = replace(job, drive=job.drive.model_copy(update={"path_m": ((0.0, 0.0), (1.6, 0.0))}))
+    outcome = run_autonomous_drive(
+        short, "blind", ImagingCondition("3", 256), OPTIONS, CAMERAS, render=driven.RENDER, pose="odometry"
+    )
+    estimate, true = outcome.estimate, outcome.trace.table
+    assert tuple(estimate) == ESTIMATE_COLUMNS
+    assert tuple(outcome.sensors) == SENSOR_COLUMNS
+    assert np.diff(outcome.sensors["time_s"]) == pytest.approx(0.01)
+    np.testing.assert_array_equal(estimate["time_s"], true["time_s"])
+    start, end = estimate.iloc[0], estimate.iloc[-1]
+    assert start[["x_m", "y_m", "z_m"]].tolist() == true.iloc[0][["x_m", "y_m", "z_m"]].tolist()
+    assert outcome.trace.drive["ended"] == "finished"
+    assert end["x_m"] == pytest.approx(1.6, abs=0.01)
+    slipped = end["x_m"] - true["x_m"].iloc[-1]
+    assert 0.02 < slipped < 3 * end["x_sd_m"]
+    error = np.abs(estimate[["y_m", "z_m"]] - true[["y_m", "z_m"]]).iloc[-1]
+    assert (error < 3 * end[["y_sd_m", "z_sd_m"]].to_numpy(float)).all()
+
+
+def test_a_map_lies_where_the_rover_believes_itself(job):
+    ride = RunningDrive(autonomous_job(job, OPTIONS))
+    ride.run_for(0.1)
+    state, grid = ride.simulation.state(), HazardGrid(job.world)
+    perception = Perception(
+        job.world, job.vehicle, ride.route, "truth", ImagingCondition("3", 256), CAMERAS, 0, render=driven.RENDER
+    )
+    moved = Pose(np.eye(3), np.array([-2 * grid.cell_m, grid.cell_m, 0.05]))  # by cells, and upwards
+    believed = SimpleNamespace(pose=moved @ pose_of_quaternion(state.position, state.rotation))
+    here, there = (
+        perception.observe(state, ride.simulation.ground.level, grid, localiser).updates[0]
+        for localiser in (None, believed)
+    )
+    expected, found = here.rock[:-1, 2:], there.rock[1:, :-2]
+    assert (expected > 0).sum() >= 6
+    assert (found != expected).mean() < 0.01  # cells whose border a pixel crosses by rounding
+    same = (found > 0) & (expected > 0)
+    np.testing.assert_allclose(there.height[1:, :-2][same], here.height[:-1, 2:][same], atol=0.01)  # above the ground
+    rise = there.surface[PARTS:, : -2 * PARTS] - here.surface[:-PARTS, 2 * PARTS :]
+    assert np.nanmedian(rise) == pytest.approx(0.05)
 
 
 @pytest.mark.parametrize(("torque_n_m", "ended"), [(None, "out of time"), (1.0, "stuck")])

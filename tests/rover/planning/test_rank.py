@@ -16,7 +16,7 @@ NAMES = [f"{domain}-seed{seed}" for domain in ("analog", "principled", "hapke") 
 def every(hits: dict[str, list[float]], rock_map: float = 150.0) -> pd.DataFrame:
     """Return drives of detectors, one per seed, with these numbers of collisions."""
     found = [
-        ("detector", "3", "0256", "off", "hapke", name, seed, "finished", metric, "", value)
+        ("detector", "3", "0256", "off", "hapke", name, "truth", seed, "finished", metric, "", value)
         for name, values in hits.items()
         for seed, hit in enumerate(values)
         for metric, value in (

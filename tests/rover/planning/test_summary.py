@@ -10,9 +10,9 @@ import pytest
 from polarsim.rover.cameras.options import CameraSuiteOptions, ImagingCondition, lights_ahead
 from polarsim.rover.perception.options import Mode
 from polarsim.rover.planning.cases import AXES, cases, parse_case
-from polarsim.rover.planning.options import AutonomyOptions
+from polarsim.rover.planning.options import AutonomyOptions, PoseSource
 from polarsim.rover.planning.summary import drive_summary, effects_of, with_derived
-from polarsim.schemas.rover import AUTONOMY_METRICS, MODES
+from polarsim.schemas.rover import AUTONOMY_METRICS, MODES, POSES
 from tests.rover import driven
 
 NAMED = [*AXES, "seed", "metric", "unit", "value"]
@@ -23,13 +23,14 @@ def rows(*drives: tuple) -> pd.DataFrame:
 
 
 def drive(mode: str, sun: str, seed: int, value: float, metric: str = "energy", **others: str) -> tuple:
-    given = {"sun": sun, "exposure": "0256", "lights": "off", "model": "hapke", "detector": "any"} | others
+    given = {"sun": sun, "exposure": "0256", "lights": "off", "model": "hapke", "detector": "any"}
+    given |= {"pose": "truth"} | others
     return mode, *(given[axis] for axis in AXES[1:]), seed, metric, "", value
 
 
 EVERY = rows(
-    ("blind", *["any"] * 5, 0, "energy", "", 100.0),
-    ("blind", *["any"] * 5, 1, "energy", "", 200.0),
+    ("blind", *["any"] * 5, "truth", 0, "energy", "", 100.0),
+    ("blind", *["any"] * 5, "truth", 1, "energy", "", 200.0),
     drive("stereo", "1", 0, 150.0),
     drive("stereo", "1", 1, 240.0),
     drive("stereo", "3", 0, 110.0),
@@ -52,7 +53,34 @@ def test_there_is_a_drive_for_each_combination_and_names_read_back():
     vehicle = driven.vehicle()
     assert case.light(vehicle) == ImagingCondition("night", "auto", lights_ahead(vehicle), "principled")
     assert parse_case("stereo_1_0064_off_hapke_seed0").light(vehicle) == ImagingCondition("1", 64.0)
-    assert parse_case("truth_seed3").axes == {"mode": "truth", **dict.fromkeys(AXES[1:], "any")}
+    unlit = {"mode": "truth", **dict.fromkeys(AXES[1:], "any")}
+    assert parse_case("truth_seed3").axes == unlit | {"pose": "truth"}
+    assert parse_case("truth_odometry_seed3").axes == unlit | {"pose": "odometry"}
+
+
+def test_poses_multiply_the_drives_and_fused_poses_need_pictures():
+    assert get_args(PoseSource) == POSES
+    options = AutonomyOptions(modes=("truth", "stereo", "both", "blind"), poses=POSES)
+    cameras = CameraSuiteOptions(suns=("1", "3"), exposures_ms=(64.0,), models=("hapke",))
+    made = cases(options, cameras, (0,), ["packaged", "mix-seed1"])
+    names = [case.name for case in made]
+    assert [parse_case(name) for name in names] == made
+    assert len(set(names)) == len(names) == (1 + 1 + 2) + 3 * 2 + 3 * 4 + 2
+    assert {case.name for case in made if case.mode == "blind"} == {"blind_seed0", "blind_odometry_seed0"}
+    assert "truth_fused_1_0064_off_hapke_seed0" in names
+    assert "both_odometry_3_0064_off_hapke_mix-seed1_seed0" in names
+    assert [case.has_pictures for case in made[:4]] == [False, False, True, True]
+    with pytest.raises(ValueError, match="fused"):
+        AutonomyOptions(modes=("blind",), poses=("fused",))
+
+
+def test_drives_are_compared_with_the_blind_drive_with_a_known_pose():
+    others = rows(
+        ("blind", *["any"] * 5, "odometry", 0, "energy", "", 50.0), drive("stereo", "1", 0, 75.0, pose="fused")
+    )
+    ratios = with_derived(pd.concat([EVERY, others])).set_index(["metric", "pose"])["value"]
+    assert ratios.loc[[("energy over the blind one's", "fused")]].tolist() == [0.75]
+    assert len(drive_summary(others)) == 3  # a kind without light, a kind with light, and its pool
 
 
 def test_ratios_are_relative_to_the_blind_drive_of_the_seed_and_maps_are_summed():
@@ -90,7 +118,7 @@ def test_the_influence_of_a_seed_cancels_in_effects():
         for mode in ("stereo", "both") for sun in hits for seed in (0, 1, 2) for ms in ("0064", "0256")
     ]  # fmt: skip
     # An unfinished table.
-    drives = [row for row in drives if not (row[0] == "both" and row[6] == 2 and row[2] == "0064")]
+    drives = [row for row in drives if not (row[0] == "both" and row[7] == 2 and row[2] == "0064")]
     table = effects_of(rows(*drives)).set_index(["mode", "axis", "level"])
     effect = table.loc[("stereo", "sun", "1")]
     assert (effect["seeds"], effect["value"], effect["change"]) == (3, 13.0, 2.5)
