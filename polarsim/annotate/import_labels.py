@@ -52,6 +52,7 @@ class Imported:
     read: Counter[str] = field(default_factory=Counter)  # imported shapes by form
     skipped: Counter[str] = field(default_factory=Counter)  # skipped shapes and files by form
     named_out: Counter[str] = field(default_factory=Counter)  # shapes excluded by an empty name, by class
+    classes: set[str] = field(default_factory=set)  # names in the export
     cut: int = 0  # clipped boxes
     empty: list[str] = field(default_factory=list)  # skipped photos without a shape
     unread: list[str] = field(default_factory=list)  # skipped photos in which all shapes were skipped
@@ -127,6 +128,9 @@ def import_labels(
                         done.unread.append(str(key))
                     else:
                         photos[key] = boxes
+        if unused := sorted(set(names or {}) - done.classes):
+            found = ", ".join(sorted(done.classes)) or "none"
+            done.notes.append(f"--name: no shape has the class {', '.join(unused)}; classes of the shapes: {found}")
         done.notes = [note.replace(str(opened), str(source)) for note in done.notes]
     empty = [str(key) for key, boxes in photos.items() if not boxes]
     kept = {key: boxes for key, boxes in sorted(photos.items()) if boxes or keep_empty}
@@ -151,6 +155,7 @@ def _classified(
         if shape.box is None:
             done.skipped[shape.form] += 1
             continue
+        done.classes.add(shape.label)
         kind = names.get(shape.label, shape.label.strip().lower())
         if not kind:
             if not shape.label:

@@ -289,7 +289,8 @@ def _require_points(path: str | Path, first: int, dialect: _Dialect) -> None:
 def _read_ply(path: str | Path) -> np.ndarray:
     import trimesh
 
-    loaded: Any = trimesh.load(path, file_type="ply", process=False)
+    with Path(path).open("rb") as file:
+        loaded: Any = trimesh.load(file, file_type="ply", process=False)
     return np.array(loaded.vertices, dtype=float).reshape(-1, 3)
 
 

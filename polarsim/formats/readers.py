@@ -5,6 +5,7 @@ Parsers raise exceptions of almost any type for damaged files. The decorator `re
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
@@ -18,6 +19,9 @@ from polarsim.extras import extra_error
 
 MB = 1_000_000  # bytes
 _MAX_REASON = 400  # characters; a quotation from a file could be a megabyte
+# Python's messages for text that is not a number.
+_NO_FLOAT = re.compile(r"could not convert string to float: (['\"])(.*?)\1")
+_NO_INTEGER = re.compile(r"invalid literal for int\(\) with base 10: (['\"])(.*?)\1")
 Arguments = ParamSpec("Arguments")
 Read = TypeVar("Read")
 
@@ -65,13 +69,27 @@ def reason_of(error: Exception) -> str:
     """Return the message of an exception as a single line."""
     if isinstance(error, UnpicklingError):  # PyTorch's message recommends to execute code from the file
         return "the file contains no PyTorch weights, or also contains code"
+    if isinstance(error, FileNotFoundError):  # pyarrow's message is the path
+        return "no such file or folder"
     text = _single_line((isinstance(error, OSError) and error.strerror) or str(error))
     terse = isinstance(error, (LookupError, TypeError, AttributeError, ArithmeticError, AssertionError)) or not text
     return f"{type(error).__name__}: {text}".removesuffix(": ") if terse else text
 
 
+def not_a_number(text: str, kind: str = "number") -> str:
+    """Return the reason why a text of a file is no number, with a remedy for commas."""
+    remedy = ""
+    if text.endswith(","):
+        remedy = ", separate numbers by spaces"
+    elif "," in text:
+        remedy = ", write a decimal point"
+    return f"{text!r} is not a {kind}{remedy}"
+
+
 def _single_line(text: str) -> str:
     line = " ".join(text.split())
+    line = _NO_FLOAT.sub(lambda found: not_a_number(found[2]), line)
+    line = _NO_INTEGER.sub(lambda found: not_a_number(found[2], "whole number"), line)
     return line if len(line) <= _MAX_REASON else f"{line[:_MAX_REASON]} ..."
 
 

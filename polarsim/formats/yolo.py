@@ -11,7 +11,7 @@ import numpy as np
 from polarsim.errors import FormatError, with_path
 from polarsim.formats.class_lists import is_whole, plain
 from polarsim.formats.files import lines_of, write_text
-from polarsim.formats.readers import reader
+from polarsim.formats.readers import not_a_number, reader
 from polarsim.geometry.boxes import box_around_points
 from polarsim.photo import BOX_CLASSES, POLYGON_CLASSES, ROCK, PhotoKey, Terrain
 
@@ -120,8 +120,7 @@ def _value(field: str) -> float:
             raise ValueError
         return float(field)
     except ValueError as error:
-        comma = ", write a decimal point" if "," in field else ""
-        raise ValueError(f"{field!r} is not a number{comma}") from error
+        raise ValueError(not_a_number(field)) from error
 
 
 def _arrays(classes: Iterable[int], shapes: Iterable[LabelLine]) -> tuple[np.ndarray, np.ndarray]:

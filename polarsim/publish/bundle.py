@@ -43,7 +43,9 @@ class Bundle:
             check_new_folder(self.folder)
         elif read_json(receipts[0]) != recipe:
             if not replace:
-                reason = "contains an export with other arguments, choose another folder or use --replace"
+                reason = (
+                    "contains an export with other arguments or of another version: choose a new folder or --replace"
+                )
                 raise ConfigError(reason, path=self.folder)
             shutil.rmtree(self.folder)
         write_json(self.folder / _UNFINISHED, recipe)

@@ -63,6 +63,11 @@ def test_other_names_of_classes_are_mapped(tmp_path, source):
         import_labels(source, tmp_path / "out", site=polar())
     done = import_labels(source, tmp_path / "out", names={"boulder": "rock", "dog": ""}, site=polar())
     assert (done.photos, done.boxes, done.named_out) == (1, 1, {"dog": 1})
+    assert not [line for line in done.report() if "no shape" in line]
+    done = import_labels(source, tmp_path / "more", names={"boulder": "rock", "dog": "", "cat": ""}, site=polar())
+    assert [line for line in done.report() if "cat" in line] == [
+        "--name: no shape has the class cat; classes of the shapes: boulder, dog"
+    ]
 
 
 @pytest.mark.parametrize(

@@ -437,3 +437,11 @@ def test_a_damaged_file_gives_a_valid_object_or_a_one_line_error(name, tmp_path)
             refused.append(is_refused(case, source))
         path.write_bytes(content)
     assert any(refused)  # the drawn damages may all be harmless
+
+
+def test_a_missing_file_is_said_to_be_missing(tmp_path):
+    optional = {"checksums of archives", "lamps", "runs", *(name for name in CASES if name.startswith("classes in "))}
+    for name in CASES.keys() - optional:
+        with pytest.raises(PolarsimError) as caught:
+            CASES[name].read(tmp_path / "missing.ply")
+        assert "no such" in caught.value.reason.lower(), name
