@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable
 from difflib import get_close_matches
+from inspect import cleandoc
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +27,12 @@ STOPPED = 130  # exit code of a shell: 128 + number of SIGINT
 _SHOWN_RUNS = 10
 
 
-class FiniteCommand(TyperCommand):
-    """A command that rejects `nan` and `inf`, which the parser accepts as floats."""
+class Command(TyperCommand):
+    """Command that rejects `nan` and `inf`, which the parser accepts as floats, and joins wrapped lines of help."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.help = join_wrapped(self.help or "")
 
     def invoke(self, ctx: Any) -> Any:
         for name, value in ctx.params.items():
@@ -34,6 +40,11 @@ class FiniteCommand(TyperCommand):
                 if isinstance(number, float) and not math.isfinite(number):
                     raise typer.BadParameter(f"{number} is not a finite number", ctx, param_hint=_hint(ctx, name))
         return super().invoke(ctx)
+
+
+def join_wrapped(text: str) -> str:
+    """Return a docstring in which a line only ends at the end of a sentence; typer keeps all ends of lines."""
+    return re.sub(r"(?<![.:\n])\n(?=\S)", " ", cleandoc(text))
 
 
 def _hint(ctx: Any, name: str) -> str:

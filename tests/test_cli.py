@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import typer
 
+from polarsim.arguments import join_wrapped
 from polarsim.cli import app
 from polarsim.formats import coco, obj, png, rle, yolo
 from polarsim.geometry.meshes import Mesh
@@ -186,3 +187,12 @@ def test_ipd_of_two_folders_is_printed_and_written(polarsim, tmp_path):
     assert done.returncode == 1
     (line,) = done.stderr.splitlines()
     assert line.startswith("error: 'one' is not a photo key")
+
+
+def test_lines_of_help_end_with_a_sentence():
+    """Docstrings are wrapped at the width of the code, and typer keeps the ends of lines."""
+    joined = join_wrapped("A b.\n\n    C such as\n    d. E\n    f.\n    G:\n    h\n")
+    assert joined == "A b.\n\nC such as d. E f.\nG:\nh"
+    for name, command in typer.main.get_command(app).commands.items():
+        lines = [line for line in command.help.splitlines() if line]
+        assert all(line[-1] in ".:" for line in lines), name

@@ -81,7 +81,7 @@ validate boxes :: --workers 0 | --select X9 | --format xml | --json folder | --f
 export new :: --terrain 0 | --tool paint | --keys '[' | --results file
 compare demo :: nowhere | --out folder
 report :: --cores 0 | nowhere
-drive :: --seed -1 | --threads 0 | --config no.yaml | --out file
+drive :: --seed -1 | --threads 0 | --configfile no.yaml | --out file
 publish demo new --format :: csv | coco,csv | coco --subset colour=red | coco --max-size much | coco --results file
 import labels.json :: file | folder | new --format csv | new --as truth | new --name a=b
 import :: missing.json new | picture.png new

@@ -11,13 +11,14 @@ from typing import Annotated, Any
 
 import typer
 
-from polarsim.arguments import FiniteCommand, call, writes_file
+from polarsim.arguments import Command, call, writes_file
 from polarsim.reporting import reporting
 
 app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
-    help="Digital twins of NASA's POLAR photos: labels, meshes, ray-traced twins, detectors and tables. "
+    help="Digital twins of photos of sandboxes that are lit like the lunar poles, such as NASA's POLAR: labels, "
+    "meshes, ray-traced twins, detectors and tables. "
     "`run` runs the pipeline with Snakemake; the other commands run single steps or read the results.",
 )
 
@@ -44,7 +45,7 @@ def main() -> None:
 
 def commands_of(panel: str) -> Callable[..., Any]:
     """Return a decorator that adds a command to a panel of `--help`."""
-    return partial(app.command, cls=FiniteCommand, rich_help_panel=panel)
+    return partial(app.command, cls=Command, rich_help_panel=panel)
 
 
 def split_commas(text: str) -> list[str]:

@@ -9,6 +9,7 @@ import typer
 
 from polarsim.arguments import writes_folder
 from polarsim.cli.application import JsonFile, commands_of, split_commas
+from polarsim.photo import REFERENCE_WIDTH_PX
 
 command = commands_of("Detectors")
 Treatment = Literal["zero", "left_out"]  # IoU 0, or excluded
@@ -33,7 +34,10 @@ def detect(
     ] = "",
     gates: Annotated[
         str,
-        typer.Option(help="Box side at which the next larger width is used, px of a 1936 px image, comma-separated."),
+        typer.Option(
+            help="Box side at which the next larger width is used, px of an image "
+            f"{REFERENCE_WIDTH_PX} px wide, comma-separated."
+        ),
     ] = "",
     mirrored: Annotated[
         bool, typer.Option("--mirrored", help="Also run on mirrored images: higher recall, twice the time.")

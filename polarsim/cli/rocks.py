@@ -28,7 +28,8 @@ def rocks_of_cloud(
         typer.Option(help="Axis that points up, up to 45 degrees from the normal of the ground; -y in camera frames."),
     ] = "z",
     min_size_mm: Annotated[
-        float, typer.Option(min=1, max=10_000, help="Minimum longest horizontal side of rocks, mm. All lengths scale.")
+        float,
+        typer.Option(min=1, max=10_000, help="Minimum longest horizontal side of rocks, mm; sets all lengths."),
     ] = 35,
     complete_mm: Annotated[
         float | None,

@@ -19,7 +19,7 @@ def drive(
     run: Annotated[
         str | None, typer.Argument(help="Name of the run, below results/; default: that of --configfile, else demo.")
     ] = None,
-    configfile: Annotated[list[Path] | None, typer.Option("--configfile", "--config", help=CONFIG_HELP)] = None,
+    configfile: Annotated[list[Path] | None, typer.Option("--configfile", help=CONFIG_HELP)] = None,
     seed: Annotated[
         int | None, typer.Option(min=0, help="Seed of the drive; default: the first of the configuration.")
     ] = None,

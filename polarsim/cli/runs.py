@@ -70,7 +70,7 @@ def report(
     run: Annotated[str, typer.Argument(help="Name of the run, below results/.")] = "demo",
     configfile: ConfigFiles = None,
     cores: Annotated[
-        int, typer.Option(parser=core_count, metavar="N|all", help="Number of processor cores.", show_default="1")
+        int, typer.Option(parser=core_count, metavar="N|all", help="Number of processor cores.", show_default=True)
     ] = 1,
 ) -> None:
     """Update Snakemake's report results/<run>/report.html and list the paths of tables, report and results.html.
