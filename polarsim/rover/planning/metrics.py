@@ -10,10 +10,10 @@ import pandas as pd
 from polarsim.geometry.trajectories import Trajectory, absolute_error, consecutive, motion_errors
 from polarsim.rover.drive.table import TREAD_AND_FLANK
 from polarsim.rover.drive.trace import Trace, rock_contacts
+from polarsim.rover.localisation.stereo_motion import visual_odometry
 from polarsim.rover.planning.challenge import POINTS, points_of
 from polarsim.rover.planning.clearance import closest_pass
 from polarsim.rover.planning.drive import Outcome
-from polarsim.rover.planning.odometry import visual_odometry
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.planner import Planner, hazard_field
 from polarsim.rover.vehicle.table import Vehicle
