@@ -29,23 +29,40 @@ class MatchedPoints:
 
 
 @dataclass(frozen=True)
-class Priors:
-    """Standard deviations of the poses and of the calibration before the adjustment."""
+class CalibrationPriors:
+    """Standard deviations of a calibration on each axis: pose between the cameras and lenses."""
 
-    pose_m: float
-    pose_rad: float
     rig_m: float
     rig_rad: float
     focal_px: float
     centre_px: float
     k1: float
 
+    @property
+    def scale(self) -> np.ndarray:
+        """Standard deviations (14,) in the order of `changed_rig`."""
+        rig = [self.rig_rad] * 3 + [self.rig_m] * 3
+        lens = [self.focal_px, self.centre_px, self.centre_px, self.k1]
+        return np.array(rig + lens * 2)
+
+
+REPEATABILITY = CalibrationPriors(  # of calibrations of the same rig
+    rig_m=0.0005, rig_rad=float(np.radians(0.02)), focal_px=1.5, centre_px=1.5, k1=0.003
+)
+
+
+@dataclass(frozen=True)
+class Priors:
+    """Standard deviations of the poses and of the calibration before the adjustment."""
+
+    pose_m: float
+    pose_rad: float
+    calibration: CalibrationPriors = REPEATABILITY
+
     def scale(self, positions: int, *, lenses: bool) -> np.ndarray:
         """Return the standard deviation of every unknown: poses, pose between the cameras, left lens, right lens."""
         pose = [self.pose_rad] * 3 + [self.pose_m] * 3
-        rig = [self.rig_rad] * 3 + [self.rig_m] * 3
-        lens = [self.focal_px, self.centre_px, self.centre_px, self.k1]
-        return np.array(pose * positions + (rig + lens * 2 if lenses else []))
+        return np.concatenate([pose * positions, self.calibration.scale if lenses else []])
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.cameras.adjust import Adjustment, MatchedPoints, Priors, adjust, offsets_px
+from polarsim.cameras.adjust import REPEATABILITY, Adjustment, MatchedPoints, Priors, adjust, offsets_px
 from polarsim.cameras.features import localise_by_features
 from polarsim.cameras.lamps import LampView, lamp_views, offset_text, refine_lamp
 from polarsim.cameras.options import RefinementOptions
@@ -43,15 +43,11 @@ from polarsim.site import Site
 WINDOW = MatchingOptions(21 // 2, 5, 12, 0.6, 0.4)
 MIN_WINDOWS = 200  # minimum number of matched windows for the refinement of a position
 INDEPENDENT = 300  # maximum weight of a view, in windows: the errors of neighbouring windows are correlated
-# Accuracy of registered scans relative to their cameras, and repeatability of the calibration. Metres, radians and
-# pixels, standard deviations on each axis.
-PRIORS = Priors(
-    pose_m=0.003, pose_rad=float(np.radians(0.1)), rig_m=0.0005, rig_rad=float(np.radians(0.02)),
-    focal_px=1.5, centre_px=1.5, k1=0.003,
-)  # fmt: skip
+# Accuracy of registered scans relative to their cameras, standard deviations on each axis.
+PRIORS = Priors(pose_m=0.003, pose_rad=float(np.radians(0.1)))
 # Range maps from photos: relative poses and calibration are fitted to the same photos, by hundreds of windows.
 # Meshes of these range maps resemble the photos less than scans do: on smooth sand, windows match by chance.
-STEREO_PRIORS = replace(PRIORS, pose_m=0.001, pose_rad=float(np.radians(0.02)), focal_px=0.5, centre_px=0.3)
+STEREO_PRIORS = Priors(0.001, float(np.radians(0.02)), replace(REPEATABILITY, focal_px=0.5, centre_px=0.3))
 _REFINED = ", photos"  # end of the method of a refined rig
 _MODEL_POINTS = 20_000  # maximum number of mesh vertices in a COLMAP model
 log = logging.getLogger("polarsim")

@@ -13,14 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from polarsim.cameras.adjust import changed_rig
+from polarsim.cameras.adjust import REPEATABILITY, changed_rig
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig, epipolar_distances, triangulated_depth
 
-# Standard deviations of the calibration, in the order of `changed_rig`.
-_RIG_SD = [float(np.radians(0.02))] * 3 + [0.0005] * 3
-_LENS_SD = [1.5, 1.5, 1.5, 0.003]
-CALIBRATION_SD = np.array(_RIG_SD + 2 * _LENS_SD)
 POSE_SD = np.array([0.05] * 3 + [0.3] * 3)  # of a pose from its start, radians and metres: a weak prior
 EPIPOLAR_SD_PX = 0.5  # of a matched feature across the epipolar line
 DISPARITY_SD_PX, ACROSS_SD = 0.15, 0.002  # of a matched point: along the ray by disparity, and across in metres
@@ -61,15 +57,16 @@ def correct_calibration(
     `level_from_left`: start of the poses; positions without crossings keep their pose.
     """
     free = sorted({name for pair in crossings for name in pair})[1:]
-    scale = np.concatenate([CALIBRATION_SD, *(POSE_SD for _ in free)])
+    of_rig = REPEATABILITY.scale
+    scale = np.concatenate([of_rig, *(POSE_SD for _ in free)])
 
     def unpacked(unknowns: np.ndarray) -> tuple[StereoRig, dict[str, Pose]]:
         change = unknowns * scale
         poses = dict(level_from_left)
         for number, name in enumerate(free):
-            part = change[len(CALIBRATION_SD) + 6 * number :][:6]
+            part = change[len(of_rig) + 6 * number :][:6]
             poses[name] = poses[name] @ Pose.from_rotvec(part[:3], part[3:])
-        return changed_rig(rig, change[: len(CALIBRATION_SD)]), poses
+        return changed_rig(rig, change[: len(of_rig)]), poses
 
     def residuals(unknowns: np.ndarray) -> np.ndarray:
         changed, poses = unpacked(unknowns)

@@ -69,8 +69,8 @@ def find_rocks(
     and an empty ground cloud. Seeds with the name of another position are excluded with a warning.
 
     `from_photos`: the range maps are measured in photos. Their noise resembles small rocks, so that rocks without a
-    seed box are excluded. Walls are left to the edges of their shadows in photos (`cameras.wall_shadows`). With these,
-    shadow edges on the analog's terrains 1, 3, 6, 11 have errors of 24, 119, 25, 16 instead of 90, 23, 45, 66 mm.
+    seed box are excluded. Walls are not fitted here: the edges of their shadows in photos (`cameras.wall_shadows`) are
+    more accurate than range maps.
     """
     localised = rigs.read_all_localised(cameras)
     typed = read_overrides(overrides) if overrides is not None else Overrides()

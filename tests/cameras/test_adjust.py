@@ -10,7 +10,7 @@ from polarsim.geometry.poses import Pose, angle_between, camera_pose
 from polarsim.run_files.rigs import LocalisedRig
 from tests.support.polar_rig import default_rig
 
-PRIORS = Priors(0.003, np.radians(0.1), 0.0005, np.radians(0.02), 1.5, 1.5, 0.003)
+PRIORS = Priors(0.003, np.radians(0.1))
 INDEPENDENT = 300
 TRUE = {
     "A": LocalisedRig(default_rig(), camera_pose(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans"),
