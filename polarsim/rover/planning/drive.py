@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from polarsim.errors import RoverError
 from polarsim.formats import tables
 from polarsim.formats.files import write_bytes, writing_folder
 from polarsim.formats.npz import write_arrays
@@ -28,6 +27,7 @@ from polarsim.rover.drive.options import DriveOptions, Point
 from polarsim.rover.drive.ride import RunningDrive
 from polarsim.rover.drive.trace import Trace, write_trace
 from polarsim.rover.localisation.localiser import Localiser
+from polarsim.rover.localisation.stereo_motion import StereoMotion
 from polarsim.rover.perception.hazard_grid import HazardGrid
 from polarsim.rover.perception.observation import Perception
 from polarsim.rover.perception.options import Mode, OnboardDetector
@@ -40,6 +40,7 @@ from polarsim.schemas.rover import FUSED
 _AHEAD_M = 3.0  # from the start to the first terrain, and from the last terrain to the end
 _LOG_HZ = 20.0
 _CHUNK_S = 10.0
+_NEAREST_M, _FARTHEST_M = 1.5, 10.0  # range of depths of stereo motions
 _BEHIND_M = 1.5  # ground behind the rover's centre at the start, for the rear wheels and a margin
 MAP, PICTURES, LOCALISATION = "map.npz", "pictures", "localisation"
 ESTIMATE, SENSORS = "estimate.parquet", "sensors.parquet"
@@ -139,8 +140,8 @@ def run_autonomous_drive(
             render=render, detector=detector, localised=pose == FUSED, threads=threads,
         )  # fmt: skip
         driver = Pilot(job.route, perception, options)
-    if pose == FUSED:
-        raise RoverError("rover.autonomy.poses: `fused` is not available yet")
+        if pose == FUSED:
+            localiser = _with_stereo(job, perception)
     if pose == "odometry":
         localiser = Localiser(job.vehicle, job.seed, job.physics.gravity_m_s2)
     ride = RunningDrive(job, driver, localiser)
@@ -156,3 +157,13 @@ def run_autonomous_drive(
                 ride.ended, ride.reason = "gave up", "no path after backing off"
     tables_of = (None, None) if localiser is None else (localiser.estimate(), localiser.readings())
     return Outcome(ride.trace(), driver, time.process_time() - cpu, time.perf_counter() - wall, *tables_of)
+
+
+def _with_stereo(job: DriveJob, perception: Perception) -> Localiser:
+    """Return the localiser with stereo motions of the pictures that a perception takes."""
+    rig = perception.rectification
+    return Localiser(
+        job.vehicle, job.seed, job.physics.gravity_m_s2,
+        stereo=StereoMotion(rig, _NEAREST_M, _FARTHEST_M),
+        base_from_camera=perception.mount.base_from_camera @ rig.left_from_rectified,
+    )  # fmt: skip

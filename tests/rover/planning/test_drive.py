@@ -180,11 +180,12 @@ def test_a_path_across_the_line_is_progress_and_spinning_in_place_is_not(job, mo
         assert np.ptp(late["x_m"]) < 0.2
 
 
-def test_stereo_maps_the_boxes_and_odometry_follows_the_drive(job, tmp_path):
+def test_stereo_maps_the_boxes_and_finds_the_pose_of_the_rover(job, tmp_path):
     short = replace(job, drive=job.drive.model_copy(update={"path_m": ((0.0, 0.0), (1.6, 0.0))}))
     outcome = run_autonomous_drive(
-        short, "stereo", ImagingCondition("3", "auto"), OPTIONS, CameraSuiteOptions(scale=0.5), render=driven.RENDER
-    )
+        short, "stereo", ImagingCondition("3", "auto"), OPTIONS, CameraSuiteOptions(scale=0.5),
+        render=driven.RENDER, pose="fused",
+    )  # fmt: skip
     grid = outcome.pilot.grid
     x, y = np.meshgrid(grid.x, grid.y)
     near = np.any([np.hypot(x - bx, y - by) < 0.35 for bx, by in BOXES], axis=0)
@@ -192,6 +193,10 @@ def test_stereo_maps_the_boxes_and_odometry_follows_the_drive(job, tmp_path):
     assert (grid.rock & ~near).sum() < 0.06 * grid.seen.sum()
     rows = drive_metrics(outcome, job.vehicle, OPTIONS)
     assert value(rows, "odometry: absolute error") < 0.2
+    names = ["x_m", "y_m", "z_m"]
+    error, sd = outcome.estimate[names] - outcome.trace.table[names], outcome.estimate[["x_sd_m", "y_sd_m", "z_sd_m"]]
+    assert np.abs(error.iloc[-1]).max() < 0.01
+    assert (np.abs(error.to_numpy()) < 4 * sd.to_numpy() + 1e-3).all()
     write_outcome(tmp_path, outcome, OPTIONS)
     pictures = picture_times(tmp_path / PICTURES)
     assert list(pictures) == [0.0, 4.0]
