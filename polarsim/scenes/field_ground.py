@@ -20,6 +20,7 @@ _CELL_PX = 3.0  # cell of the ground in the image
 _MARGIN = 1.3  # extent of the grid over that of the image: objects outside cast shadows into the image
 _MAX_GROWTH = 0.025  # maximum step between rows over the depth
 _FAR, _HILLS = 60.0, 400.0  # distance of the farthest rocks and of the last row, over `TARGET_M`
+_FAR_OF_NEAREST = 8.0  # minimum distance of the farthest rocks over that of the nearest ground in the image
 _HILL_GROWTH = 0.12
 _LATTICE = 64  # nodes of the periodic lattice of an octave
 _MAX_SLABS = 4000
@@ -36,6 +37,7 @@ class FieldView:
     camera: Camera
     pitch: float  # depression of the optical axis, radians
     tangent: float  # of half the horizontal field of view
+    far: float  # x of the farthest rocks, metres
     forward: np.ndarray  # (rows,) x of the rows, metres, ascending
     tangents: np.ndarray  # (columns,)
 
@@ -83,11 +85,12 @@ class FieldView:
 
     def draw_points(self, count: int, evenness: float, random: np.random.Generator) -> np.ndarray:
         """Return points (n, 2) of level ground, from even in the image (0) to even on the ground (1)."""
-        across = random.uniform(-1, 1, 4 * count) * self.tangent * 1.05
         limit = self.tangent * PHOTO_SIZE[1] / PHOTO_SIZE[0]
-        down = random.uniform(-1, 1, 4 * count) * limit
-        slope = np.sin(self.pitch) + down * np.cos(self.pitch)
-        hit = slope > self.height / (_FAR * TARGET_M)
+        hit = np.zeros(0, bool)
+        while not hit.any():  # all points may be above the horizon
+            across = random.uniform(-1, 1, 4 * count) * self.tangent * 1.05
+            slope = np.sin(self.pitch) + random.uniform(-1, 1, 4 * count) * limit * np.cos(self.pitch)
+            hit = slope > self.height / self.far
         depth = self.height / slope[hit]
         x = (depth - self.height * np.sin(self.pitch)) / np.cos(self.pitch)
         weight = depth ** (3 * evenness)
@@ -113,10 +116,13 @@ def draw_view(ranges: FieldRanges, random: np.random.Generator) -> FieldView:
     step = _CELL_PX / camera.lens.fx
     columns = int(np.ceil(2 * _MARGIN * tangent / step))
     tangents = np.linspace(-_MARGIN * tangent, _MARGIN * tangent, columns)
-    return FieldView(camera, pitch, tangent, _rows(pitch, height, upright, step), tangents)
+    sine, cosine = np.sin(pitch), np.cos(pitch)
+    nearest = height * (cosine - upright * sine) / (sine + upright * cosine)
+    far = float(max(_FAR * TARGET_M, _FAR_OF_NEAREST * nearest))
+    return FieldView(camera, pitch, tangent, far, _rows(pitch, height, upright, step, far), tangents)
 
 
-def _rows(pitch: float, height: float, upright: float, step: float) -> np.ndarray:
+def _rows(pitch: float, height: float, upright: float, step: float, far: float) -> np.ndarray:
     """Return x (rows,) of the rows of the grid, from below the image to the farthest ground in the image or hills."""
     sine, cosine = np.sin(pitch), np.cos(pitch)
 
@@ -124,8 +130,8 @@ def _rows(pitch: float, height: float, upright: float, step: float) -> np.ndarra
         return float(height * (cosine - down * sine) / (sine + down * cosine))
 
     top = sine - _MARGIN * upright * cosine
-    horizon = top <= height / (_FAR * TARGET_M)
-    last = _FAR * TARGET_M if horizon else ground_at(-_MARGIN * upright)
+    horizon = top <= height / far
+    last = far if horizon else ground_at(-_MARGIN * upright)
     x = [ground_at(_MARGIN * upright)]
     while x[-1] < last:
         depth = x[-1] * cosine + height * sine
@@ -249,7 +255,7 @@ def _with_tracks(
 
 def _hills(x: np.ndarray, y: np.ndarray, slope: float, random: np.random.Generator) -> np.ndarray:
     """Return heights (rows, columns) of ridges behind the rocks, with an elevation of tangent `slope` or less."""
-    if x[-1, 0] < _FAR * TARGET_M:
+    if x[-1, 0] < _HILLS * TARGET_M:
         return np.zeros(x.shape)
     ridge = octaves(x, y, np.full((1, 1), 10.0), 100 * TARGET_M, 0.9, random)
     rise = np.clip((x / TARGET_M - 30) / 150, 0, 1)

@@ -54,10 +54,11 @@ def test_cells_are_those_of_the_nodes():
 
 
 def test_random_points_are_on_the_ground_in_the_image(rng):
-    for view in views(8):
+    for view in views(40):
         points = view.draw_points(200, 0.0, rng)
         pixels = view.camera.project(np.column_stack([points, np.zeros(200)]))
         margin = 0.1 * view.camera.size  # the roll moves the corners
+        assert len(view.draw_points(1, 0.0, rng)) == 1
         assert ((pixels > -margin) & (pixels < view.camera.size + margin)).all()
 
 

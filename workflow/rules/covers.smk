@@ -14,6 +14,12 @@ rule cover_photos:
         of_run("results/{run}/covers/detector.{ending}", ending=["pt", "md"]) if CONFIG.covers.publish else [],
 
 
+rule field_detector:
+    """Detector of images unlike POLAR's, trained on scenes with generated rocks (config/field.yaml)."""
+    input:
+        of_run("results/{run}/covers/field.{ending}", ending=["pt", "md"]),
+
+
 rule read_covers:
     """Cover photos without drawn annotations, masks of these, labels, and the assignment of photo keys."""
     input:
@@ -277,6 +283,24 @@ rule publish_detector:
         options=options("detect.prediction"),
     script:
         "../scripts/publish_detector.py"
+
+
+rule publish_field_detector:
+    """Detector of scenes with generated rocks, with inference widths, calibration and model card."""
+    input:
+        weights=f"results/{{run}}/covers/folds/carved/seed{COVERS.first_seed}/rendered/detector.pt",
+        dataset="results/{run}/covers/folds/carved/dataset",
+        pictures=f"results/{{run}}/covers/scenes/Terrain{terrain_text(CARVED)}",  # read through dataset
+    output:
+        detector="results/{run}/covers/field.pt",
+        card="results/{run}/covers/field.md",
+    resources:
+        mem_mb=memory_per_attempt(2000),
+        runtime=30,
+    params:
+        options=options("detect.prediction"),
+    script:
+        "../scripts/publish_field_detector.py"
 
 
 rule report_covers:
