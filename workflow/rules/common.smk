@@ -1,4 +1,4 @@
-"""Validated configuration, wildcard constraints and helpers of rules. Computed paths: polarsim/paths.py."""
+"""Validated configuration, wildcard constraints and helpers of rules. Computed paths: polarsim/paths."""
 
 import os
 import re
