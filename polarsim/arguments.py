@@ -27,7 +27,7 @@ STOPPED = 130  # exit code of a shell: 128 + number of SIGINT
 _SHOWN_RUNS = 10
 
 
-class Command(TyperCommand):
+class CheckedCommand(TyperCommand):
     """Command that rejects `nan` and `inf`, which the parser accepts as floats, and joins wrapped lines of help."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from polarsim.arguments import Command, call, writes_file
+from polarsim.arguments import CheckedCommand, call, writes_file
 from polarsim.reporting import reporting
 
 app = typer.Typer(
@@ -45,7 +45,7 @@ def main() -> None:
 
 def commands_of(panel: str) -> Callable[..., Any]:
     """Return a decorator that adds a command to a panel of `--help`."""
-    return partial(app.command, cls=Command, rich_help_panel=panel)
+    return partial(app.command, cls=CheckedCommand, rich_help_panel=panel)
 
 
 def split_commas(text: str) -> list[str]:

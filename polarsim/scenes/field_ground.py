@@ -13,8 +13,8 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.heightfields import crater
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import camera_pose
+from polarsim.photo import REFERENCE_SIZE_PX, REFERENCE_WIDTH_PX
 from polarsim.scenes.field_options import TARGET_M, FieldRanges, GroundKind, log_uniform
-from polarsim.scenes.options import PHOTO_SIZE
 
 _CELL_PX = 3.0  # cell of the ground in the image
 _MARGIN = 1.3  # extent of the grid over that of the image: objects outside cast shadows into the image
@@ -49,7 +49,7 @@ class FieldView:
     @property
     def width(self) -> float:
         """Width of the image at the ground in the middle of the lower half of the image, metres."""
-        down = 0.5 * self.tangent * PHOTO_SIZE[1] / PHOTO_SIZE[0]
+        down = 0.5 * self.tangent * REFERENCE_SIZE_PX[1] / REFERENCE_WIDTH_PX
         return float(2 * self.tangent * self.height / (np.sin(self.pitch) + down * np.cos(self.pitch)))
 
     @cached_property
@@ -85,7 +85,7 @@ class FieldView:
 
     def draw_points(self, count: int, evenness: float, random: np.random.Generator) -> np.ndarray:
         """Return points (n, 2) of level ground, from even in the image (0) to even on the ground (1)."""
-        limit = self.tangent * PHOTO_SIZE[1] / PHOTO_SIZE[0]
+        limit = self.tangent * REFERENCE_SIZE_PX[1] / REFERENCE_WIDTH_PX
         hit = np.zeros(0, bool)
         while not hit.any():  # all points may be above the horizon
             across = random.uniform(-1, 1, 4 * count) * self.tangent * 1.05
@@ -102,15 +102,16 @@ def draw_view(ranges: FieldRanges, random: np.random.Generator) -> FieldView:
     """Return a random view with ground in at least a quarter of the image."""
     half = np.radians(log_uniform(ranges.field_of_view_deg, random)) / 2
     tangent = float(np.tan(half))
-    upright = tangent * PHOTO_SIZE[1] / PHOTO_SIZE[0]  # tangent of half the vertical field of view
+    upright = tangent * REFERENCE_SIZE_PX[1] / REFERENCE_WIDTH_PX  # tangent of half the vertical field of view
     if random.random() < ranges.horizon_share:  # the horizon is in the upper half of the image
         pitch = float(np.arctan(random.uniform(0.1, 0.95) * upright))
     else:
         pitch = float(np.radians(random.uniform(*ranges.pitch_deg)))
         pitch = min(max(pitch, float(np.arctan(1.1 * upright))), float(np.radians(_NADIR_DEG)))
     height = TARGET_M * max(np.sin(pitch), random.uniform(*ranges.low_height))
-    focal = PHOTO_SIZE[0] / (2 * tangent)
-    lens = Lens(focal, focal, PHOTO_SIZE[0] / 2, PHOTO_SIZE[1] / 2, width=PHOTO_SIZE[0], height=PHOTO_SIZE[1])
+    width, height_px = REFERENCE_SIZE_PX
+    focal = width / (2 * tangent)
+    lens = Lens(focal, focal, width / 2, height_px / 2, width=width, height=height_px)
     roll = float(np.radians(2) * random.standard_normal())
     camera = Camera(camera_pose(np.array([0.0, 0, height]), 0.0, pitch, roll), lens).scaled(ranges.scale)
     step = _CELL_PX / camera.lens.fx

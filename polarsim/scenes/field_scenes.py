@@ -9,7 +9,7 @@ import numpy as np
 
 from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.images import resize
-from polarsim.photo import BLACK_LEVEL, NO_ROCK, WHITE_LEVEL
+from polarsim.photo import BLACK_LEVEL, NO_ROCK, REFERENCE_SIZE_PX, REFERENCE_WIDTH_PX, WHITE_LEVEL
 from polarsim.render.ground_truth import boxes_of_ids
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import Lamp
@@ -26,7 +26,6 @@ from polarsim.scenes.field_look import Texture, add_sky, compress, draw_atmosphe
 from polarsim.scenes.field_options import FieldRanges, log_uniform
 from polarsim.scenes.field_rocks import draw_parts, scatter_field_rocks, scatter_gravel
 from polarsim.scenes.layout import FIRST_ROCK, RockShape
-from polarsim.scenes.options import PHOTO_SIZE
 from polarsim.scenes.scene_image import NUMBERS, SceneImage, rock_contrast, tone_curve
 
 _SKY_LAMPS = 4  # directions from which the sky shines, in a ring
@@ -108,7 +107,7 @@ def _photograph(
     image = compress(image, ranges, random)
     mask = class_masks.of_ids(ids, {NUMBERS[kind] + rock for kind, rock, _ in labels})
     width = min(stored_px, image.shape[1])
-    size = width, round(width * PHOTO_SIZE[1] / PHOTO_SIZE[0])
+    size = width, round(width * REFERENCE_SIZE_PX[1] / REFERENCE_WIDTH_PX)
     return SceneImage(resize(image, size), class_masks.resized(mask, size), labels)
 
 

@@ -33,8 +33,8 @@ _CAMERA_ROOM_M = 0.8  # diameter of the area without rocks around the camera
 _MARGIN_M = 0.1  # margin of sand around the visible area
 _MAX_CELLS = 270  # maximum cells of the ground mesh along the longer side: the resolution of the images
 _EVENNESS = (0.0, 1.0)  # from uniform over the image (0) to uniform over the sand (1)
-_WALLED_M, _OPEN_M = 2.05, 3.0  # half the width of the sand with and without walls
-# Ranges (minimum, maximum) around known properties of the sandbox and of sand.
+_WALLED_M, _OPEN_M = 2.05, 3.0  # half the width of the sand with walls (that of POLAR's sandbox) and without
+# Ranges (minimum, maximum) around known properties of POLAR's sandbox and of sand.
 _WALL_HEIGHT_M, _WALL_ALBEDO = (0.2, 0.36), (0.2, 0.9)  # photos show heights of 0.29 to 0.36 m
 _HAPKE_B, _HAPKE_C, _HAPKE_THETA_DEG = (0.15, 0.4), (-0.2, 0.6), (10, 35)  # width and balance of lobes; roughness
 _AMBIENT = (0.0, 0.02)  # ambient light relative to a lamp: the hall is dark

@@ -12,7 +12,6 @@ from polarsim.render.options import Model
 
 Range = tuple[float, float]  # minimum and maximum of a uniform distribution
 SCENE_NAME = re.compile(r"t([A-Za-z0-9-]+)_s(\d+)_l\d+")  # name of an image: terrain, scene, lamp
-PHOTO_SIZE = (1936, 1216)  # px: size of an image for which the ranges are stated, that of NASA's photos
 
 
 class SceneOptions(BaseModel, extra="forbid", frozen=True):
@@ -64,7 +63,7 @@ class SceneRanges:
     rig_share: float = 0.5  # share of scenes with NASA's rig; remaining scenes: a rover, from the next three ranges
     camera_height_m: Range = (0.3, 2.0)
     camera_distance_m: Range = (0.7, 4.5)  # distance of the camera from the target
-    focal_px: Range = (1500, 2800)  # focal length for an image of `PHOTO_SIZE`; NASA's rig: 2070
+    focal_px: Range = (1500, 2800)  # focal length for an image of `REFERENCE_SIZE_PX`; NASA's rig: 2070
     min_sand_share: float = 0.55  # minimum share of the image that shows sand and rocks
 
     elevation_deg: Range = (2, 15)  # elevation of lamps above the horizon at the centre of the sand

@@ -13,7 +13,15 @@ from polarsim.formats import obj, png, yolo
 from polarsim.formats.files import writing_folder
 from polarsim.geometry.heightfields import smooth_noise
 from polarsim.geometry.images import resize
-from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, WHITE_LEVEL, Terrain, terrain_text
+from polarsim.photo import (
+    BLACK_LEVEL,
+    BOX_CLASSES,
+    REFERENCE_SIZE_PX,
+    REFERENCE_WIDTH_PX,
+    WHITE_LEVEL,
+    Terrain,
+    terrain_text,
+)
 from polarsim.progress import track
 from polarsim.randomness import generator
 from polarsim.render.ground_truth import boxes_of_ids
@@ -27,7 +35,7 @@ from polarsim.run_files.instances import BACKGROUND, GROUND
 from polarsim.scenes.field_options import FieldRanges
 from polarsim.scenes.field_scenes import render_field_scene
 from polarsim.scenes.layout import RandomScene, RockShape, draw_scene
-from polarsim.scenes.options import PHOTO_SIZE, Range, SceneOptions, SceneRanges
+from polarsim.scenes.options import Range, SceneOptions, SceneRanges
 from polarsim.scenes.scene_image import NUMBERS, SceneImage, rock_contrast, tone_curve
 from polarsim.scenes.strokes import augment_with_annotations
 from polarsim.scenes.viewpoints import coarse_sand, draw_lamp
@@ -93,7 +101,7 @@ def write_scene(
         name = f"t{terrain_text(terrain)}_s{scene:03d}_l{lamp}"
         png.write_png(folder / "images" / f"{name}.png", rendered.image)
         class_masks.write_class_mask(folder / "masks" / f"{name}.png", rendered.mask)
-        size = round(PHOTO_SIZE[0] * options.scale), round(PHOTO_SIZE[1] * options.scale)
+        size = round(REFERENCE_WIDTH_PX * options.scale), round(REFERENCE_SIZE_PX[1] * options.scale)
         classes = np.array([BOX_CLASSES.index(kind) for kind, _, _ in rendered.labels], int)
         corners = np.array([box for _, _, box in rendered.labels], float).reshape(-1, 4)
         yolo.write_boxes(folder / "labels" / f"{name}.txt", classes, corners, size)
@@ -119,8 +127,8 @@ def render_random_scene(
         ]
         image = curve[expose(radiance, light, scene.options, random if ranges.noise else None)]
         width = min(stored_px, image.shape[1])
-        stored = resize(image, (width, round(width * PHOTO_SIZE[1] / PHOTO_SIZE[0])))
-        stored = augment_with_annotations(stored, ranges.max_strokes, random, PHOTO_SIZE[0])
+        stored = resize(image, (width, round(width * REFERENCE_SIZE_PX[1] / REFERENCE_WIDTH_PX)))
+        stored = augment_with_annotations(stored, ranges.max_strokes, random, REFERENCE_WIDTH_PX)
         mask = class_masks.of_ids(ids, {NUMBERS[kind] + rock for kind, rock, _ in labels})
         yield SceneImage(stored, class_masks.resized(mask, (stored.shape[1], stored.shape[0])), labels)
 

@@ -8,11 +8,12 @@ from polarsim.errors import DetectError
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import camera_pose
+from polarsim.photo import REFERENCE_SIZE_PX, REFERENCE_WIDTH_PX
 from polarsim.render.hits import Hits, cast_strip
 from polarsim.render.lamps import Lamp
 from polarsim.render.surfaces import Surfaces
 from polarsim.run_files.instances import GROUND
-from polarsim.scenes.options import PHOTO_SIZE, SceneRanges
+from polarsim.scenes.options import SceneRanges
 
 _COARSE = 1 / 32  # scale of the images for testing candidates
 _TRIES = 60
@@ -93,8 +94,8 @@ def coarse_sand(surfaces: Surfaces, camera: Camera, ranges: SceneRanges) -> Hits
 def _any_camera(half: float, ranges: SceneRanges, of_rig: bool, random: np.random.Generator) -> Camera:
     focal = random.uniform(*(_RIG_FOCAL_PX if of_rig else ranges.focal_px))
     k1 = float(np.clip(_DISTORTION_SD * random.standard_normal(), -_MAX_DISTORTION, _MAX_DISTORTION))
-    cx, cy = (np.array(PHOTO_SIZE) * (0.5 + _PRINCIPAL_SD * random.standard_normal(2))).tolist()
-    lens = Lens(focal, focal, cx, cy, (k1, 0.0, 0.0, 0.0, 0.0), width=PHOTO_SIZE[0], height=PHOTO_SIZE[1])
+    cx, cy = (np.array(REFERENCE_SIZE_PX) * (0.5 + _PRINCIPAL_SD * random.standard_normal(2))).tolist()
+    lens = Lens(focal, focal, cx, cy, (k1, 0.0, 0.0, 0.0, 0.0), width=REFERENCE_WIDTH_PX, height=REFERENCE_SIZE_PX[1])
     yaw = random.uniform(0, 2 * np.pi)
     height = random.uniform(*(_RIG_HEIGHT_M if of_rig else ranges.camera_height_m))
     distance = random.uniform(*(_RIG_DISTANCE_M if of_rig else ranges.camera_distance_m))
