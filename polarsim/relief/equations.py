@@ -16,7 +16,9 @@ RHO_SD = 0.15  # of the logarithm of the relative albedo
 SLOPE_SD = 0.25  # of slopes, relative to the given surface
 BEND_SD = 0.3  # of second differences over the cell size
 SHADE_SD = 0.1  # of slopes along rays in shadows
-DRIFT = 0.03  # slope that errors of light and reflectance imitate: shading adds only waves in which it is the better
+# Standard deviation, metres, of the mean that is subtracted from residuals at known heights. Cover photos of terrains 1
+# and 3, SSIM at A and C: 0.58 and 0.64 without; 0.60 and 0.65 with 0.07 or 0.15 m.
+SLOW_M = 0.1
 
 
 @dataclass(frozen=True)
@@ -70,9 +72,6 @@ def _slow_part(problem: Problem, view: ShadingObservation, known: np.ndarray) ->
 
     Errors of light and reflectance imitate slopes. Over long waves, the known heights are more accurate.
     """
-    if not problem.known.any():
-        return np.zeros(known.shape)
-    width = float(np.median(problem.sd[problem.known])) / DRIFT / problem.grid.cell
-    weight = view.lit * cauchy_weight(view.residual)
+    weight, width = view.lit * cauchy_weight(view.residual), SLOW_M / problem.grid.cell
     total, summed = (ndimage.gaussian_filter(values, width) for values in (weight, weight * view.residual))
     return np.where(known, summed / np.maximum(total, 1e-3), 0.0)
