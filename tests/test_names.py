@@ -2,7 +2,6 @@
 
 import ast
 from collections.abc import Iterator
-from functools import cache
 from itertools import chain
 from pathlib import Path
 
@@ -13,8 +12,8 @@ FOLDERS = ("polarsim", "workflow/scripts", "benchmarks", "tests")
 BRANCHES = ("body", "orelse", "finalbody", "handlers", "cases")
 
 
-@cache
 def tree_of(path: Path) -> ast.Module:
+    """Parse a file; trees are not stored, because the garbage collector would traverse millions of nodes."""
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
@@ -50,10 +49,18 @@ def statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
                 yield from statements(getattr(node, branch, []))
 
 
+def classes(body: list[ast.stmt]) -> Iterator[ast.ClassDef]:
+    """Yield the classes of a scope and of the functions and classes in it."""
+    for node in statements(body):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            yield from (node,) if isinstance(node, ast.ClassDef) else ()
+            yield from classes(node.body)
+
+
 def repeated(tree: ast.Module) -> list[str]:
     """Return `line: name` of each repeated binding of a name in the module or a class."""
     found = []
-    for scope in [tree, *(node for node in ast.walk(tree) if isinstance(node, ast.ClassDef))]:
+    for scope in [tree, *classes(tree.body)]:
         seen: set[str] = set()
         for node in statements(scope.body):
             names = list(bound(node))
@@ -86,6 +93,7 @@ def test_the_size_of_a_photo_is_that_of_the_site():
     found = {
         path.relative_to(CHECKOUT).as_posix()
         for path in sorted((CHECKOUT / "polarsim").rglob("*.py"))
+        if any(str(size) in path.read_text(encoding="utf-8").replace("_", "") for size in sizes)
         for node in ast.walk(tree_of(path))
         if isinstance(node, ast.Constant) and type(node.value) is int and node.value in sizes
     }
@@ -105,6 +113,7 @@ def test_a_figure_is_a_picture():
         f"{path.relative_to(CHECKOUT)}:{node.lineno}: {name}"
         for path in sorted((CHECKOUT / "polarsim").rglob("*.py"))
         if not path.relative_to(CHECKOUT / "polarsim").as_posix().startswith(drawing)
+        if "figure" in path.read_text(encoding="utf-8")
         for node in ast.walk(tree_of(path))
         for name in names_of(node)
         if {"figure", "figures"} & set(name.split("_"))

@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import ast
 import json
+import os
 import re
 from collections import Counter
 from collections.abc import Iterator
@@ -74,9 +75,12 @@ def excesses(counts: Counter[str]) -> dict[str, float]:
 
 def prose_files(root: Path) -> list[Path]:
     """List the Markdown and Python files of a checkout, without changelog, licence, outputs and hidden folders."""
-    names = (path.relative_to(root) for suffix in ("md", "py") for path in root.rglob(f"*.{suffix}"))
-    kept = (n for n in names if n.parts[0] not in OUTPUTS and not any(part.startswith(".") for part in n.parts))
-    return [root / name for name in sorted(kept) if not _SKIPPED.search(name.as_posix())]
+    kept = []
+    for place, folders, names in os.walk(root):
+        excluded = OUTPUTS if Path(place) == root else set()
+        folders[:] = [name for name in folders if not name.startswith(".") and name not in excluded]
+        kept += [Path(place, name) for name in names if name.endswith((".md", ".py")) and not name.startswith(".")]
+    return sorted(path for path in kept if not _SKIPPED.search(path.relative_to(root).as_posix()))
 
 
 def main() -> None:
