@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from tests.support.made_slurm import Slurm, running_slurm, why_not
-from tests.workflow.conftest import make_checkout, server_of, snakemake  # noqa: F401 (fixtures)
+from tests.workflow.conftest import make_checkout, server_of, shared_folder, snakemake  # noqa: F401 (fixtures)
 
 
 def pytest_ignore_collect(collection_path, config) -> bool | None:

@@ -51,9 +51,17 @@ def checkout(tmp_path: Path, make_checkout) -> Path:
 
 
 @pytest.fixture(scope="session")
-def server_of(tmp_path_factory) -> Callable[[str | None], forked.Server]:
-    """Return the server with a `PYTHONHASHSEED`."""
-    return cache(lambda hash_seed: forked.Server(tmp_path_factory.mktemp("forked") / "server", hash_seed))
+def shared_folder(tmp_path_factory) -> Path:
+    """The temporary folder of all workers."""
+    folder = tmp_path_factory.getbasetemp()
+    return folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+
+
+@pytest.fixture(scope="session")
+def server_of(shared_folder) -> Callable[[str | None], forked.Server]:
+    """Return the server with a `PYTHONHASHSEED`, shared by all workers."""
+    owner = os.getppid() if "PYTEST_XDIST_WORKER" in os.environ else os.getpid()
+    return cache(lambda hash_seed: forked.Server(shared_folder / f"forked{hash_seed or ''}", owner, hash_seed))
 
 
 @pytest.fixture
@@ -83,13 +91,12 @@ def snakemake(server_of) -> Callable[..., subprocess.CompletedProcess]:
 
 
 @pytest.fixture(scope="session")
-def small(tmp_path_factory, make_checkout, snakemake) -> Path:
+def small(shared_folder, make_checkout, snakemake) -> Path:
     """A read-only checkout with a complete run of the pipeline, `config/small.yaml`.
 
     Shared by all workers: the first worker makes the run, others wait.
     """
-    folder = tmp_path_factory.getbasetemp()
-    folder = (folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder) / "small"
+    folder = shared_folder / "small"
     failure = folder.with_suffix(".txt")  # a failed run fails for every worker and is not repeated
     with FileLock(folder.with_suffix(".lock")):
         if not folder.exists():

@@ -6,13 +6,13 @@ Snakemake, which starts scripts with it. Otherwise jobs run as usual: the same s
 
 from __future__ import annotations
 
-import atexit
 import importlib
 import json
 import os
 import re
 import runpy
 import shlex
+import shutil
 import signal
 import socket
 import subprocess
@@ -27,28 +27,38 @@ LATE = ("open3d", "snakemake.cli", "torch._dynamo")  # imported inside functions
 
 
 class Server:
-    """A process that has imported the modules of all scripts and forks; starts at the first call, ends with pytest."""
+    """A process that has imported the modules of all scripts and forks; started by the first call of all workers.
 
-    def __init__(self, folder: Path, hash_seed: str | None = None) -> None:
-        folder.mkdir()
+    `folder` is the same in all workers. The server ends with `owner`, the process that outlives all workers.
+    """
+
+    def __init__(self, folder: Path, owner: int, hash_seed: str | None = None) -> None:
+        self._folder, self._owner = folder, owner
         self._environment = os.environ | ({} if hash_seed is None else {"PYTHONHASHSEED": hash_seed})
-        self._place = tempfile.TemporaryDirectory(prefix="forked")  # the path of a socket has at most 107 characters
-        self.address, self.python = Path(self._place.name, "socket"), folder / "python"
-        # Options for a fast start of the client: no site packages, no environment.
-        words = (sys.executable, "-I", "-S", __file__, str(self.address), str(self.python), sys.executable)
-        self.python.write_text(f'#!/bin/sh\nexec {shlex.join(words)} "$@"\n')
-        self.python.chmod(0o755)
-        self._process: subprocess.Popen | None = None
+        self.python = folder / "python"
 
     def start(self) -> None:
-        if self._process is None:
-            self._process = subprocess.Popen(
-                [sys.executable, "-c", _SERVE, str(self.address)], cwd=CHECKOUT, env=self._environment
-            )
-            atexit.register(self._process.kill)
-            while not self.address.exists():
-                assert self._process.poll() is None, "the server that forks ended at its start"
-                time.sleep(0.05)
+        from filelock import FileLock  # the client has no site packages
+
+        self._folder.mkdir(exist_ok=True)
+        with FileLock(self._folder / "lock"):
+            if not self.python.exists():
+                self._start()
+
+    def _start(self) -> None:
+        address = Path(tempfile.mkdtemp(prefix="forked"), "socket")  # the path of a socket has at most 107 characters
+        process = subprocess.Popen(
+            [sys.executable, "-c", _SERVE, str(address), str(self._owner)], cwd=CHECKOUT, env=self._environment
+        )
+        while not address.exists():
+            assert process.poll() is None, "the server that forks ended at its start"
+            time.sleep(0.05)
+        # Options for a fast start of the client: no site packages, no environment.
+        words = (sys.executable, "-I", "-S", __file__, str(address), str(self.python), sys.executable)
+        script = self.python.with_suffix(".new")
+        script.write_text(f'#!/bin/sh\nexec {shlex.join(words)} "$@"\n')
+        script.chmod(0o755)
+        script.rename(self.python)
 
     def call(self, folder: Path, arguments: list[str], environment: dict[str, str]) -> subprocess.CompletedProcess:
         """Run `snakemake ARGUMENTS` in a folder; return exit code and output."""
@@ -59,12 +69,11 @@ class Server:
         )  # fmt: skip
 
 
-_SERVE = "import sys; from tests.workflow.forked import serve; serve(sys.argv[1])"
+_SERVE = "import sys; from tests.workflow.forked import serve; serve(sys.argv[1], int(sys.argv[2]))"
 
 
-def serve(address: str) -> None:
-    """Import the modules of all scripts, then fork for every connection until the parent process ends."""
-    parent = os.getppid()
+def serve(address: str, owner: int) -> None:
+    """Import the modules of all scripts, then fork for every connection until the process `owner` ends."""
     scripts = [path.read_text() for path in (CHECKOUT / "workflow/scripts").glob("*.py")]
     imported = set(re.findall(r"^from (polarsim\S*) import", "".join(scripts), re.MULTILINE))
     for name in sorted({*imported, *LATE}):
@@ -75,7 +84,7 @@ def serve(address: str) -> None:
         Path(f"{address}.new").rename(address)  # the socket accepts connections before the file appears
         signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # forks are not awaited
         server.settimeout(2)
-        while os.getppid() == parent:
+        while _exists(owner):
             try:
                 connection, _ = server.accept()
             except TimeoutError:
@@ -84,6 +93,15 @@ def serve(address: str) -> None:
                 server.close()
                 _answer(connection)
             connection.close()
+    shutil.rmtree(Path(address).parent, ignore_errors=True)
+
+
+def _exists(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 def _answer(connection: socket.socket) -> None:
