@@ -48,8 +48,9 @@ accuracy: setup ## accuracy of poses, rocks and meshes on three analog sandboxes
 test: dev ## lint, formats, types, dry-runs and tests
 	@$(MAKE) --no-print-directory -j 2 lint pytest
 
-pytest: dev # one thread per worker; -rs: reasons of skipped tests
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n $(CORES) --dist worksteal --durations=20 -rs --basetemp .pytest
+# One thread per worker; bytecode, because many processes import the same modules; -rs: reasons of skipped tests.
+pytest: dev
+	OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n $(CORES) --dist worksteal --durations=20 -rs --basetemp .pytest
 
 cluster: dev ## run the workflow on a local SLURM of one node (root, apt-get install slurm-wlm munge)
 	$(BIN)/python -m pytest -m cluster tests/cluster --basetemp .pytest
