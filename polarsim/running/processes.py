@@ -101,6 +101,12 @@ def is_locked(folder: Path) -> bool:
     return any((folder / _LOCKS).glob("*.lock"))
 
 
+def remove_locks(folder: Path) -> None:
+    """Remove the locks of a killed Snakemake, as `snakemake --unlock` does after it has read the workflow."""
+    for path in (folder / _LOCKS).glob("*.lock"):
+        path.unlink(missing_ok=True)
+
+
 def die_with_parent() -> None:
     """Let Linux kill this process when the parent ends; on other systems, the next run ends this process."""
     with suppress(OSError, AttributeError):

@@ -147,8 +147,7 @@ def _run_owned(folder: Path, call: Call, config: Config, *, is_full: bool) -> in
     results, paths = Path("results") / config.run, RunPaths(config)
     stages = stages_of_rules(folder)
     lost = _lost_outputs(folder, call)
-    if processes.is_locked(folder):  # by a killed run: `folder_lock` raises for an active run
-        subprocess.run(_snakemake(*call.words(), "--unlock"), capture_output=True, check=False)
+    processes.remove_locks(folder)  # of a killed run: `folder_lock` raises for an active run
     before, start = logs_in(folder), time.monotonic()
     progress = RunProgress(stages, expected_durations(results, stages), call.cores or 2, start)
     page = FirstPage(paths)

@@ -51,28 +51,28 @@ def ended(process: subprocess.Popen) -> tuple[int, str]:
 def jobs_at_work(folder: Path, process: subprocess.Popen) -> tuple[psutil.Process, list[psutil.Process]]:
     """Wait for the first job; return the processes of Snakemake and of the jobs."""
     for _ in range(2000):
-        found = processes.processes_of_run(folder)
-        scripts = [one for one in found if any("/.snakemake/scripts/" in word for word in command_of(one))]
-        snakemakes = [one for one in found if parent_of(one) == process.pid]
-        if scripts and snakemakes:  # jobs without Snakemake are of a killed run
-            return snakemakes[0], scripts
+        for snakemake in children_of(process.pid):
+            below = children_of(snakemake.pid, recursive=True)
+            if scripts := [one for one in below if "/.snakemake/scripts/" in command_of(one)]:
+                return snakemake, scripts
         assert process.poll() is None, process.communicate()[0]
         time.sleep(0.03)
     raise AssertionError("no job was started")
 
 
-def command_of(process: psutil.Process) -> list[str]:
+def children_of(pid: int, *, recursive: bool = False) -> list[psutil.Process]:
+    """Return the children of a process; a search of the environments of all processes takes four times as long."""
     try:
-        return process.cmdline()
+        return psutil.Process(pid).children(recursive)
     except psutil.NoSuchProcess:
         return []
 
 
-def parent_of(process: psutil.Process) -> int | None:
+def command_of(process: psutil.Process) -> str:
     try:
-        return process.ppid()
+        return " ".join(process.cmdline())
     except psutil.NoSuchProcess:
-        return None
+        return ""
 
 
 def rules_in(text: str) -> set[str]:
