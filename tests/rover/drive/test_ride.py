@@ -110,7 +110,7 @@ def test_an_open_energy_balance_ends_a_drive_with_tables(tmp_path, monkeypatch):
 def test_a_drive_over_an_elevation_model_is_rendered_up_to_the_horizon(tmp_path, monkeypatch):
     """From the meshes of a run to a picture: rocks with the terrain's shapes, and hills up to the horizon."""
     write_meshes(tmp_path / "meshes/Terrain03", 3)
-    dem = DemOptions(size_m=10, horizon_m=40, drive_m=2, rocks=0.1, relief_m=0.1)
+    dem = DemOptions(size_m=10, horizon_m=40, drive_m=2, rocks=0.03, relief_m=0.1)
     world = WorldOptions(terrains=(3,), dem=dem, width_m=3, margin_m=1.5, cell_m=0.04)
     options = DriveOptions(longest_s=0.6, picture_hz=2)
     trace = run_drive(
