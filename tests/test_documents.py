@@ -1,10 +1,7 @@
 """Documents agree with the code: commands run or parse, configurations are valid, keys, links and paths exist."""
 
-import os
 import re
 import shlex
-import subprocess
-import sys
 from collections.abc import Iterator
 from functools import cache
 from importlib import import_module
@@ -251,22 +248,3 @@ def test_keys_and_modules_in_the_text_exist(path):
         module, _, name = f"polarsim.{key[1]}".rpartition(".")
         if not keyed(config.Config, key[1].split(".")):
             assert hasattr(import_module(module), name), code
-
-
-@pytest.mark.slow
-def test_the_site_builds_without_a_warning(tmp_path):
-    """Build all pages as `make docs` does, with generated text and the code of the gallery, in a faster theme."""
-    build = ("-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "-D", "html_theme=basic")
-    done = subprocess.run(
-        [sys.executable, *build, CHECKOUT / "docs", tmp_path / "site"],
-        env=os.environ | {"PYTHONPATH": str(CHECKOUT)},
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
-    site = tmp_path / "site"
-    assert "--incidence" in (site / "reference/cli.html").read_text()
-    assert "min_contrast_dn" in (site / "reference/configuration.html").read_text()
-    assert "sandbox_from_left" in (site / "reference/api-geometry.html").read_text()
-    pictures = {path.stem for path in (site / "_images").glob("*.png")}
-    assert pictures >= {"lobes", "rock", "bracket", "sum", "outline"}

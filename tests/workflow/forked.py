@@ -60,11 +60,13 @@ class Server:
         script.chmod(0o755)
         script.rename(self.python)
 
-    def call(self, folder: Path, arguments: list[str], environment: dict[str, str]) -> subprocess.CompletedProcess:
-        """Run `snakemake ARGUMENTS` in a folder; return exit code and output."""
+    def call(
+        self, folder: Path, arguments: list[str], environment: dict[str, str], module: str = "snakemake"
+    ) -> subprocess.CompletedProcess:
+        """Run `python -m MODULE ARGUMENTS` in a folder; return exit code and output."""
         self.start()
         return subprocess.run(
-            [str(self.python), "-m", "snakemake", *arguments],
+            [str(self.python), "-m", module, *arguments],
             cwd=folder, env=environment, capture_output=True, text=True, timeout=LONGEST_S,
         )  # fmt: skip
 
@@ -126,14 +128,12 @@ def _answer(connection: socket.socket) -> None:
 
 
 def _run(python: str, arguments: list[str]) -> int:
-    """Run `python ARGUMENTS` of a script or of Snakemake; return the exit code."""
+    """Run `python ARGUMENTS` of a script, of Snakemake or of Sphinx; return the exit code."""
     sys.executable = python
     try:
-        if arguments[:2] == ["-m", "snakemake"]:
-            from snakemake.cli import main
-
-            sys.argv = ["snakemake", *arguments[2:]]
-            main()
+        if arguments[0] == "-m":
+            sys.argv = arguments[1:]
+            runpy.run_module(arguments[1], run_name="__main__", alter_sys=True)
         else:
             sys.argv = arguments
             runpy.run_path(arguments[0], run_name="__main__")
@@ -149,7 +149,7 @@ def _run(python: str, arguments: list[str]) -> int:
 
 def client(address: str, itself: str, python: str, arguments: list[str]) -> int:
     """Run `python ARGUMENTS` on the server, with `itself` as interpreter; return the exit code."""
-    if arguments[:2] != ["-m", "snakemake"] and not arguments[0].endswith(".py"):
+    if arguments[:2] not in (["-m", "snakemake"], ["-m", "sphinx"]) and not arguments[0].endswith(".py"):
         os.execv(python, [python, *arguments])
     with socket.socket(socket.AF_UNIX) as connection:
         connection.connect(address)
