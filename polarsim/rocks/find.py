@@ -162,7 +162,7 @@ def read_scans(
                 "terrain %s: the scan at %s has no confirmed pose, excluded", terrain_text(inventory.terrain), position
             )
             continue
-        points_left = read_scan(inventory, position, localised[position].rig, files)
+        points_left = read_scan(inventory, position, localised[position].rig, files, interpolated=True)
         scan = scan_in_sandbox(points_left, localised[position].sandbox_from_left)
         scans.append(scan.select(neighbourhood.contains(scan.points)))
     return merge_scans(scans)

@@ -9,7 +9,7 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig, rectified_left
 from polarsim.run_files.inventory import Inventory
-from polarsim.run_files.scans import range_map_of_cloud, read_scan, trusted_pixels
+from polarsim.run_files.scans import interpolate, range_map_of_cloud, read_scan, trusted_pixels
 from polarsim.site_parts import Files
 from tests.support.other_site import other_rig
 
@@ -55,6 +55,24 @@ def test_noise_does_not_move_the_range_map_of_a_cloud_towards_the_scanner(rng):
     depth = 2.5 + 0.002 * rng.normal(size=100_000)
     range_map, _ = range_map_of_cloud(directions / directions[:, 2:] * depth[:, None], LENS)
     assert abs(np.nanmean(range_map[..., 2]) - 2.5) < 5e-5  # standard error 7e-6
+
+
+def test_points_between_the_points_of_a_cloud_are_on_their_plane_and_not_across_edges(rng):
+    """An inclined plane in front of a wall: the image of the plane is filled, its edge is not joined to the wall."""
+    pixels = rng.uniform([0, 0], [LENS.width, LENS.height], (4000, 2))
+    rays = LENS.directions(pixels)
+    on_plane = pixels[:, 0] < 100
+    depth = np.where(on_plane, 2 / (rays @ [0, 0.3, 1]), 5 / rays[:, 2])
+    range_map, lens = range_map_of_cloud(rays * depth[:, None], LENS)
+    trusted = range_map[trusted_pixels(range_map, lens.fx)].astype(float)
+    found = interpolate(trusted, lens.fx, LENS)
+    near = found[:, 2] < 3.5
+    np.testing.assert_allclose(found[near] @ [0, 0.3, 1], 2, atol=1e-5)
+    np.testing.assert_allclose(found[~near][:, 2], 5, atol=1e-5)
+    column, row = LENS.project(found[near]).T
+    assert column.max() < 101
+    inside = (column > 10) & (column < 90) & (row > 10) & (row < 110)
+    assert inside.sum() > 0.98 * 80 * 100
 
 
 def test_clouds_of_a_site_are_read_in_their_unit_and_frame(tmp_path, rng):
