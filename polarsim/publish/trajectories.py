@@ -50,8 +50,8 @@ def drive_files(catalogue: Catalogue) -> Iterator[Path]:
 
 def without_sensors(catalogue: Catalogue) -> str:
     """Return the reason why a drive of the run cannot be published as a sequence; empty if all can."""
-    missing = [drive.name for drive in catalogue.drives if not (drive / FOLDER / CALIBRATION).is_file()]
-    return f"no sensors in {', '.join(missing)}: run the target `rover` again" if missing else ""
+    missing = [drive.name for drive in catalogue.drives if not (drive / FOLDER / ESTIMATES).is_file()]
+    return f"no estimated poses in {', '.join(missing)}: run the target `rover` again" if missing else ""
 
 
 @dataclass(frozen=True)
@@ -86,9 +86,7 @@ def sequences(catalogue: Catalogue) -> Iterator[DriveSequence]:
         calibration = read_sensor_calibration(folder / FOLDER / CALIBRATION)
         columns = ("time_s", *IMU_COLUMNS, *_wheel_columns(calibration))
         table, readings = read_parquet(folder / TRACE, _BODY), read_parquet(folder / FOLDER / SENSORS, columns)
-        estimates = pd.DataFrame(columns=[*ESTIMATE_COLUMNS, *POSE_COLUMNS])
-        if (folder / FOLDER / ESTIMATES).is_file():
-            estimates = read_parquet(folder / FOLDER / ESTIMATES, (*ESTIMATE_COLUMNS, *POSE_COLUMNS))
+        estimates = read_parquet(folder / FOLDER / ESTIMATES, (*ESTIMATE_COLUMNS, *POSE_COLUMNS))
         views = list(_views(folder, calibration))
         for light in sorted({view.pictures.name for view in views}) or [""]:
             chosen = estimates[estimates["pictures"].isin(["", light])].groupby("estimator")

@@ -12,6 +12,7 @@ from polarsim.rover.cameras.frames import render_frames
 from polarsim.rover.drive.ride import run_drive
 from polarsim.rover.drive.table import rover_metrics
 from polarsim.rover.export.bag import write_bag
+from polarsim.rover.export.replay import write_estimates
 from polarsim.rover.export.sequence import write_sensors
 from polarsim.rover.export.urdf import write_urdf
 from polarsim.rover.export.video import write_videos
@@ -38,7 +39,7 @@ def run_drive_pipeline(
 ) -> pd.DataFrame:
     """Drive and write all files of the drive; return `rover_metrics`.
 
-    Steps: physics, URDF, sensors, pictures, onboard detector, bag.
+    Steps: physics, URDF, sensors, pictures, onboard detector, estimated poses, bag.
     """
     trace = run_drive(
         meshes=meshes, folder=folder, world=options.world, soil=options.soil, drive=options.drive, seed=seed,
@@ -55,6 +56,7 @@ def run_drive_pipeline(
             measure_drive(folder, vehicle, suite, detector, seed)
         if suite.videos:
             write_videos(folder, vehicle, suite, seed, threads)
+    write_estimates(folder, trace, vehicle, options.picture_sets if pictures else (), seed)
     if options.bags:
         write_bag(folder, folder / BAG, vehicle, options.bag)
     return rover_metrics(trace)

@@ -158,7 +158,15 @@ def test_runs_without_drives_have_no_rover_tables():
 
 
 DRAWN = ("rover_sequence", "rover_front", "rover_drive")
-OF_A_DRIVE = ("drive_rover", "read_sensors", "render_drive", "measure_drive", "write_bag", "drive_alone")
+OF_A_DRIVE = (
+    "drive_rover",
+    "read_sensors",
+    "render_drive",
+    "localise_drive",
+    "measure_drive",
+    "write_bag",
+    "drive_alone",
+)
 OF_ALL = ("summarise_drives", "summarise_onboard", "draw_drive", "summarise_autonomy")
 
 

@@ -10,7 +10,7 @@ rule rover:
     """All outputs of this stage; empty without drives."""
     input:
         of_drives("results/{run}/rover/seed{seed}/{name}", name=["trace.parquet", "drive.json"]),
-        of_drives("results/{run}/rover/seed{seed}/localisation/sensors.parquet"),
+        of_drives("results/{run}/rover/seed{seed}/localisation/{name}.parquet", name=["sensors", "estimates"]),
         of_drives("results/{run}/rover/seed{seed}/{view}/poses.parquet", view=DRIVES.views),
         of_drives("results/{run}/rover/seed{seed}/{view}/{sun}_coco.json", view=DRIVES.views, sun=DRIVES.suns),
         of_drives("results/{run}/rover/seed{seed}/drive.mcap") if ROVER.bags else [],
@@ -122,6 +122,26 @@ rule fine_tune_on_drives:
         "../scripts/fine_tune_on_drives.py"
 
 
+rule localise_drive:
+    """Poses of a drive estimated from its sensors, with the stereo pair in each set of images if there is one."""
+    input:
+        trace="results/{run}/rover/seed{seed}/trace.parquet",
+        tracks="results/{run}/rover/seed{seed}/tracks.npz",  # read through trace
+        drive="results/{run}/rover/seed{seed}/drive.json",  # read through trace
+        calibration="results/{run}/rover/seed{seed}/localisation/calibration.json",
+        pictures=DRIVES.pictures_of_drive(),  # read through trace
+        vehicle=DRIVES.vehicle,
+    output:
+        estimates="results/{run}/rover/seed{seed}/localisation/estimates.parquet",
+    resources:
+        mem_mb=memory_per_attempt(1000),
+        runtime=60,
+    params:
+        picture_sets=DRIVES.picture_sets,
+    script:
+        "../scripts/localise_drive.py"
+
+
 rule detect_drive:
     """Detections in the front camera images."""
     input:
@@ -189,6 +209,7 @@ rule write_bag:
         trace="results/{run}/rover/seed{seed}/trace.parquet",
         drive="results/{run}/rover/seed{seed}/drive.json",  # read through trace
         sensors="results/{run}/rover/seed{seed}/localisation/sensors.parquet",  # read through trace
+        estimates="results/{run}/rover/seed{seed}/localisation/estimates.parquet",  # read through trace
         pictures=DRIVES.pictures_of_drive(),  # read through trace
         detections=DRIVES.detections(),  # read through trace
         vehicle=DRIVES.vehicle,

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from polarsim.errors import RoverError
 from polarsim.rover.drive.control import Command
-from polarsim.rover.drive.trace import COLUMNS, WHEEL_COLUMNS
+from polarsim.rover.drive.trace import BODY_COLUMNS, COLUMNS, CONTACTS, WHEEL_COLUMNS, Trace
+from polarsim.rover.vehicle.table import WHEELS
 
 EDGE_MARGIN_M = 0.05  # minimum distance of wheels from the edge of the ground, m
 
@@ -72,6 +74,21 @@ class RoverState:
         row = np.concatenate([body, self.wheels.ravel()])
         assert len(row) == len(COLUMNS)
         return row
+
+
+def recorded_states(trace: Trace) -> Iterator[RoverState]:
+    """Yield the states in the rows of a trace."""
+    contacts = {f"{code}_contact": list(CONTACTS).index for code in WHEELS}
+    numbers = trace.table.assign(**{name: trace.table[name].map(index) for name, index in contacts.items()})
+    split = np.cumsum([1, 3, 4, 3, 3, 3])
+    for row in numbers[list(COLUMNS)].to_numpy(float):
+        body = dict(zip(BODY_COLUMNS, row.tolist(), strict=False))
+        _, position, rotation, velocity, spin, acceleration, _ = np.split(row, split)
+        command = Command(body["command_speed_m_s"], body["command_steer_rad"], crab_rad=body["command_crab_rad"])
+        wheels = row[len(BODY_COLUMNS) :].reshape(len(WHEELS), len(WHEEL_COLUMNS))
+        yield RoverState(
+            body["time_s"], position, rotation, velocity, spin, acceleration, command, body["energy_open"], wheels
+        )
 
 
 def heading_of(rotation: np.ndarray) -> float:

@@ -65,8 +65,6 @@ def readings(table: pd.DataFrame) -> Iterator[Stamped]:
 
 def estimates(path: Path, options: BagOptions) -> list[Iterator[Stamped]]:
     """Return the estimated poses on /pose/<estimator>: without pictures, or with those in the bag."""
-    if not path.is_file():
-        return []
     table = tables.read_parquet(path, (*ESTIMATE_COLUMNS, *POSE_COLUMNS))
     pictures = str(PictureSet(options.sun, options.model, options.exposure_ms))
     chosen = table[table["pictures"].isin(["", pictures])]
