@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.report.layout import MISSING, write_blocks, write_table
 from polarsim.report.training_seeds import value_and_interval
-from polarsim.schemas.rover import AUTONOMY, AUTONOMY_DETECTORS, AUTONOMY_EFFECTS, AUTONOMY_RANK, KNOWN
+from polarsim.schemas.rover import ALL, AUTONOMY, AUTONOMY_DETECTORS, AUTONOMY_EFFECTS, AUTONOMY_RANK, KNOWN
 
 CAPTION = (
     "Autonomous drives, means over seeds. Mode: hazards from labels (truth), a detector, stereo depth, both, or none "
@@ -19,6 +21,9 @@ CAPTION = (
 EFFECTS_CAPTION = (
     "Effect of Sun, exposure, lights, reflectance model and detector on autonomous drives: mean of each level over the "
     "drives available for all levels; in brackets: difference to the mean of the other levels, paired by seed."
+)
+SUNS_CAPTION = (
+    "Suns from best to worst by metric, with the rank of the mean and its interval; equal means share a rank."
 )
 RANK_CAPTION = "Rank correlation over detectors between their gap and their driving."
 DETECTORS_CAPTION = "Detectors used in drives, means over the drives."
@@ -32,13 +37,17 @@ RANK_NOTES = (
     "Verdict: `better` or `worse` if there are at least 5 detectors, the interval of Kendall's coefficient excludes 0 "
     "and p is below 0.05 (not corrected for the number of rows).",
 )
+BY_PART = "by wheels, legs, body"
+END_ERROR = "position error at the end, of the path"
 SHOWN = {
     "collisions": "collisions",
+    BY_PART: BY_PART,
     "success": "success",
     "closest pass of a rock above 10 cm": "closest pass, m",
     "stops": "stops",
-    "geometric map": "geometric map, of 300",
+    "points": "points, of 1000",
     "rock map": "rock map, of 300",
+    END_ERROR: "position error, % of path",
     "energy over the blind one's": "energy over blind",
 }
 _KEYS = ["mode", "sun", "exposure", "lights", "model", "detector"]
@@ -53,8 +62,9 @@ def tabulate_autonomy(
     table = read_parquet(together, AUTONOMY.columns)
     write_table(stem, table, CAPTION, layout=format_autonomy(table), notes=[INTERVALS], origin=origin)
     changed = read_parquet(effects, AUTONOMY_EFFECTS.columns)
-    layout = format_effects(changed)
-    write_table(effects_stem, changed, EFFECTS_CAPTION, layout=layout, notes=[INTERVALS], origin=origin)
+    blocks = {EFFECTS_CAPTION: format_effects(changed), SUNS_CAPTION: format_suns(changed)}
+    blocks = {caption: block for caption, block in blocks.items() if len(block) or caption == EFFECTS_CAPTION}
+    write_blocks(effects_stem, changed, blocks, [INTERVALS], origin)
 
 
 def tabulate_rank(*, by_detector: Path, ranks: Path, stem: Path, origin: Mapping[str, str]) -> None:
@@ -67,34 +77,58 @@ def tabulate_rank(*, by_detector: Path, ranks: Path, stem: Path, origin: Mapping
 
 def format_autonomy(table: pd.DataFrame) -> pd.DataFrame:
     """Return a row per kind of drive and a column per metric in `SHOWN`, with intervals."""
-    rows = []
+    rows, estimated = [], (table["metric"] == END_ERROR).any()
     for (*key, pose), part in table.groupby([*_KEYS, "pose"], sort=False):
         metrics = part.set_index("metric")
         row: dict[str, object] = {**dict(zip(_KEYS, key, strict=True)), "drives": int(part["drives"].max())}
         row["mode"] = with_pose(str(row["mode"]), str(pose))
-        rows.append(row | {text: _with_interval(metrics, metric) for metric, text in SHOWN.items()})
-    return pd.DataFrame(rows)
+        row |= {text: _with_interval(metrics, metric) for metric, text in SHOWN.items()}
+        rows.append(row | {BY_PART: _by_part(metrics)})
+    shown = pd.DataFrame(rows)
+    return shown if estimated else shown.drop(columns=SHOWN[END_ERROR])
+
+
+def _by_part(metrics: pd.DataFrame) -> str:
+    """Return the numbers of collisions of wheels, legs and body."""
+    names = [f"collisions of {part}" for part in ("wheels", "legs", "the body")]
+    return ", ".join(f"{metrics['value'].get(name, math.nan):.2f}" for name in names)
 
 
 def with_pose(mode: str, pose: str) -> str:
     """Return the name of a mode with its source of poses, if the pose is not known."""
-    return mode if pose == KNOWN else f"{mode}, {pose} pose"
+    return mode if pose == KNOWN else f"{mode}, {pose} pose{'s' if pose == ALL else ''}"
 
 
 def format_effects(effects: pd.DataFrame) -> pd.DataFrame:
     """Return a row per level of a variable and a column per metric, with the change."""
     rows = []
-    for key, part in effects.groupby(["mode", "axis", "level"], sort=False):
+    for (mode, pose, axis, level), part in effects.groupby(["mode", "pose", "axis", "level"], sort=False):
         metrics = part.set_index("metric")
-        row: dict[str, object] = {
-            **dict(zip(["mode", "axis", "level"], key, strict=True)),
-            "seeds": part["seeds"].max(),
-        }
+        row: dict[str, object] = {"mode": with_pose(str(mode), str(pose)), "axis": axis, "level": level}
+        row["seeds"] = part["seeds"].max()
         for metric in dict.fromkeys(effects["metric"]):
             value, change = _with_interval(metrics, metric), _with_interval(metrics, metric, "change", "change_", "+")
             row[metric] = MISSING if value == MISSING else f"{value} ({change})"
         rows.append(row)
     return pd.DataFrame(rows, columns=None if rows else ["mode", "axis", "level", "seeds"])
+
+
+def format_suns(effects: pd.DataFrame) -> pd.DataFrame:
+    """Return a row per mode and a column per metric: the Suns from best to worst, with ranks."""
+    rows = []
+    suns = effects[(effects["axis"] == "sun") & effects["rank"].notna()]
+    for (mode, pose), part in suns.groupby(["mode", "pose"], sort=False):
+        row: dict[str, object] = {"mode": with_pose(str(mode), str(pose)), "seeds": part["seeds"].max()}
+        for metric, of_metric in part.groupby("metric", sort=False):
+            ordered = of_metric.sort_values(["rank", "level"]).to_dict("records")
+            row[str(metric)] = ", ".join(f"{level['level']} ({_rank_text(level)})" for level in ordered)
+        rows.append(row)
+    return pd.DataFrame(rows, columns=None if rows else ["mode", "seeds"])
+
+
+def _rank_text(row: Mapping[Any, Any]) -> str:
+    bounds = "" if math.isnan(row["rank_low"]) else f" [{row['rank_low']:g}, {row['rank_high']:g}]"
+    return f"{row['rank']:g}{bounds}"
 
 
 def format_rank(table: pd.DataFrame) -> pd.DataFrame:

@@ -85,6 +85,7 @@ AUTONOMY = SHARED.table("""
 AUTONOMY_EFFECTS = SHARED.table("""
     rover/autonomy_effects.parquet: A mode (`all`: mean of all modes except `blind`), axis, level of the axis and metric
     = mode
+    pose | str | | Pose by which the rovers drive; `all`: drives with several sources of poses
     axis | str | | `sun`, `exposure`, `lights`, `model`, `detector` or `pose`
     level | str | | Value on the axis
     = metric unit
@@ -92,6 +93,7 @@ AUTONOMY_EFFECTS = SHARED.table("""
     value low high | float64 | `unit` | Mean over the other axes with 95 % interval
     change change_low change_high | float64 | `unit` | Difference from the mean of the other levels of the axis with
         the same seeds, with 95 % interval
+    rank rank_low rank_high | float64 | 1 | Rank of the level by the metric, 1 is best, with 95 % interval over seeds
 """)
 AUTONOMY_DETECTORS = SHARED.table("""
     rover/autonomy_detectors.parquet: A mode and detector

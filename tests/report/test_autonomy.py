@@ -10,7 +10,7 @@ from PIL import Image
 
 from polarsim.formats.npz import write_arrays
 from polarsim.formats.tables import write_parquet
-from polarsim.report.autonomy_table import format_autonomy, format_effects
+from polarsim.report.autonomy_table import format_autonomy, format_effects, format_suns
 from polarsim.report.figures import autonomy
 from polarsim.report.figures.autonomy import draw_modes, drive_kinds, mark_positions
 from polarsim.schemas.rover import AUTONOMY, AUTONOMY_EFFECTS
@@ -111,9 +111,29 @@ def test_missing_metrics_are_dashes_and_intervals_follow_the_value(table):
     row = format_autonomy(table).set_index(["mode", "sun", "detector"]).loc[("both", "1", "b")]
     assert row["collisions"] == "3.00 [2.50, 3.50]"
     assert row["rock map, of 300"] == "–"
-    effect = ("both", "sun", "1", "collisions", "", 5, 3.0, 2.5, 3.5, 1.0, np.nan, np.nan)
+    effect = ("both", "truth", "sun", "1", "collisions", "", 5, 3.0, 2.5, 3.5, 1.0, np.nan, np.nan, 2.0, 1.0, 2.0)
     shown = format_effects(pd.DataFrame([effect], columns=list(AUTONOMY_EFFECTS.columns)))
     assert shown["collisions"].item() == "3.00 [2.50, 3.50] (+1.00)"
+
+
+def test_collisions_are_listed_by_part_and_metrics_without_values_have_no_column():
+    parts = {"": 1.5, " of wheels": 1.0, " of legs": 0.5, " of the body": 0.0}
+    rows = [drive("blind", value=value, metric=f"collisions{part}") for part, value in parts.items()]
+    shown = format_autonomy(pd.DataFrame(rows, columns=list(AUTONOMY.columns)))
+    assert shown["by wheels, legs, body"].item() == "1.00, 0.50, 0.00"
+    assert "position error, % of path" not in shown
+
+
+def test_suns_are_listed_from_best_to_worst_for_each_source_of_the_pose():
+    rows = [
+        ("stereo", pose, "sun", sun, "points", "points of 1000", 2, 700.0, *[np.nan] * 5, rank, low, high)
+        for pose, ranks in (("truth", {"1": 1.0, "3": 2.0}), ("fused", {"1": 2.0, "3": 1.0}))
+        for sun, rank, low, high in ((sun, rank, 1.0, 2.0) for sun, rank in ranks.items())
+    ]
+    shown = format_suns(pd.DataFrame(rows, columns=list(AUTONOMY_EFFECTS.columns)).astype({"rank": float}))
+    assert dict(zip(shown["mode"], shown["points"], strict=True)) == {
+        "stereo": "1 (1 [1, 2]), 3 (2 [1, 2])", "stereo, fused pose": "3 (1 [1, 2]), 1 (2 [1, 2])",
+    }  # fmt: skip
 
 
 def test_pixels_of_the_ground_are_centred_on_grid_nodes(tmp_path):

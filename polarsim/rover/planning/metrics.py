@@ -7,7 +7,13 @@ import math
 import numpy as np
 import pandas as pd
 
-from polarsim.geometry.trajectories import Trajectory, absolute_error, consecutive, motion_errors
+from polarsim.geometry.trajectories import (
+    Trajectory,
+    absolute_error,
+    consecutive,
+    motion_errors,
+    trajectory_errors,
+)
 from polarsim.rover.drive.table import TREAD_AND_FLANK
 from polarsim.rover.drive.trace import Trace, rock_contacts
 from polarsim.rover.localisation.stereo_motion import visual_odometry
@@ -21,6 +27,7 @@ from polarsim.schemas.rover import AUTONOMY_EVENTS, COLLISION, HIGH_M, STOP, TOU
 
 CLASSES_M = ((0.05, 0.10), (0.10, 0.20), (0.20, math.inf))
 NO_ROCK = -1
+END_ERROR = "position error at the end, of the path"
 GOAL_M = 1.0  # maximum true distance before the goal's line of a rover that believes itself at the goal
 _OF = (("wheels", TREAD_AND_FLANK), ("legs", ("leg",)), ("the body", ("body",)))
 _TOTALS = {"time_s": "min", "duration_s": "sum", "impulse_n_s": "sum"}  # of all links of a part
@@ -72,9 +79,25 @@ def drive_metrics(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) 
         ("CPU for a second driven", "s", outcome.cpu_s / seconds),
         ("wall time for a second driven", "s", outcome.wall_s / seconds),
     ]
+    if outcome.estimate is not None:
+        rows += _of_estimate(outcome.estimate, trace)
     if outcome.pilot is not None:
         rows += _of_pilot(outcome, vehicle, options)
     return pd.DataFrame(rows, columns=["metric", "unit", "value"])
+
+
+def _of_estimate(estimate: pd.DataFrame, trace: Trace) -> list[tuple[str, str, float]]:
+    """Return the errors of the pose by which the rover drove, after alignment at the start."""
+    errors = trajectory_errors(Trajectory.from_table(estimate), Trajectory.from_table(trace.table))
+    return [
+        ("position error at the end", "m", errors.end),
+        (END_ERROR, "%", 100 * errors.end / errors.path if errors.path else math.nan),
+        ("position error, mean", "m", errors.mean),
+        ("position error, rms", "m", errors.rms),
+        ("position error, rms after a rigid fit", "m", errors.rms_aligned),
+        ("position error per metre", "m", errors.relative),
+        ("attitude error per metre", "degrees", math.degrees(errors.relative_angle)),
+    ]
 
 
 def distance_to_goal(trace: Trace) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +16,11 @@ from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.planning.cases import AXES, matched_drives, parse_case
+from polarsim.rover.planning.challenge import POINTS
 from polarsim.rover.planning.drive import job_for, run_autonomous_drive, write_outcome
-from polarsim.rover.planning.metrics import drive_metrics, event_table
+from polarsim.rover.planning.metrics import END_ERROR, drive_metrics, event_table
 from polarsim.rover.planning.options import AutonomyOptions
+from polarsim.rover.planning.rank import ranks_of_levels
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
 from polarsim.rover.world.options import WorldOptions
@@ -26,8 +29,18 @@ from polarsim.schemas.rover import ALL, ANY, AUTONOMY, AUTONOMY_EFFECTS, AUTONOM
 EVENTS = "events.parquet"
 OVER_BLIND = {"path": "path over the blind one's", "energy": "energy over the blind one's"}
 MAPS = {"geometric map", "rock map"}
-BOTH_MAPS = "both maps"
-AFFECTED = ("collisions", "success", "stops", BOTH_MAPS, "rock map", OVER_BLIND["energy"])
+BOTH_MAPS, POINTS_IN_ALL = "both maps", "points"
+# Metrics of which effects are computed, with the sign of an improvement.
+AFFECTED = {
+    "collisions": -1,
+    "success": 1,
+    "stops": -1,
+    BOTH_MAPS: 1,
+    "rock map": 1,
+    POINTS_IN_ALL: 1,
+    END_ERROR: -1,
+    OVER_BLIND["energy"]: -1,
+}
 
 
 def drive_case(
@@ -70,9 +83,13 @@ def summarise_autonomy(*, drives: Sequence[Path], each: Path, together: Path, ef
 
 
 def with_derived(every: pd.DataFrame) -> pd.DataFrame:
-    """Return the metrics with additional rows: points of both maps, and path and energy relative to the blind drive."""
-    maps = every[every["metric"].isin(MAPS)].groupby([*AXES, "seed", "ended"], as_index=False)["value"].sum()
+    """Return the metrics with additional rows: points of both maps and in all, path and energy over the blind drive."""
+    drive = [*AXES, "seed", "ended"]
+    maps = every[every["metric"].isin(MAPS)].groupby(drive, as_index=False)["value"].sum()
+    scored = every[every["metric"].isin(POINTS)].groupby(drive)["value"]
+    points = scored.sum(min_count=len(POINTS)).dropna().reset_index()  # without rocks there is no total
     parts = [every, maps.assign(metric=BOTH_MAPS, unit="points of 600")]
+    parts.append(points.assign(metric=POINTS_IN_ALL, unit="points of 1000"))
     for metric, name in OVER_BLIND.items():
         rows = every[every["metric"] == metric]
         blind = rows[(rows["mode"] == "blind") & (rows["pose"] == KNOWN)].set_index("seed")["value"]
@@ -114,23 +131,26 @@ def effects_of(every: pd.DataFrame) -> pd.DataFrame:
     `change` is the difference from the mean of the other levels of the axis with the same seeds, so the influence of a
     seed's ground and start cancels. Only drives that exist at all levels are compared; for example, a detector that
     drove only with lights on is excluded from the effect of lights. Seeds with fewer drives than the others are
-    excluded (unfinished tables). Mode `all` is the mean over modes.
+    excluded (unfinished tables). Mode `all` is the mean over modes. With several sources of poses, each source has rows
+    of its own, and pose `all` pools them.
     """
     lit = every[every["sun"] != ANY]
+    poses = sorted(set(lit["pose"]))
     rows = []
-    for mode in [*sorted(set(lit["mode"])), ALL]:
+    for pose, mode in product([*poses, ALL] if len(poses) > 1 else poses, [*sorted(set(lit["mode"])), ALL]):
         drives = lit if mode == ALL else lit[lit["mode"] == mode]
+        drives = drives if pose == ALL else drives[drives["pose"] == pose]
         for axis in AXES[1:]:
             levelled = drives[drives[axis] != ANY]
             comparable = matched_drives(levelled, axis)
             if len(set(comparable[axis])) > 1 and (mode != ALL or len(set(comparable["mode"])) > 1):
-                rows += [(mode, axis, *row) for row in _effects_on(comparable, axis)]
+                rows += [(mode, pose, axis, *row) for row in _effects_on(comparable, axis)]
     return pd.DataFrame(rows, columns=list(AUTONOMY_EFFECTS.columns)).astype(AUTONOMY_EFFECTS.dtypes)
 
 
 def _effects_on(drives: pd.DataFrame, axis: str) -> list[tuple[object, ...]]:
     rows: list[tuple[object, ...]] = []
-    for metric in AFFECTED:
+    for metric, sign in AFFECTED.items():
         compared = matched_drives(drives[drives["metric"] == metric].dropna(subset="value"), axis)
         if not len(compared):
             continue
@@ -138,8 +158,9 @@ def _effects_on(drives: pd.DataFrame, axis: str) -> list[tuple[object, ...]]:
         compared = compared[compared["seed"].isin(count.index[count == count.max()])]
         cells = compared.pivot_table("value", "seed", ["mode", axis]).dropna()  # means over the other axes
         by_level = cells.T.groupby(level=axis).mean().T  # means over modes
-        for level in by_level.columns:
+        ranks = ranks_of_levels(sign * by_level.to_numpy())
+        for level, rank in zip(by_level.columns, ranks, strict=True):
             values, others = by_level[level], by_level.drop(columns=level).mean(axis=1)
             means = [mean_over_seeds(part.to_numpy(), part.index.to_numpy()) for part in (values, values - others)]
-            rows.append((level, metric, compared["unit"].iloc[0], len(by_level), *means[0], *means[1]))
+            rows.append((level, metric, compared["unit"].iloc[0], len(by_level), *means[0], *means[1], *rank))
     return rows

@@ -131,6 +131,11 @@ def test_a_rover_on_odometry_drives_to_where_it_believes_the_goal(job):
     assert tuple(outcome.sensors) == SENSOR_COLUMNS
     assert np.diff(outcome.sensors["time_s"]) == pytest.approx(0.01)
     np.testing.assert_array_equal(estimate["time_s"], true["time_s"])
+    rows = drive_metrics(outcome, short.vehicle, OPTIONS)
+    places = [table[["x_m", "y_m", "z_m"]].to_numpy() for table in (estimate, true)]
+    end = np.linalg.norm((places[0] - places[0][0] - places[1] + places[1][0])[-1])  # aligned at the start
+    assert value(rows, "position error at the end") == pytest.approx(end, abs=1e-3)
+    assert value(rows, "position error at the end, of the path") == pytest.approx(100 * end / 1.6, rel=0.3)  # %
     start, end = estimate.iloc[0], estimate.iloc[-1]
     assert start[["x_m", "y_m", "z_m"]].tolist() == true.iloc[0][["x_m", "y_m", "z_m"]].tolist()
     assert outcome.trace.drive["ended"] == "finished"

@@ -94,6 +94,15 @@ def test_ratios_are_relative_to_the_blind_drive_of_the_seed_and_maps_are_summed(
     assert both["value"].tolist() == [200.0, 202.0]
 
 
+def test_points_are_the_sum_of_four_parts_and_without_rocks_there_is_no_total():
+    parts = {"geometric map": 200.0, "rock map": 150.0, "productivity": 250.0, "localisation": 150.0}
+    scored = rows(*(drive("stereo", "1", 0, value, name) for name, value in parts.items()))
+    total = with_derived(scored).query("metric == 'points'")
+    assert (total["value"].item(), total["unit"].item()) == (750.0, "points of 1000")
+    without_rocks = scored.assign(value=scored["value"].where(scored["metric"] != "rock map"))
+    assert not len(with_derived(without_rocks).query("metric == 'points'"))
+
+
 def test_means_over_seeds_for_each_and_all_lights_and_detectors_have_intervals():
     table = drive_summary(EVERY).set_index(["mode", "sun"])
     assert table["value"].to_dict() == {
@@ -128,6 +137,26 @@ def test_the_influence_of_a_seed_cancels_in_effects():
     assert table.loc[("all", "sun", "4"), "change"] == -2.0
     assert table.loc[("stereo", "exposure", "0064"), "change"] == 0
     assert set(table.index.get_level_values("axis")) == {"sun", "exposure"}  # a single detector, lights off
+
+
+def test_levels_have_ranks_with_intervals_and_each_source_of_the_pose_has_effects_of_its_own():
+    """Sun 1 has the fewest collisions of each seed; Suns 3 and 4 differ by seed."""
+    hits = {"1": (0, 0, 0), "3": (1, 2, 5), "4": (2, 1, 1)}
+    drives = [
+        drive("stereo", sun, seed, value + (sun == "1" and pose == "fused") * 9, "collisions", pose=pose)
+        for sun, values in hits.items() for seed, value in enumerate(values) for pose in ("truth", "fused")
+    ]  # fmt: skip
+    table = effects_of(rows(*drives)).set_index(["pose", "axis", "level"])
+    ranks = table.loc[("truth", "sun"), ["rank", "rank_low", "rank_high"]]
+    assert ranks.loc["1"].tolist() == [1, 1, 1]
+    assert ranks.loc["3"].tolist() == [3, 2, 3]
+    assert table.loc[("fused", "sun", "1"), "rank"] == 3
+    assert table.loc[("all", "sun", "1"), "value"] == 4.5  # pooled
+    assert set(table.loc["all"].index.get_level_values("axis")) == {"sun", "pose"}
+    assert "pose" not in set(table.loc["fused"].index.get_level_values("axis"))
+    equal = effects_of(rows(*(drive("stereo", sun, 0, 1.0, "stops") for sun in "13")))
+    assert equal["rank"].tolist() == [1.5, 1.5]
+    assert equal["rank_low"].isna().all()  # a single seed
 
 
 def test_an_effect_compares_drives_that_differ_in_the_axis_only():
