@@ -1,6 +1,7 @@
 """Figure and tables of autonomous drives."""
 
 from contextlib import nullcontext
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -8,12 +9,14 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
+from polarsim.formats.files import write_json
 from polarsim.formats.npz import write_arrays
 from polarsim.formats.tables import write_parquet
 from polarsim.report.autonomy_table import format_autonomy, format_effects, format_suns
-from polarsim.report.figures import autonomy
+from polarsim.report.figures import autonomy, autonomy_maps
 from polarsim.report.figures.autonomy import draw_modes, drive_kinds, mark_positions
-from polarsim.schemas.rover import AUTONOMY, AUTONOMY_EFFECTS
+from polarsim.report.figures.autonomy_maps import draw_autonomy_maps, mode_and_pose
+from polarsim.schemas.rover import AUTONOMY, AUTONOMY_EFFECTS, AUTONOMY_EVENTS
 
 ORIGIN = {"source": "analog"}
 
@@ -152,3 +155,46 @@ def test_exposures_are_sorted_by_time():
     kinds = drive_kinds(pd.DataFrame(rows, columns=list(AUTONOMY.columns)))
     x = dict(zip(kinds["exposure"], mark_positions(kinds)[0], strict=True))
     assert sorted(x, key=x.__getitem__) == ["12.5", "0256", "1000000", "auto"]
+
+
+def write_case(folder: Path, estimate: bool) -> Path:
+    """Write the files of a drive from (3, 0) to (-3, 0) m that figures read; the estimate drifts to the north."""
+    write_arrays(folder / "world/ground.npz", x0_m=-4.0, y0_m=-2.0, cell_m=0.1, level_m=np.zeros((41, 81)))
+    rocks = pd.DataFrame([(1.0, 0.6, 0.3, 0.2), (-1.0, -0.7, 0.2, 0.05)], columns=["x_m", "y_m", "width_m", "height_m"])
+    write_parquet(folder / "world/rocks.parquet", rocks)
+    x, y = np.arange(-4, 4, 0.15), np.arange(-2, 2, 0.15)
+    cells = np.zeros((len(y), len(x)))
+    write_arrays(folder / "map.npz", x_m=x, y_m=y, log_odds=cells, seen=cells > -1, hazard=cells > 0)
+    path = pd.DataFrame({"time_s": np.linspace(0, 30, 61), "x_m": np.linspace(3, -3, 61), "y_m": 0.0})
+    write_parquet(folder / "trace.parquet", path)
+    write_parquet(folder / "events.parquet", pd.DataFrame(columns=list(AUTONOMY_EVENTS.columns)))
+    write_json(folder / "drive.json", {"ended": "finished", "seconds": 30.0})
+    (folder / "pictures").mkdir()
+    if estimate:
+        write_parquet(folder / "localisation/estimate.parquet", path.assign(y_m=np.linspace(0, 0.5, 61)))
+    return folder
+
+
+def test_estimated_paths_are_drawn_with_a_key_and_each_source_of_the_pose_has_a_map(tmp_path, monkeypatch):
+    names = ("truth_seed0", "stereo_1_0256_off_hapke_seed0", "stereo_fused_1_0256_off_hapke_seed0")
+    folders = [write_case(tmp_path / name, "fused" in name) for name in names]
+    assert [mode_and_pose(folder) for folder in folders] == [
+        ("truth", "truth"),
+        ("stereo", "truth"),
+        ("stereo", "fused"),
+    ]
+    sheets = []
+    for module in (autonomy, autonomy_maps):
+        monkeypatch.setattr(module, "page", lambda *_: nullcontext(sheets[-1]))
+    sheets.append(Figure(layout="constrained"))
+    autonomy.draw_paths(folders, tmp_path / "ways.png", ORIGIN)
+    dashed = [line for line in sheets[-1].axes[0].lines if line.get_linestyle() == "--" and len(line.get_xdata())]
+    assert [line.get_ydata()[-1] for line in dashed] == [0.5]
+    assert "estimated" in [text.get_text() for text in sheets[-1].axes[0].get_legend().get_texts()]
+    sheets.append(Figure(layout="constrained"))
+    draw_autonomy_maps(folders=folders, figure=tmp_path / "maps.png", origin=ORIGIN)
+    titles = [axis.get_title() for axis in sheets[-1].axes if axis.get_title()]
+    assert [title.split(":")[0] for title in titles] == [
+        "truth", "stereo, Sun 1, 256 ms", "stereo, fused pose, Sun 1, 256 ms",
+    ]  # fmt: skip
+    assert "path as estimated by the rover" in [text.get_text() for text in sheets[-1].legends[0].get_texts()]

@@ -15,6 +15,7 @@ import pandas as pd
 from polarsim.formats.npz import read_arrays
 from polarsim.formats.tables import read_parquet
 from polarsim.report.autonomy_table import with_pose
+from polarsim.report.figures.autonomy_maps import estimated_path
 from polarsim.report.figures.canvas import (
     COLUMN_IN,
     FAINT,
@@ -201,15 +202,22 @@ def draw_paths(folders: Sequence[Path], figure: Path, origin: dict[str, str], wi
         figure_title(sheet, f"{title}; source {origin['source']}")
         axis = sheet.subplots()
         _draw_rocks(axis, drives[0] / "world")
+        estimated = False
         for folder in drives:
             path = read_parquet(folder / "trace.parquet", ("x_m", "y_m"))
-            axis.plot(path["x_m"], path["y_m"], color=colours[folder.name.split("_")[0]], linewidth=1, alpha=0.8)
+            colour = colours[folder.name.split("_")[0]]
+            axis.plot(path["x_m"], path["y_m"], color=colour, linewidth=1, alpha=0.8)
+            if (estimate := estimated_path(folder)) is not None:
+                axis.plot(estimate["x_m"], estimate["y_m"], color=colour, linewidth=1, linestyle="--", alpha=0.8)
+                estimated = True
         for mode in modes:
             axis.plot([], [], color=colours[mode], label=mode)
+        if estimated:
+            axis.plot([], [], color=INK, linestyle="--", label="estimated")
         axis.set_aspect("equal")
         axis.set_xlabel("east, m")
         axis.set_ylabel("north, m")
-        axis.legend(ncols=len(modes), loc="lower right")
+        axis.legend(ncols=len(modes) + estimated, loc="lower right")
 
 
 def _draw_rocks(axis: Any, world: Path) -> None:

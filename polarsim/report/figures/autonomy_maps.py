@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,13 @@ from polarsim.formats.tables import read_parquet
 from polarsim.report.autonomy_table import with_pose
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, figure_title, legend_line, page, show_image
 from polarsim.run_files.picture_sets import exposure_title, sun_title
-from polarsim.schemas.rover import AUTONOMY_EVENTS, COLLISION, HIGH_M, MODES, POSES, STOP, TOUCH
+from polarsim.schemas.rover import AUTONOMY_EVENTS, COLLISION, HIGH_M, KNOWN, MODES, POSES, STOP, TOUCH
 
 PICTURES = 2  # per drive
 _ROW_PX = 375
 _BEFORE_S = 4.0  # time between an image and the event; the rock of a collision is visible then
 _UNSEEN, _FREE, _LOW, _HIGH = "#c9ccd1", "#ffffff", "#f6c48a", "#d55e00"
+ESTIMATED = {"color": "#0072b2", "linewidth": 1.2, "linestyle": "--"}
 _MARKS = {
     COLLISION: {"marker": "X", "color": "#b00020", "markersize": 11, "label": "rock above 10 cm hit"},
     TOUCH: {"marker": "x", "color": "#b00020", "markersize": 7, "label": "lower rock touched"},
@@ -29,9 +31,9 @@ _MARKS = {
 
 
 def draw_autonomy_maps(*, folders: Sequence[Path], figure: Path, origin: dict[str, str]) -> None:
-    """Draw a row per mode: the map at the end of the mode's first drive, and images of the front camera."""
-    first = {folder.name.split("_")[0]: folder for folder in reversed(folders)}
-    chosen = [first[mode] for mode in MODES if mode in first]
+    """Draw a row per mode and source of the pose: map at the end of the first drive, and images of the front camera."""
+    first = {mode_and_pose(folder): folder for folder in reversed(folders)}
+    chosen = [first[kind] for kind in product(MODES, POSES) if kind in first]
     with page(figure, FIGURE_WIDTH, _ROW_PX * len(chosen) + 110) as sheet:
         figure_title(
             sheet, f"Hazard maps, paths and front camera images of autonomous drives; source {origin['source']}"
@@ -44,6 +46,8 @@ def draw_autonomy_maps(*, folders: Sequence[Path], figure: Path, origin: dict[st
             axis = sheet.add_subplot(grid[row, 0])
             _draw_map(axis, folder)
             _draw_path(axis, path, events, list(shown))
+            if (estimate := estimated_path(folder)) is not None:
+                axis.plot(estimate["x_m"], estimate["y_m"], **ESTIMATED)
             axis.set_title(_title(folder))
             if folder == chosen[-1]:
                 axis.set_xlabel("east, m")
@@ -59,7 +63,21 @@ def draw_autonomy_maps(*, folders: Sequence[Path], figure: Path, origin: dict[st
             for colour, label in ((_HIGH, "mapped as hazard"), (_LOW, "mapped as low rock"), (_UNSEEN, "not observed"))
         ]
         keys += [legend_line(color=INK, label="path; circles: true rocks")]
+        if any(pose != KNOWN for _, pose in map(mode_and_pose, chosen)):
+            keys += [legend_line(**ESTIMATED, label="path as estimated by the rover")]
         sheet.legend(handles=keys, loc="outside lower center", ncols=4)
+
+
+def mode_and_pose(folder: Path) -> tuple[str, str]:
+    """Return mode and source of the pose of a drive."""
+    mode, pose = [*folder.name.split("_"), ""][:2]
+    return mode, pose if pose in POSES else KNOWN
+
+
+def estimated_path(folder: Path) -> pd.DataFrame | None:
+    """Return the path that the rover estimated, x_m and y_m; None if the pose was known."""
+    path = folder / "localisation/estimate.parquet"
+    return read_parquet(path, ("x_m", "y_m")) if path.is_file() else None
 
 
 def picture_times(folder: Path) -> dict[float, Path]:
@@ -84,9 +102,9 @@ def shown_pictures(pictures: dict[float, Path], events: pd.DataFrame) -> dict[fl
 
 
 def _title(folder: Path) -> str:
-    mode, *light = folder.name.rpartition("_seed")[0].split("_")
-    if light and light[0] in POSES:
-        mode = with_pose(mode, light.pop(0))
+    mode, pose = mode_and_pose(folder)
+    light = folder.name.rpartition("_seed")[0].split("_")[1 if pose == KNOWN else 2 :]
+    mode = with_pose(mode, pose)
     drive = read_json(folder / "drive.json")
     conditions = [sun_title(light[0]), exposure_title(light[1])] if light else []
     return f"{', '.join([mode, *conditions])}: {drive['ended']} after {drive['seconds']:.0f} s"
