@@ -195,7 +195,7 @@ def draw_paths(folders: Sequence[Path], figure: Path, origin: dict[str, str], wi
     drives = [folder for folder in folders if folder.name.endswith(f"_{seed}")]
     modes = [mode for mode in MODES if any(folder.name.split("_")[0] == mode for folder in drives)]
     colours = dict(zip(modes, SERIES, strict=False))
-    with page(figure, width, round(width * 0.4)) as sheet:
+    with page(figure, width, round(width * 0.45)) as sheet:
         title = (
             f"Paths of autonomous drives by mode, {seed.replace('seed', 'seed ')}; circles: rocks, filled above 10 cm"
         )
@@ -206,18 +206,17 @@ def draw_paths(folders: Sequence[Path], figure: Path, origin: dict[str, str], wi
         for folder in drives:
             path = read_parquet(folder / "trace.parquet", ("x_m", "y_m"))
             colour = colours[folder.name.split("_")[0]]
-            axis.plot(path["x_m"], path["y_m"], color=colour, linewidth=1, alpha=0.8)
+            axis.plot(path["x_m"], path["y_m"], color=colour, linewidth=1.6)
             if (estimate := estimated_path(folder)) is not None:
-                axis.plot(estimate["x_m"], estimate["y_m"], color=colour, linewidth=1, linestyle="--", alpha=0.8)
+                axis.plot(estimate["x_m"], estimate["y_m"], color=colour, linewidth=1.6, linestyle="--")
                 estimated = True
-        for mode in modes:
-            axis.plot([], [], color=colours[mode], label=mode)
+        keys = [legend_line(color=colours[mode], label=mode) for mode in modes]
         if estimated:
-            axis.plot([], [], color=INK, linestyle="--", label="estimated")
+            keys.append(legend_line(color=INK, linestyle="--", label="path as estimated by the rover"))
+        sheet.legend(handles=keys, loc="outside lower center", ncols=len(keys))
         axis.set_aspect("equal")
         axis.set_xlabel("east, m")
         axis.set_ylabel("north, m")
-        axis.legend(ncols=len(modes) + estimated, loc="lower right")
 
 
 def _draw_rocks(axis: Any, world: Path) -> None:
