@@ -29,6 +29,7 @@ from polarsim.run_files.calibration import (
     read_sensor_calibration,
 )
 
+Pairs = dict[float, tuple[Path, Path]]  # files of stereo pairs by time, s
 ODOMETRY, FUSED = "odometry", "fused"  # wheels and IMU; these and stereo odometry
 _LOG_EVERY = 5  # readings
 _NEAREST_M, _FARTHEST_M = 1.5, 10.0  # range of depths of stereo odometry
@@ -38,7 +39,7 @@ def write_estimates(folder: Path, trace: Trace, vehicle: Vehicle, picture_sets: 
     """Write the estimates of wheels and IMU, and of these with the stereo pair in each set of pictures."""
     calibration = read_sensor_calibration(folder / FOLDER / CALIBRATION)
     gravity = float(trace.drive["options"]["soil"]["gravity_m_s2"])
-    estimated = [("", Localiser(vehicle, seed, gravity), {})]
+    estimated: list[tuple[str, Localiser, Pairs]] = [("", Localiser(vehicle, seed, gravity), {})]
     if calibration.stereo:
         rig, base_from_camera = stereo_rig(calibration, calibration.stereo)
         for name in picture_sets:
@@ -53,8 +54,8 @@ def write_estimates(folder: Path, trace: Trace, vehicle: Vehicle, picture_sets: 
     tables.write_parquet(folder / FOLDER / ESTIMATES, pd.concat(parts, ignore_index=True)[columns])
 
 
-def replay(trace: Trace, localiser: Localiser, pairs: dict[float, tuple[Path, Path]]) -> pd.DataFrame:
-    """Return the estimates of a localiser that reads a recorded drive; `pairs`: files of the pictures by time, s."""
+def replay(trace: Trace, localiser: Localiser, pairs: Pairs) -> pd.DataFrame:
+    """Return the estimates of a localiser that reads a recorded drive."""
     due = iter(sorted(pairs))
     time_s = next(due, np.inf)
     for number, state in enumerate(recorded_states(trace)):
