@@ -14,9 +14,12 @@ from polarsim.arguments import join_wrapped
 from polarsim.cli import app
 from polarsim.formats import coco, obj, png, rle, yolo
 from polarsim.geometry.meshes import Mesh
+from polarsim.geometry.poses import camera_pose
 from polarsim.photo import GREY_VALUES, PhotoKey
-from polarsim.site import polar
+from polarsim.run_files.rigs import LocalisedRig, write_localised
+from polarsim.site import polar, read_site
 from tests.support.polar_photos import SIZE
+from tests.support.polar_rig import default_rig
 
 ROCK_POLYGON = (2, np.array([[100.0, 100], [300, 100], [300, 250], [100, 250]]))
 GROUND_POLYGON = (1, np.array([[0.0, 0], [1936, 0], [1936, 1216], [0, 1216]]))
@@ -110,6 +113,23 @@ def test_render_writes_a_12_bit_picture_of_a_lit_plane(polarsim, tmp_path):
     assert done.returncode == 0, done.stderr
     assert png.read_photo(tmp_path / "sun.png", None).max() > 100
     assert json.loads((tmp_path / "sun.json").read_text())["options"]["blur_px"] == 0.6
+
+
+def test_the_camera_the_lamp_and_the_exposure_of_an_image_are_those_of_the_site(polarsim, tmp_path):
+    """The sidecar has the first position and lamp, and the usual exposure, of a yard with other lenses."""
+    corners = np.array([[-1.5, -3, 0], [1.5, -3, 0], [1.5, 3, 0], [-1.5, 3, 0]])
+    name = "yard-a"
+    obj.write_obj(tmp_path / obj.ground_name(name), Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]])), "ground")
+    write_localised(tmp_path / "PosA.json", LocalisedRig(default_rig(), camera_pose(np.zeros(3), 0.0, 0.0), "labels"))
+    lens = ("--cameras", tmp_path / "PosA.json")  # the site has no calibration
+    done = polarsim("render", tmp_path, tmp_path / "yard.png", "--site", "yard", *lens, "--model", "lambert")
+    assert done.returncode == 0, done.stderr
+    stated = json.loads((tmp_path / "yard.json").read_text())
+    site = read_site("yard")
+    pose = np.array(stated["sandbox_from_camera"])
+    np.testing.assert_allclose(pose[:3, 3], site.tripods["gate"].camera_m)
+    np.testing.assert_allclose(stated["lamps"]["sun"]["position"], site.lamps["45"].position_m)
+    assert stated["exposure_ms"] == site.usual_exposure_ms
 
 
 VIEWS = """

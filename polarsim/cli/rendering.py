@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -44,19 +45,22 @@ def render(
     ] = False,
     terrain: Annotated[str | None, typer.Option(help="Terrain number or name; default: from the meshes.")] = None,
     site: SiteName = DEFAULT,
-    camera: Annotated[tuple[float, float, float], typer.Option(help="Camera centre x y z, m, sandbox frame.")] = (
-        3.6,
-        -0.4,
-        1.55,
-    ),
-    yaw: Annotated[float, typer.Option(help="Heading of the optical axis, deg from +X towards +Y.")] = 180.0,
-    pitch: Annotated[float, typer.Option(min=-90, max=90, help="Downward angle of the optical axis, deg.")] = 25.0,
+    camera: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(
+            help="Camera centre x y z, m, sandbox frame; default of --camera, --yaw and --pitch: the first surveyed "
+            "position of the site."
+        ),
+    ] = None,
+    yaw: Annotated[float | None, typer.Option(help="Heading of the optical axis, deg from +X towards +Y.")] = None,
+    pitch: Annotated[
+        float | None, typer.Option(min=-90, max=90, help="Downward angle of the optical axis, deg.")
+    ] = None,
     roll: Annotated[float, typer.Option(help="Rotation about the optical axis, right side down, deg.")] = 0.0,
-    lamp: Annotated[tuple[float, float, float], typer.Option(help="Sun lamp x y z, m, sandbox frame.")] = (
-        3.594,
-        1.422,
-        0.783,
-    ),
+    lamp: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(help="Sun lamp x y z, m, sandbox frame; default: the first lamp of the site."),
+    ] = None,
     intensity: Annotated[float, typer.Option(min=0, help="Radiant intensity relative to the Sun lamp of POLAR.")] = 1.0,
     lamp_radius: Annotated[float, typer.Option(min=0, help="Radius of the lamp disc, m; 0: point light.")] = 0.0,
     sun: Annotated[
@@ -66,7 +70,9 @@ def render(
             help="Directional light instead of the lamp: azimuth from +X towards +Y and elevation, deg.",
         ),
     ] = None,
-    exposure: Annotated[float, typer.Option(min=0, help="Exposure time, ms.")] = 256,
+    exposure: Annotated[
+        float | None, typer.Option(min=0, help="Exposure time, ms; default: the usual exposure of the site.")
+    ] = None,
     model: Annotated[Model, typer.Option(help="Reflectance model.")] = "hapke",
     engine: Annotated[
         Literal["numpy", "taichi"] | None, typer.Option(help="Shading engine; default: from the configuration.")
@@ -121,7 +127,7 @@ def render(
     from polarsim.geometry.camera import Camera
     from polarsim.geometry.poses import camera_pose
     from polarsim.photo import parse_terrain
-    from polarsim.render.lamps import Lamp
+    from polarsim.render.lamps import Lamp, first_lamp, first_tripod
     from polarsim.render.maps import write_maps
     from polarsim.render.scene import Scene, Shot
     from polarsim.render.sidecar import write_sidecar
@@ -135,10 +141,15 @@ def render(
     refuse_existing_folder(sidecar)
     chosen = read_site(site)
     rig = read_localised(cameras).rig if cameras else stated_rig(chosen)
+    tripod = first_tripod(chosen)
+    centre = np.array(camera or tripod.camera_m)
+    heading = tripod.yaw_deg if yaw is None else yaw
+    downward = tripod.pitch_deg if pitch is None else pitch
+    near = Lamp(np.array(lamp)) if lamp else first_lamp(chosen)
     shot = Shot(
-        camera=Camera(camera_pose(np.array(camera), *np.radians([yaw, pitch, roll])), rig.left),
-        lamps={"sun": Lamp.sun(*sun, intensity) if sun else Lamp(np.array(lamp), intensity, lamp_radius)},
-        exposure_ms=exposure,
+        camera=Camera(camera_pose(centre, *np.radians([heading, downward, roll])), rig.left),
+        lamps={"sun": Lamp.sun(*sun, intensity) if sun else replace(near, intensity=intensity, radius_m=lamp_radius)},
+        exposure_ms=float(chosen.usual_exposure_ms) if exposure is None else exposure,
         model=model,
     )
     assignments = [*(option or ()), *([f"engine={engine}"] if engine else ())]

@@ -16,7 +16,7 @@ from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import png
 from polarsim.photo import BLACK_LEVEL, CENTRE_DN, PhotoKey
 from polarsim.render import brdf
-from polarsim.render.lamps import ROVER, Lamp
+from polarsim.render.lamps import ROVER, Lamp, first_lamp, first_tripod
 from polarsim.render.options import MODELS, Model, RenderOptions
 from polarsim.run_files.materials import FittedMaterial, FittedMaterials
 from polarsim.run_files.pictures import pictures_at
@@ -24,7 +24,6 @@ from polarsim.site import Site
 
 log = logging.getLogger("polarsim.render")
 
-_UNSURVEYED_CAMERA = (3.5, 0.0, 1.5)  # metres; direction from which sand is seen at a site without surveyed positions
 _USABLE = (40, 3500)  # DN above black that are not biased by noise or clipping
 _LIT = 0.25  # share of the median radiance: darker pixels are in shadow or penumbra
 _FRAME = (0.1, 0.7, 0.1, 0.9)  # top, bottom, left, right: excludes the rim of the sandbox, as recommended by NASA
@@ -37,29 +36,14 @@ def default_gain(model: Model, options: RenderOptions, site: Site) -> float:
 
     Level ground at the centre then has `CENTRE_DN` under the first lamp, seen from the first surveyed position.
     """
-    to_lamp, irradiance = _first_lamp(site).light_at(np.zeros((1, 3)), falloff=options.falloff)
+    to_lamp, irradiance = first_lamp(site).light_at(np.zeros((1, 3)), falloff=options.falloff)
     to_lamp = to_lamp / np.linalg.norm(to_lamp)
-    camera = _first_camera(site)
+    camera = np.array(first_tripod(site).camera_m)
     to_viewer = camera[None] / np.linalg.norm(camera)
     value = brdf.reflectance(options.parameters(model), np.array([[0.0, 0.0, 1.0]]), to_lamp, to_viewer)
     radiance = float(value[0] * irradiance[0] * to_lamp[0, 2])
     per_ms = CENTRE_DN / site.usual_exposure_ms
     return per_ms / radiance if radiance > 0 else per_ms
-
-
-def _first_lamp(site: Site) -> Lamp:
-    """Return the first Sun lamp of a site; without one, the rig lamp at the first position."""
-    if site.lamps:
-        lamp = next(iter(site.lamps.values()))
-        return Lamp(np.array(lamp.point), distant=lamp.kind == "directional")
-    assert site.rig_lamp is not None
-    return Lamp(_first_camera(site), site.rig_lamp.share)
-
-
-def _first_camera(site: Site) -> np.ndarray:
-    """Return the centre (3,) of the left camera at the first surveyed position, sandbox frame, metres."""
-    surveyed = [site.tripods[position] for position in site.all_positions if position in site.tripods]
-    return np.array(surveyed[0].camera_m if surveyed else _UNSURVEYED_CAMERA)
 
 
 def gain_of(model: Model, options: RenderOptions, site: Site) -> float:

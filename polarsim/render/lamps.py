@@ -12,10 +12,14 @@ from polarsim.geometry.vectors import dot, length
 from polarsim.photo import PhotoKey
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.site import Site
+from polarsim.site_parts import Tripod
 
 ROVER = "rover"  # name of the rover light; Sun lamps are named by their azimuth
 REFERENCE_DISTANCE = 4.0  # metres: a lamp of intensity 1 at this distance has irradiance 1, with and without falloff
 SUN_DISTANCE = 1e4  # metres: the direction differs by 0.02 degrees between opposite ends of the sandbox
+_UNSURVEYED = Tripod(
+    camera_m=(3.5, 0.0, 1.5), yaw_deg=180
+)  # from which sand is seen at a site without surveyed positions
 SUN_RADIUS_DEG = 0.2665  # half the Sun's mean apparent diameter
 
 
@@ -104,3 +108,18 @@ def lamps_on(key: PhotoKey) -> tuple[str, ...]:
     """Return the names of the lamps that are on in a photo; the first casts the labelled shadows."""
     sun = (key.azimuth,) if key.has_sun else ()
     return (*sun, ROVER) if key.light == "on" else sun
+
+
+def first_lamp(site: Site) -> Lamp:
+    """Return the first Sun lamp of a site; without one, the rig lamp at the first position."""
+    if site.lamps:
+        lamp = next(iter(site.lamps.values()))
+        return Lamp(np.array(lamp.point), distant=lamp.kind == "directional")
+    assert site.rig_lamp is not None
+    return Lamp(np.array(first_tripod(site).camera_m), site.rig_lamp.share)
+
+
+def first_tripod(site: Site) -> Tripod:
+    """Return the first surveyed position of a site; a usual one for a site without surveyed positions."""
+    surveyed = [site.tripods[position] for position in site.all_positions if position in site.tripods]
+    return surveyed[0] if surveyed else _UNSURVEYED
