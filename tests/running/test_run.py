@@ -137,9 +137,6 @@ def test_a_failed_terrain_does_not_stop_others_and_the_configuration_is_stored(f
     scan.write_text("broken")
     (folder / "more.yaml").write_text("rocks: {rock_cell_mm: 2.5}\n")
     call = ("--configfile", "more.yaml", "--config", "positions=[B]")
-    several = ("--default-resources", "mem_mb=10", "runtime=3")  # values of an option, not targets
-    assert ended(start(folder, "--cores", "all", *call, "-n", *several))[0] == 0
-    assert not stored.exists()
     code, terminal = ended(start(folder, *call))
     assert code == 1
     assert (folder / "results/toy/last/Terrain02.txt").read_text() == expected(2)
@@ -286,9 +283,12 @@ def test_a_full_disk_leaves_no_incomplete_file(folder, start, mounted):
 
 
 @AT_ONCE
-def test_quiet_is_for_plans_only(folder, polarsim, one_line):
+def test_quiet_is_for_plans_only_and_plans_store_nothing(folder, polarsim, one_line):
     assert "--quiet" in one_line("--min-free", "0", "--quiet", "progress")
-    assert polarsim("run", "--dry-run", "--quiet").returncode == 0
+    several = ("--default-resources", "mem_mb=10", "runtime=3")  # values of an option, not targets
+    planned = polarsim("run", "--dry-run", "--quiet", "--cores", "all", "--config", "positions=[B]", *several)
+    assert planned.returncode == 0
+    assert not (folder / "results/toy").exists()
 
 
 def test_missing_space_or_permission_is_an_error_before_any_job(folder, one_line, mounted):
