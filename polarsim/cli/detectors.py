@@ -24,8 +24,8 @@ def detect(
     weights: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Detector (.pt) trained by a run; default: the packaged detector. May be repeated: detections are "
-            "merged, and a box of only one of two detectors has half the confidence."
+            help="Detector (.pt) trained by a run; default: a packaged detector, chosen for each image. May be "
+            "repeated: detections are merged, and a box of only one of two detectors has half the confidence."
         ),
     ] = None,
     confidence: Annotated[float, typer.Option(min=0.001, max=0.99, help="Confidence threshold.")] = 0.25,
@@ -56,13 +56,13 @@ def detect(
 ) -> None:
     """Detect rocks and shadows in images. Writes boxes as CSV, YOLO and COCO.
 
-    Tested on POLAR's cover photos of excluded terrains: mAP@0.5 of rocks 0.77. On photos of the Curiosity rover in
-    daylight it is 0.014 to 0.019. A warning and the column `calibrated` mark images that are unlike POLAR's.
+    Tested on POLAR's cover photos of excluded terrains: mAP@0.5 of rocks 0.77. Images unlike POLAR's are searched by
+    another packaged detector, with a warning: on photos of the Curiosity rover in daylight, AP@0.5 of rocks is 0.062.
     """
     from polarsim.annotate.detections import draw_detections
     from polarsim.detect.detect_pictures import detect_in_images, prediction_options
     from polarsim.detect.detectors import choose_device
-    from polarsim.detect.options import PACKAGED
+    from polarsim.detect.options import PACKAGED, PACKAGED_FIELD
 
     options = prediction_options(
         split_commas(widths), split_commas(gates), device, mirrored=mirrored, precision=precision
@@ -70,6 +70,7 @@ def detect(
     found = detect_in_images(
         pictures=pictures, weights=weights or [PACKAGED], out=out, options=options, threads=threads,
         confidence=confidence, draw=draw_detections if draw else None, masks=masks,
+        elsewhere=[] if weights else [PACKAGED_FIELD],
     )  # fmt: skip
     counts = ", ".join(f"{(found['kind'] == kind).sum()} {kind}s" for kind in ("rock", "shadow"))
     typer.echo(f"precision {precision}, device {choose_device(device)}")

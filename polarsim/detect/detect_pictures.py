@@ -30,7 +30,7 @@ from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, NO_ROCK, WHITE_LEVEL
 from polarsim.progress import track
 from polarsim.run_files import class_masks
 
-COLUMNS = ("picture", "kind", "confidence", "x0", "y0", "x1", "y1", "calibrated")
+COLUMNS = ("picture", "kind", "confidence", "x0", "y0", "x1", "y1", "calibrated", "detector")
 Result = TypeVar("Result")
 Draw = Callable[[np.ndarray, np.ndarray, Mapping[str, np.ndarray] | None, str], np.ndarray]
 _THREADS = 1  # threads of torch: images are processed in parallel because one image does not use two cores
@@ -48,11 +48,12 @@ def detect_in_images(
     confidence: float = 0.25,
     draw: Draw | None = None,
     masks: bool = False,
+    elsewhere: Sequence[Path] = (),
 ) -> pd.DataFrame:
     """Detect objects in images of any size, 8 or 16 bits, grey or colour; return a table of `COLUMNS`, px of the image.
 
     Confidences are calibrated if all detectors have a calibration and the image is like POLAR's (see `likeness`). Other
-    images cause a warning with calibrated detectors.
+    images cause a warning with calibrated detectors, and are searched by the detectors `elsewhere`, if given.
 
     Parameters
     ----------
@@ -60,12 +61,14 @@ def detect_in_images(
         Images and folders of images. Unreadable images are skipped with a warning.
     weights
         Detectors. Detections of several detectors are merged, see `fusion.fuse`.
+    elsewhere
+        Detectors of images unlike POLAR's, instead of `weights`. Empty: `weights`.
     threads
         Number of images processed in parallel, each by one thread.
     out
         Folder to write: `detections.csv`, `labels/NAME.txt` (YOLO, with the confidence as sixth field), `coco.json`
-        (with `calibrated` for each image), optionally `masks/NAME.png` (class of every pixel, see `class_masks`; rocks
-        and shadows only inside written boxes) and `pictures/NAME.jpg` with masks and boxes drawn.
+        (with `calibrated` and `detector` for each image), optionally `masks/NAME.png` (class of every pixel, see
+        `class_masks`; rocks and shadows only inside written boxes) and `pictures/NAME.jpg` with masks and boxes drawn.
     draw
         Function that draws these images from 8-bit grey levels (h, w), boxes (n, 6), masks by kind, and the file name.
     confidence
@@ -74,17 +77,21 @@ def detect_in_images(
     paths = _listed(pictures)
     if out.exists():
         raise DetectError("the output folder already exists: choose a new folder", path=out)
-    trained = {path: detectors.read_detector(path) for path in weights}
-    has_calibration = all(detector.calibration for detector in trained.values())
+    groups = [list(weights), list(elsewhere)] if elsewhere else [list(weights)]
+    names = [" ".join(path.name for path in group) for group in groups]
+    trained = {path: detectors.read_detector(path) for group in groups for path in group}
+    has_calibration = all(trained[path].calibration for path in weights)
     unlike: list[str] = []
     rows: list[tuple[object, ...]] = []
     annotated: list[tuple[dict[str, object], list[coco.Annotation]]] = []
     with writing_folder(out) as folder:
         for name in ("labels", *(["masks"] if masks else []), *(["pictures"] if draw else [])):
             (folder / name).mkdir()
-        looks = [_load_look(path, detector, folder, options) for path, detector in trained.items()]
-        segmenters = [load_segmenter(path, options, _THREADS) for path in weights] if masks else []
-        widest = max(width for _, widths in [*looks, *segmenters] for width in widths)
+        looks = [[_load_look(path, trained[path], folder, options) for path in group] for group in groups]
+        segmenters = [[load_segmenter(path, options, _THREADS) for path in group] if masks else [] for group in groups]
+        sizes = [widths for group in looks for _, widths in group]
+        sizes += [tuple(widths) for group in segmenters for _, widths in group]
+        widest = max(max(widths) for widths in sizes)
 
         def look_at(path: Path) -> tuple[tuple[int, int], np.ndarray, bool] | PolarsimError | OSError:
             """Return width and height of an image, boxes (n, 6) in its pixels, and likeness to POLAR, or the error."""
@@ -93,10 +100,12 @@ def detect_in_images(
             except (PolarsimError, OSError) as error:
                 return error
             size, shown = (pixels.shape[1], pixels.shape[0]), _detector_input(pixels, widest)
-            parts = [look(shown, size) for look, _ in looks]
+            like_polar = is_like_polar(shown)
+            number = 0 if like_polar else len(groups) - 1
+            parts = [look(shown, size) for look, _ in looks[number]]
             found = fuse(parts, options.nms_iou) if len(parts) > 1 else parts[0]
             found = found[found[:, 4] >= confidence]
-            mask = within_boxes(class_mask(segmenters, shown, size), found) if segmenters else None
+            mask = within_boxes(class_mask(segmenters[number], shown, size), found) if masks else None
             if mask is not None:
                 class_masks.write_class_mask(folder / "masks" / f"{path.stem}.png", mask)
             if draw:
@@ -105,7 +114,7 @@ def detect_in_images(
                 )
                 drawn = draw(_eight_bits(pixels, pixels.dtype), found, kinds, path.name)
                 _write_jpeg(folder / "pictures" / f"{path.stem}.jpg", drawn)
-            return size, found, is_like_polar(shown)
+            return size, found, like_polar
 
         for path, finds in _in_order(paths, look_at, threads):
             if isinstance(finds, Exception):
@@ -116,11 +125,12 @@ def detect_in_images(
             calibrated = has_calibration and like_polar
             if has_calibration and not like_polar:
                 unlike.append(path.name)
-            rows += [(*row, calibrated) for row in detection_rows(path.name, found)]
+            detector = names[0 if like_polar else -1]
+            rows += [(*row, calibrated, detector) for row in detection_rows(path.name, found)]
             yolo.write_boxes(folder / "labels" / f"{path.stem}.txt", found[:, 5], found[:, :4], size, found[:, 4])
             image = {
                 "id": len(annotated) + 1, "file_name": relative_to(path, out), "width": size[0], "height": size[1],
-                "calibrated": calibrated,
+                "calibrated": calibrated, "detector": detector,
             }  # fmt: skip
             annotations = [
                 coco.Annotation(BOX_CLASSES[int(r[5])], NO_ROCK, r[:4], confidence=round(r[4], 4)) for r in found
@@ -131,8 +141,9 @@ def detect_in_images(
         if unlike:
             log.warning(
                 "%d of %d images are unlike POLAR's photos (few dark or clipped pixels), so that their confidences are "
-                "not calibrated and most rocks may be missed, first %s",
-                len(unlike), len(annotated), unlike[0],
+                "not calibrated and %s, first %s",
+                len(unlike), len(annotated),
+                f"{names[-1]} is used" if elsewhere else "most rocks may be missed", unlike[0],
             )  # fmt: skip
         table = pd.DataFrame(rows, columns=list(COLUMNS)).round({"confidence": 4, **dict.fromkeys(COLUMNS[3:7], 1)})
         tables.write_csv(folder / "detections.csv", table)

@@ -37,6 +37,7 @@ def score_elsewhere(
     name: str,
     folder: Path,
     weights: Path,
+    weights_elsewhere: Path,
     detections: Path,
     scores: Path,
     options: PredictionOptions,
@@ -44,6 +45,8 @@ def score_elsewhere(
     draw: Draw,
 ) -> None:
     """Detect rocks in the images of a folder; write the output of `polarsim detect` and a table, see `ELSEWHERE`.
+
+    `weights` and `weights_elsewhere`: detectors of images like and unlike POLAR's.
 
     `folder` has `images/`, and `labels/NAME.txt` (YOLO, class 0 is rock) or `masks/NAME.png` (pixels above 0 are rock;
     each connected component of at least `MIN_MASK_AREA` px is a rock). Images without a label file are excluded.
@@ -57,7 +60,7 @@ def score_elsewhere(
     labels = labelled_images(folder)
     found = detect_in_images(
         pictures=list(labels), weights=[weights], out=detections, options=options, threads=1,
-        confidence=MIN_CONFIDENCE, draw=draw_shown,
+        confidence=MIN_CONFIDENCE, draw=draw_shown, elsewhere=[weights_elsewhere],
     )  # fmt: skip
     # Unreadable images are not listed.
     images = {Path(row["file_name"]).name: row for row in read_json(detections / "coco.json")["images"]}

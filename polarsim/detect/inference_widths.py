@@ -15,7 +15,7 @@ from polarsim.errors import DetectError
 from polarsim.photo import BOX_CLASSES, REFERENCE_WIDTH_PX
 
 _OVERLAP = 1.25  # boxes within this factor of a gate are used from both widths before suppression
-_GATES_PX = (32.0, 48.0, 64.0, 96.0, 128.0)  # candidate gates between two widths
+GATES_PX = (32.0, 48.0, 64.0, 96.0, 128.0)  # candidate gates between two widths
 
 
 @dataclass(frozen=True)
@@ -90,10 +90,11 @@ def choose_sizes(
     found: Mapping[int, Sequence[np.ndarray]],
     nms_iou: float,
     width: int,
+    gates_px: Sequence[float] = GATES_PX,
 ) -> ClassInferenceWidths:
     """Return the widths and gates with the maximum AP@0.5 of each class.
 
-    Candidates are single widths and pairs of widths with gates of `_GATES_PX`. The images should show places that are
+    Candidates are single widths and pairs of widths with gates of `gates_px`. The images should show places that are
     used neither for training nor for the evaluation. Classes without labels get the sizes with the best mean AP@0.5.
 
     Labels are classes (n,) and boxes (n, 4) of each image, pixels of a photo of a `width`; `found` are the boxes of
@@ -103,7 +104,7 @@ def choose_sizes(
         raise DetectError("inference widths cannot be chosen: no image has labels")
     widths = sorted(found)
     candidates = [InferenceWidths((single,)) for single in widths]
-    candidates += [InferenceWidths(pair, (gate,)) for pair in combinations(widths, 2) for gate in _GATES_PX]
+    candidates += [InferenceWidths(pair, (gate,)) for pair in combinations(widths, 2) for gate in gates_px]
 
     def precisions(sizes: InferenceWidths) -> np.ndarray:
         """Return AP@0.5 (classes,); NaN for classes without labels."""

@@ -13,6 +13,7 @@ from polarsim.user_path import UserPath
 # Detector included in polarsim, with a model card in the same folder; docs/notes/detect.md describes the training.
 PACKAGED = Path(__file__).parent / "packaged" / "rocks.pt"
 PACKAGED_ROVER = PACKAGED.with_name("rover.pt")  # PACKAGED after fine-tuning on images of drives
+PACKAGED_FIELD = PACKAGED.with_name("field.pt")  # PACKAGED after training on scenes beyond the sandbox
 VIEWS = "views"  # training domain of rendered novel viewpoints
 SplitName = Literal["photo", "view", "position", "terrain"]
 InferenceWidth = Annotated[int, Field(ge=64, multiple_of=32)]  # px

@@ -92,7 +92,8 @@ def test_a_folder_is_scored_and_tabulated(folder, tmp_path, monkeypatch):
     monkeypatch.setattr("polarsim.detect.detectors.models.family", lambda _: Family)
     detectors.write_detector(tmp_path / "d.pt", detectors.Detector("compact", 320, 1, "scratch", {"w": torch.zeros(1)}))
     score_elsewhere(
-        name="mars", folder=folder, weights=tmp_path / "d.pt", detections=tmp_path / "out",
+        name="mars", folder=folder, weights=tmp_path / "d.pt", weights_elsewhere=tmp_path / "d.pt",
+        detections=tmp_path / "out",
         scores=tmp_path / "scores.parquet", options=PredictionOptions(), resamples=100, draw=draw_detections,
     )  # fmt: skip
     tabulate_elsewhere(

@@ -86,3 +86,32 @@ def test_detections_state_whether_confidences_are_calibrated(calibrated, tmp_pat
     warned = [record.getMessage() for record in caplog.records if "unlike POLAR" in record.getMessage()]
     assert len(warned) == (name == "calibrated")
     assert all("1 of 2" in text and "day.png" in text for text in warned)
+
+
+def test_images_unlike_polar_are_searched_by_another_detector(calibrated, tmp_path, caplog, monkeypatch):
+    def load(detector, *_):
+        return lambda pictures: [np.array([[50.0, 40, 90, 70, detector.imgsz / 1000, 0]]) for _ in pictures]
+
+    class Family:
+        pass
+
+    Family.load = staticmethod(load)
+    monkeypatch.setattr("polarsim.detect.detectors.models.family", lambda _: Family)
+    other = replace(detectors.read_detector(calibrated), imgsz=640, calibration=())
+    detectors.write_detector(tmp_path / "other.pt", other)
+    folder = tmp_path / "in"
+    folder.mkdir()
+    cv2.imwrite(str(folder / "day.png"), daylight())
+    cv2.imwrite(str(folder / "night.png"), low_sun())
+    with caplog.at_level(logging.WARNING):
+        found = detect_in_images(
+            pictures=[folder], weights=[calibrated], elsewhere=[tmp_path / "other.pt"], out=tmp_path / "out",
+            options=PredictionOptions(), threads=2,
+        )  # fmt: skip
+    rows = found.set_index("picture")
+    assert rows["detector"].to_dict() == {"day.png": "other.pt", "night.png": "calibrated.pt"}
+    assert rows["confidence"].to_dict() == {"day.png": 0.64, "night.png": 0.32}
+    assert rows["calibrated"].to_dict() == {"day.png": False, "night.png": True}
+    images = json.loads((tmp_path / "out/coco.json").read_text())["images"]
+    assert [row["detector"] for row in images] == ["other.pt", "calibrated.pt"]
+    assert any("other.pt is used" in record.getMessage() for record in caplog.records)

@@ -8,7 +8,7 @@ import typer.testing
 
 from polarsim.cli import app
 from polarsim.detect import detectors
-from polarsim.detect.options import PACKAGED, PACKAGED_ROVER
+from polarsim.detect.options import PACKAGED, PACKAGED_FIELD, PACKAGED_ROVER
 from polarsim.formats import png
 from polarsim.photo import BOX_CLASSES
 from polarsim.rover.cameras.options import OnboardOptions
@@ -16,12 +16,14 @@ from tests.detect.lumps import CENTRES, lit_lumps
 
 
 def test_packaged_detectors_are_small_and_have_widths_and_a_card():
-    for path in (PACKAGED, PACKAGED_ROVER):
+    for path in (PACKAGED, PACKAGED_ROVER, PACKAGED_FIELD):
         assert path.stat().st_size < 10_000_000
         assert detectors.read_detector(path).model == "compact"
         assert path.with_suffix(".md").is_file()
     detector, of_rover = map(detectors.read_detector, (PACKAGED, PACKAGED_ROVER))
-    assert len(detector.sizes) == len(detector.calibration) == len(BOX_CLASSES)
+    of_field = detectors.read_detector(PACKAGED_FIELD)
+    for complete in (detector, of_field):
+        assert len(complete.sizes) == len(complete.calibration) == len(BOX_CLASSES)
     assert [tuple(widths) for widths, _ in of_rover.sizes] == [(960,)] * len(BOX_CLASSES)
     assert OnboardOptions(weights="packaged_rover").weights_file == PACKAGED_ROVER
 
