@@ -20,7 +20,7 @@ def call(polarsim, monkeypatch):
     def drive(folder: Path, *more: object, **rover) -> subprocess.CompletedProcess:
         content = configured(**{**SMALL, **rover}) | {"run": "small", "terrains": [3]}
         (folder / "small.yaml").write_text(yaml.safe_dump(content))
-        return polarsim("drive", "--config", folder / "small.yaml", "--results", folder, "--no-pictures", *more)
+        return polarsim("drive", "--configfile", folder / "small.yaml", "--results", folder, "--no-pictures", *more)
 
     return drive
 

@@ -435,7 +435,7 @@ def test_a_drive_over_the_meshes_of_the_run(call, place, here, tmp_path):
     content = configured(**options) | {"run": "small", "terrains": [1]}
     (tmp_path / "drive.yaml").write_text(yaml.safe_dump(content))
     printed = call(
-        "drive", "--config", tmp_path / "drive.yaml", "--results", place / "results", "--no-pictures",
+        "drive", "--configfile", tmp_path / "drive.yaml", "--results", place / "results", "--no-pictures",
         "--out", here / "rover/seed0",
     )  # fmt: skip
     assert "offset, RMS" in printed
