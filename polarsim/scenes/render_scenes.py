@@ -67,7 +67,7 @@ def render_scenes(
     if not files:
         raise DetectError("no rock meshes found, expected at least one terrainNN_rockK.obj", path=meshes)
     ranges = replace(ranges or (FieldRanges() if options.kind == "field" else SceneRanges()), scale=options.scale)
-    shapes = read_shapes(list(files.values()), options)
+    shapes = read_rock_shapes(list(files.values()), options)
     with writing_folder(pictures) as folder:
         for kind in ("images", "masks", "labels"):
             (folder / kind).mkdir()
@@ -75,7 +75,7 @@ def render_scenes(
             write_scene(folder, shapes, terrain, scene, stored_px, options, ranges, threads)
 
 
-def read_shapes(files: Sequence[Path], options: SceneOptions) -> list[RockShape]:
+def read_rock_shapes(files: Sequence[Path], options: SceneOptions) -> list[RockShape]:
     """Read the shapes of rocks. Scenes of the kind field deform shapes at random and need only some of them."""
     chosen = files[:_FIELD_SHAPES] if options.kind == "field" else files
     return [RockShape(obj.read_obj(path)) for path in chosen]
