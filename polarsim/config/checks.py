@@ -16,7 +16,7 @@ from polarsim.rover.cameras.options import PACKAGED_FILES
 from polarsim.rover.perception.options import FINE_TUNED
 
 
-def check_config(config: Sections) -> None:
+def check_sections(config: Sections) -> None:
     """Raise a ValueError that begins with the key of the first value that does not fit the other sections."""
     _check_site(config)
     _check_scans(config)

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import ValidationError, field_validator, model_validator
 
-from polarsim.config.checks import check_config
+from polarsim.config.checks import check_sections
 from polarsim.config.digest import config_digest
 from polarsim.config.sections import Sections
 from polarsim.formats.yaml_files import describe_error
@@ -51,7 +51,7 @@ class Config(Sections):
 
     @model_validator(mode="after")
     def _consistent(self) -> Config:
-        check_config(self)
+        check_sections(self)
         return self
 
     def digest(self) -> str:

@@ -15,8 +15,8 @@ from polarsim.rover.perception.observation import rectification
 LENS = Lens(345.0, 345.0, 160.0, 100.0, width=320, height=200)
 RIG = rectification(LENS, 0.3)
 CELL = 0.02
-TEXTURE = ndimage.gaussian_filter(np.random.default_rng(1).normal(size=(600, 600)), 1.2)
-TEXTURE /= TEXTURE.std()
+SMOOTH_NOISE = ndimage.gaussian_filter(np.random.default_rng(1).normal(size=(600, 600)), 1.2)
+TEXTURE = SMOOTH_NOISE / SMOOTH_NOISE.std()
 BOX_LOW, BOX_HIGH = np.array([2.6, -0.5, 0.0]), np.array([3.0, 0.0, 0.25])
 RAYS = LENS.pixel_directions()
 
