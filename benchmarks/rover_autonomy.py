@@ -1,6 +1,7 @@
 """Autonomous drives of the rover by the workflow's functions: collisions and cost.
 
-`python benchmarks/rover_autonomy.py MESHES OUT --terrains 4 1 11 3 8 12 [--modes truth] [--poses truth odometry] [--seeds 40] [--minutes 60]`
+`python benchmarks/rover_autonomy.py MESHES OUT --terrains 4 1 11 3 8 12 [--modes truth] [--seeds 40] [--minutes 60]`
+`  [--poses truth odometry fused]`
 
 The large table, of modes, Suns, exposures, lights and detectors; detectors of a run are named `<domain>-seed<N>`:
 
