@@ -64,7 +64,8 @@ class Estimates:
             sun: Localiser(job.vehicle, job.seed, gravity, stereo=StereoMotion(rig, *DEPTHS_M), base_from_camera=camera)
             for sun in suns
         }
-        self.way, self.plane_pose, self.rows = 0.0, (0.0, 0.0, 0.0), []
+        self.way, self.plane_pose = 0.0, (0.0, 0.0, 0.0)
+        self.rows: list[tuple[object, ...]] = []
         self._last: np.ndarray | None = None
 
     def read(self, state: RoverState) -> None:
