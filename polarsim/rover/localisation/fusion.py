@@ -42,7 +42,9 @@ STEP_NOISE = 0.013
 GRAVITY_SD = 0.01  # m/s2, of the mean acceleration of a second that wheels and gyroscope do not explain
 REST_GRAVITY_SD = 0.002  # m/s2, of a standing rover
 _START_SD = 1e-4  # rad and m: the start is given
-_GATE = float(chi2.ppf(0.999, 6))  # of the squared normalised difference of a motion
+# Limits of the squared normalised difference of a motion, and of its rotation.
+_GATE, _ROTATION_GATE = float(chi2.ppf(0.999, 6)), float(chi2.ppf(0.999, 3))
+_SLIDE_M = 0.4  # maximum distance between pairs that wheels miss, for example when a wheel drops from a rock
 
 
 class PoseFilter:
@@ -136,7 +138,11 @@ class PoseFilter:
         return self._old @ base_from_camera, self.pose @ base_from_camera
 
     def move(self, motion: Motion, base_from_camera: Pose) -> bool:
-        """Correct by the motion of a camera since the last pair; return whether it agrees with the other sensors."""
+        """Correct by the motion of a camera since the last pair; return whether it agrees with the other sensors.
+
+        A motion with the rotation of the gyroscope and another translation is right, and the wheels are wrong: they
+        spin, slide and drop among rocks. Their uncertainty since the last pair then becomes the difference.
+        """
         assert self._old is not None, "no pose is remembered"
         old, new = self._cameras(base_from_camera)
         expected = old.inverse() @ new
@@ -150,8 +156,12 @@ class PoseFilter:
         jacobian[3:, OLD_ATTITUDE] = to_old @ cross_matrices((new.translation - self._old.translation)[None])[0]
         spread = jacobian @ self.covariance @ jacobian.T + motion.covariance
         if difference @ np.linalg.solve(spread, difference) > _GATE:
-            self.rejected += 1
-            return False
+            apart = float(difference[3:] @ difference[3:])
+            turn = difference[:3] @ np.linalg.solve(spread[:3, :3], difference[:3])
+            if turn > _ROTATION_GATE or apart > _SLIDE_M**2:
+                self.rejected += 1
+                return False
+            self.covariance[POSITION, POSITION] += apart * np.eye(3)
         self._correct(jacobian, difference, motion.covariance)
         return True
 

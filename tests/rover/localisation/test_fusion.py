@@ -133,6 +133,20 @@ def test_a_motion_that_contradicts_the_wheels_is_rejected():
     assert estimate.move(true, CAMERA)
 
 
+def test_a_slide_with_the_rotation_of_the_gyroscope_is_followed_and_another_rotation_is_not():
+    steps = drive(0)[: round(1 / DT)]
+    (true,) = motions(steps, 0)
+    slide = np.array([0.0, 0.05, 0.15])  # to the front of the camera, without turning wheels
+    slid = replace(true, before_from_now=Pose(true.before_from_now.rotation, true.before_from_now.translation + slide))
+    estimate, without = run(steps), run(steps).pose.translation
+    assert estimate.move(slid, CAMERA)
+    assert np.linalg.norm(estimate.pose.translation - without) == pytest.approx(np.linalg.norm(slide), abs=0.02)
+    turn = Pose.from_rotvec(np.array([0.0, 0.02, 0.0]), np.zeros(3))  # rad; the gyroscope is right to 1e-4
+    other, estimate = replace(slid, before_from_now=slid.before_from_now @ turn), run(steps)
+    assert not estimate.move(other, CAMERA)
+    assert estimate.rejected == 1
+
+
 def test_motions_reveal_a_slip_that_the_wheels_do_not_know():
     steps = drive(1)
     estimate = run(steps, motions(steps, 1))
