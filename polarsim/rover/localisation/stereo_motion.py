@@ -18,10 +18,11 @@ from polarsim.rover.localisation.motion import Motion
 from polarsim.rover.localisation.motion_fit import Fit, cross_matrices, fit_motion
 
 _KEPT_M, _KEPT_SHARE = 0.5, 0.5  # of a keyframe: maximum motion, and minimum share of corners that are inliers
-_LEAST, _LEAST_SHARE = 15, 0.35  # minimum number of inliers, and minimum share of the tracks
+_LEAST = 15  # minimum number of inliers
+_TRACK_SHARE, _MATCH_SHARE = 0.35, 0.15  # minimum share of inliers: tracks, and matches, whose tracks are then fitted
 _VISIBLE_SHARE = 0.15  # minimum share of inliers among corners that the motion moves into the picture
 _TRACK_PX, _MATCH_PX = 2.0, 3.0  # maximum reprojection errors of inliers: tracks, and matches with rough depth
-_ITERATIONS = 200
+_ITERATIONS = 1000  # of RANSAC at most; fewer with many inliers
 _NEAR_PX = 4.0  # maximum distance of tracks from the position that RANSAC predicts
 
 
@@ -72,7 +73,7 @@ class StereoMotion:
     ) -> Motion | None:
         """Return the motion by the corners of a keyframe."""
         for guess in self._guesses(keyframe, left, lit, predicted):
-            rough = self._consensus(*self._tracks(keyframe, left, lit, guess), _TRACK_PX)
+            rough = self._consensus(*self._tracks(keyframe, left, lit, guess), _TRACK_PX, _TRACK_SHARE)
             fit = None if rough is None else self._fit(keyframe, left, right, lit, rough)
             if fit is not None:
                 break
@@ -89,7 +90,7 @@ class StereoMotion:
         for step in (predicted, self._last, Pose.identity()):
             if step is not None:
                 yield (self._keyframe_from_before @ step).inverse()
-        matched = self._consensus(*self._tracker.match(keyframe, left, lit), _MATCH_PX)
+        matched = self._consensus(*self._tracker.match(keyframe, left, lit), _MATCH_PX, _MATCH_SHARE)
         if matched is not None:
             yield matched
 
@@ -101,17 +102,23 @@ class StereoMotion:
         points = self._tracker.directions(keyframe.corners[good]) / keyframe.inverse_depth[good, None]
         return points, position[good]
 
-    def _consensus(self, points: np.ndarray, position: np.ndarray, within_px: float) -> Pose | None:
-        """Return the pose of points (n, 3) with enough positions (n, 2) within a distance, by RANSAC."""
+    def _consensus(self, points: np.ndarray, position: np.ndarray, within_px: float, share: float) -> Pose | None:
+        """Return the pose of points (n, 3) with a share of positions (n, 2) within a distance, by RANSAC."""
         import cv2
 
         if len(points) < _LEAST:
             return None
         cv2.setRNGSeed(0)
         fits, rotation, translation, inliers = cv2.solvePnPRansac(
-            points, position, self._tracker.matrix, None, iterationsCount=_ITERATIONS, reprojectionError=within_px
+            points,
+            position,
+            self._tracker.matrix,
+            None,
+            iterationsCount=_ITERATIONS,
+            reprojectionError=within_px,
+            flags=cv2.SOLVEPNP_AP3P,
         )
-        if not fits or inliers is None or len(inliers) < max(_LEAST, _LEAST_SHARE * len(points)):
+        if not fits or inliers is None or len(inliers) < max(_LEAST, share * len(points)):
             return None
         return Pose.from_rotvec(rotation.ravel(), translation.ravel())
 
