@@ -77,7 +77,7 @@ PLANS = (
     (ANALOG, ("all", "rover", "rover_autonomy", "publish", "rock_diameters", "elsewhere")),
     (FITTED, ("all",)),
     (WITHOUT_SCANS, ("rocks",)),
-    (RELEASE, ("all", "real_tables")),
+    (RELEASE, ("all", "real_tables", "field_detector")),
     (FITTED_RELEASE, ("render", "before_after")),
     (ONE_SEED, ("cover_photos",)),
     (POLAR, ("tables",)),
