@@ -52,8 +52,8 @@ rule read_sensors:
         drive="results/{run}/rover/seed{seed}/drive.json",  # read through trace
         vehicle=DRIVES.vehicle,
     output:
-        sensors="results/{run}/rover/seed{seed}/localisation/sensors.parquet",
-        calibration="results/{run}/rover/seed{seed}/localisation/calibration.json",  # written through sensors
+        sensors="results/{run}/rover/seed{seed}/localisation/sensors.parquet",  # written through trace
+        calibration="results/{run}/rover/seed{seed}/localisation/calibration.json",  # written through trace
     resources:
         mem_mb=memory_per_attempt(1000),
         runtime=10,
@@ -128,11 +128,11 @@ rule localise_drive:
         trace="results/{run}/rover/seed{seed}/trace.parquet",
         tracks="results/{run}/rover/seed{seed}/tracks.npz",  # read through trace
         drive="results/{run}/rover/seed{seed}/drive.json",  # read through trace
-        calibration="results/{run}/rover/seed{seed}/localisation/calibration.json",
+        calibration="results/{run}/rover/seed{seed}/localisation/calibration.json",  # read through trace
         pictures=DRIVES.pictures_of_drive(),  # read through trace
         vehicle=DRIVES.vehicle,
     output:
-        estimates="results/{run}/rover/seed{seed}/localisation/estimates.parquet",
+        estimates="results/{run}/rover/seed{seed}/localisation/estimates.parquet",  # written through trace
     resources:
         mem_mb=memory_per_attempt(1000),
         runtime=60,

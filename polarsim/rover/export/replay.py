@@ -16,10 +16,10 @@ from polarsim.geometry.stereo import StereoRig
 from polarsim.geometry.trajectories import POSE_COLUMNS
 from polarsim.rover.cameras.layout import frame_files
 from polarsim.rover.drive.state import recorded_states
-from polarsim.rover.drive.trace import Trace
+from polarsim.rover.drive.trace import Trace, read_trace
 from polarsim.rover.localisation.localiser import Localiser
 from polarsim.rover.localisation.stereo_motion import StereoMotion
-from polarsim.rover.vehicle.table import Vehicle
+from polarsim.rover.vehicle.table import Vehicle, read_vehicle
 from polarsim.run_files.calibration import (
     CALIBRATION,
     ESTIMATE_COLUMNS,
@@ -33,6 +33,11 @@ Pairs = dict[float, tuple[Path, Path]]  # files of stereo pairs by time, s
 ODOMETRY, FUSED = "odometry", "fused"  # wheels and IMU; these and stereo odometry
 _LOG_EVERY = 5  # readings
 _NEAREST_M, _FARTHEST_M = 1.5, 10.0  # range of depths of stereo odometry
+
+
+def write_estimates_of_drive(*, drive: Path, vehicle: Path, picture_sets: Sequence[str], seed: int) -> None:
+    """Write the estimates of the poses of a recorded drive to its folder."""
+    write_estimates(drive, read_trace(drive), read_vehicle(vehicle), picture_sets, seed)
 
 
 def write_estimates(folder: Path, trace: Trace, vehicle: Vehicle, picture_sets: Sequence[str], seed: int) -> None:

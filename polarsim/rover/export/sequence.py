@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from polarsim.formats import tables
-from polarsim.rover.drive.trace import Trace
+from polarsim.rover.drive.trace import Trace, read_trace
 from polarsim.rover.localisation.sensors import (
     ACCELERATION_NOISE,
     ACCELERATION_WALK,
@@ -18,7 +18,7 @@ from polarsim.rover.localisation.sensors import (
 )
 from polarsim.rover.vehicle.camera_names import FOLLOWING
 from polarsim.rover.vehicle.mounts import mount_of
-from polarsim.rover.vehicle.table import Vehicle
+from polarsim.rover.vehicle.table import Vehicle, read_vehicle
 from polarsim.run_files.calibration import (
     CALIBRATION,
     FOLDER,
@@ -29,6 +29,11 @@ from polarsim.run_files.calibration import (
     SensorCalibration,
     stereo_pair,
 )
+
+
+def write_sensors_of_drive(*, drive: Path, vehicle: Path, views: Sequence[str], scale: float, seed: int) -> None:
+    """Write the readings and the calibration of a recorded drive to its folder."""
+    write_sensors(drive, read_trace(drive), read_vehicle(vehicle), views, scale, seed)
 
 
 def write_sensors(folder: Path, trace: Trace, vehicle: Vehicle, views: Sequence[str], scale: float, seed: int) -> None:
