@@ -107,7 +107,9 @@ def _title(folder: Path) -> str:
     mode = with_pose(mode, pose)
     drive = read_json(folder / "drive.json")
     conditions = [sun_title(light[0]), exposure_title(light[1])] if light else []
-    return f"{', '.join([mode, *conditions])}: {drive['ended']} after {drive['seconds']:.0f} s"
+    return (
+        f"{', '.join([mode, *conditions])}:\n{drive['ended']} after {drive['seconds']:.0f} s"  # a line overlaps images
+    )
 
 
 def _draw_map(axis: Any, folder: Path) -> None:
