@@ -66,7 +66,7 @@ def yard(ground, tmp_path_factory):
     around = [wall(0, -1), wall(0, 1), wall(1, 1), box(np.array([-9, -9, -0.6]), np.array([9, 9, -0.5]))]
     scene, grid, clouds = caster_of([ground, *around]), rectified_left(RIG), {}
     for position, pose in TRUE.items():
-        points = range_map(scene, pose, grid.lens.scaled(0.6), rng, 0.0015)
+        points = range_map(scene, pose, grid.lens.scaled(0.8), rng, 0.0015)  # shows the far wall
         points = points[np.isfinite(points).all(axis=-1)]
         clouds[position] = str(folder / f"{position}.xyz")
         nasa.write_cloud(clouds[position], points, np.ones(len(points)), "m")
