@@ -12,6 +12,7 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.rover.cameras.frames import pose_table
 from polarsim.rover.cameras.layout import TRUTH_COLUMNS
 from polarsim.rover.drive.trace import COLUMNS, LevelChanges, Trace, trace_table, write_trace
+from polarsim.rover.export.replay import write_estimates
 from polarsim.rover.export.sequence import write_sensors
 from polarsim.rover.vehicle.mounts import mount_of
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
@@ -74,6 +75,7 @@ def write_drive(
     trace = straight_drive()
     write_trace(folder, trace)
     write_sensors(folder, trace, vehicle, views, scale, seed=0)
+    write_estimates(folder, trace, vehicle, (), seed=0)
     frames = range(0, len(trace.tracks.time), 2)
     for view in views:
         mount = mount_of(vehicle.camera(view), scale)

@@ -13,6 +13,7 @@ from polarsim.errors import FormatError
 from polarsim.rover.drive.trace import write_trace
 from polarsim.rover.export.bag import grid_map, write_bag
 from polarsim.rover.export.options import BagOptions
+from polarsim.rover.export.replay import write_estimates
 from polarsim.rover.export.sensor_messages import first_per_period
 from polarsim.rover.export.sequence import write_sensors
 from polarsim.rover.vehicle.table import read_vehicle
@@ -66,6 +67,7 @@ def test_all_topics_read_back(found):
         "/imu/truth": 201,
         "/wheels/speeds": 201,
         "/wheels/steering": 201,
+        "/pose/odometry": round(seconds * 20) + 1,
         "/terrain/height": 2,
         **{
             f"/{view}/{topic}": pictures
@@ -191,6 +193,7 @@ def test_memory_does_not_grow_with_the_drive(tmp_path):
         trace = straight_drive(seconds, log_hz=5, picture_hz=10)
         write_trace(folder, trace)
         write_sensors(folder, trace, VEHICLE, (), 1.0, seed=0)
+        write_estimates(folder, trace, VEHICLE, (), seed=0)
         tracemalloc.start()
         write_bag(folder, folder / "drive.mcap", VEHICLE, BagOptions(height_hz=10))
         peaks.append(tracemalloc.get_traced_memory()[1])
