@@ -7,14 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 from polarsim.cli import main
 
-# No deadlines, because busy machines are slow. Deterministic examples: a failure is caused by the tested change;
+# No limits of time, because busy machines are slow. Deterministic examples: a failure is caused by the tested change;
 # `--hypothesis-profile explore` uses random examples.
-settings.register_profile("polarsim", deadline=None, derandomize=True)
-settings.register_profile("explore", deadline=None)
+UNTIMED = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+settings.register_profile("polarsim", derandomize=True, **UNTIMED)
+settings.register_profile("explore", **UNTIMED)
 settings.load_profile("polarsim")
 
 CHECKOUT = Path(__file__).parent.parent
