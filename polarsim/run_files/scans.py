@@ -39,22 +39,24 @@ def read_scan(
 
     `files` states frame and unit of the clouds.
     `interpolated`: interpolate clouds to about the density of NASA's range maps, for grids of heights without holes.
-    Registration is more accurate with measured points.
+    Registration is more accurate with the means of measured points.
     """
     grid = rectified_left(rig)
     lens, path = grid.lens, inventory.range_maps.get(position)
     if path is not None:
         range_map = nasa.read_range_map(path, (lens.width, lens.height))
+        points = range_map[trusted_pixels(range_map, lens.fx)].astype(float)
     else:
         cloud = _read_cloud(Path(inventory.clouds[position]), files.cloud_unit)
         if files.cloud_frame == "left":
             cloud = grid.left_from_rectified.inverse().apply(cloud)
         with with_path(inventory.clouds[position]):
-            range_map, lens = range_map_of_cloud(cloud, lens)
-    trusted = range_map[trusted_pixels(range_map, lens.fx)].astype(float)
-    if interpolated and path is None and len(trusted):
-        trusted = interpolate(trusted, lens.fx, grid.lens.scaled(min(1.0, FINER * lens.width / grid.lens.width)))
-    return np.asarray(grid.left_from_rectified.apply(trusted))
+            points, means, coarse = surface_of_cloud(cloud, lens)
+        if not interpolated:
+            points = means
+        elif len(points):
+            points = interpolate(points, coarse.fx, lens.scaled(min(1.0, FINER * coarse.width / lens.width)))
+    return np.asarray(grid.left_from_rectified.apply(points))
 
 
 def _read_cloud(path: Path, unit: Literal["mm", "m"]) -> np.ndarray:
@@ -89,14 +91,12 @@ def _allowed_jump(distance: np.ndarray, focal_px: float) -> np.ndarray:
     return np.maximum(NOISE_JUMP, GRAZING_JUMP * distance / focal_px)
 
 
-def range_map_of_cloud(cloud: np.ndarray, lens: Lens) -> tuple[np.ndarray, Lens]:
-    """Convert a cloud (n, 3) in the rectified left frame to a range map with the mean of the nearest surface per pixel.
+def surface_of_cloud(cloud: np.ndarray, lens: Lens) -> tuple[np.ndarray, np.ndarray, Lens]:
+    """Return the points (m, 3) of a cloud (n, 3) on the nearest surface of trusted pixels, and the means of the pixels.
 
-    The nearest point of a pixel would be too near by half the standard deviation of the range noise, so that scans from
-    opposite sides would not agree.
-
-    Return the range map and the lens of the map. The resolution is chosen such that most pixels have a point, because
-    `trusted_pixels` compares adjacent pixels. A cloud with few points in the image raises FormatError.
+    Both are in the rectified left frame. The trusted pixels are those of a range map of the means, whose lens is
+    also returned. The resolution of the map is chosen such that most pixels have a point, because `trusted_pixels`
+    compares adjacent pixels. A cloud with few points in the image raises FormatError.
     """
     pixels = lens.project(cloud)
     inside = np.isfinite(pixels).all(axis=1)
@@ -115,11 +115,12 @@ def range_map_of_cloud(cloud: np.ndarray, lens: Lens) -> tuple[np.ndarray, Lens]
     nearest = np.full(coarse.width * coarse.height, np.inf)
     np.minimum.at(nearest, pixel, distance)
     front = distance <= (nearest + _allowed_jump(nearest, coarse.fx))[pixel]
-    sums = [np.bincount(pixel[front], axis[front], len(nearest)) for axis in points.T]
+    points, pixel = points[front], pixel[front]
+    sums = [np.bincount(pixel, axis, len(nearest)) for axis in points.T]
     with np.errstate(invalid="ignore"):
-        mean = np.stack(sums, axis=-1) / np.bincount(pixel[front], minlength=len(nearest))[:, None]
-    range_map = mean.reshape(coarse.height, coarse.width, 3).astype(np.float32)
-    return range_map, coarse
+        mean = np.stack(sums, axis=-1) / np.bincount(pixel, minlength=len(nearest))[:, None]
+    trusted = trusted_pixels(mean.reshape(coarse.height, coarse.width, 3), coarse.fx).ravel()
+    return points[trusted[pixel]], mean[trusted], coarse
 
 
 def interpolate(points: np.ndarray, focal_px: float, lens: Lens) -> np.ndarray:

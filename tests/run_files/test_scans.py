@@ -9,7 +9,7 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig, rectified_left
 from polarsim.run_files.inventory import Inventory
-from polarsim.run_files.scans import interpolate, range_map_of_cloud, read_scan, trusted_pixels
+from polarsim.run_files.scans import interpolate, read_scan, surface_of_cloud, trusted_pixels
 from polarsim.site_parts import Files
 from tests.support.other_site import other_rig
 
@@ -41,20 +41,22 @@ def test_noise_of_two_millimetres_is_trusted(rng):
     assert trusted.mean() > 0.99
 
 
-def test_a_cloud_becomes_a_range_map_of_the_nearest_points():
+def test_the_surface_of_a_cloud_hides_points_behind_it():
     near, far = seen(np.full((120, 200), 2.0)).reshape(-1, 3), seen(np.full((120, 200), 3.0)).reshape(-1, 3)
-    range_map, lens = range_map_of_cloud(np.concatenate([near, far]).astype(float), LENS)
-    assert range_map.shape == (lens.height, lens.width, 3)
-    assert np.nanmax(range_map[..., 2]) == pytest.approx(2.0)
-    assert np.isfinite(range_map[..., 2]).mean() > 0.95
+    points, means, _ = surface_of_cloud(np.concatenate([near, far]).astype(float), LENS)
+    assert points[:, 2].max() == pytest.approx(2.0)
+    assert means[:, 2].max() == pytest.approx(2.0)
+    assert len(points) > 0.98 * len(near)
 
 
-def test_noise_does_not_move_the_range_map_of_a_cloud_towards_the_scanner(rng):
-    """Pixels have several points; their minimum would be 1 mm nearer than the plane."""
+def test_the_surface_of_a_noisy_cloud_has_all_of_its_points(rng):
+    """Pixels have four points; the nearest of each would be 1 mm nearer than the plane."""
     directions = LENS.directions(rng.uniform([0, 0], [LENS.width, LENS.height], (100_000, 2)))
     depth = 2.5 + 0.002 * rng.normal(size=100_000)
-    range_map, _ = range_map_of_cloud(directions / directions[:, 2:] * depth[:, None], LENS)
-    assert abs(np.nanmean(range_map[..., 2]) - 2.5) < 5e-5  # standard error 7e-6
+    points, means, _ = surface_of_cloud(directions / directions[:, 2:] * depth[:, None], LENS)
+    assert len(points) > 0.98 * len(depth)
+    for surface in (points, means):
+        assert abs(surface[:, 2].mean() - 2.5) < 5e-5  # standard error 7e-6
 
 
 def test_points_between_the_points_of_a_cloud_are_on_their_plane_and_not_across_edges(rng):
@@ -63,9 +65,8 @@ def test_points_between_the_points_of_a_cloud_are_on_their_plane_and_not_across_
     rays = LENS.directions(pixels)
     on_plane = pixels[:, 0] < 100
     depth = np.where(on_plane, 2 / (rays @ [0, 0.3, 1]), 5 / rays[:, 2])
-    range_map, lens = range_map_of_cloud(rays * depth[:, None], LENS)
-    trusted = range_map[trusted_pixels(range_map, lens.fx)].astype(float)
-    found = interpolate(trusted, lens.fx, LENS)
+    points, _, lens = surface_of_cloud(rays * depth[:, None], LENS)
+    found = interpolate(points, lens.fx, LENS)
     near = found[:, 2] < 3.5
     np.testing.assert_allclose(found[near] @ [0, 0.3, 1], 2, atol=1e-5)
     np.testing.assert_allclose(found[~near][:, 2], 5, atol=1e-5)
