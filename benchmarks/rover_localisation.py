@@ -3,10 +3,11 @@
 `python benchmarks/rover_localisation.py MESHES OUT.csv [--metres 62] [--seeds 1] [--suns 1 2 3 4] [--scale 0.5]`
 
 The rover follows a straight line over a random relief with craters by its true pose, so that all estimates are of the
-same drive. Each second all Suns take the stereo pair that an autonomous drive takes. A row per seed and source: way,
-errors at the end along the path, to the left and upwards, heading error, largest share of the error in the way from
-5 m on, normalised squared error (6 if the covariance is right), motions that were not found or rejected. Rocks, if
-any, have the shapes of the meshes of `--terrain`; the ground of the pictures has no ruts.
+same drive. Each second all Suns take the stereo pair that an autonomous drive takes. OUT.csv contains the errors of
+each second. Printed is a row per seed and source: way, errors at the end along the path, to the left and upwards,
+heading error, normalised squared error (6 if the covariance is right), motions that were not found or rejected, and the
+largest share of the error in the way from 5 m on. Rocks, if any, have the shapes of the meshes of `--terrain`; the
+ground of the pictures has no ruts.
 """
 
 from __future__ import annotations
