@@ -40,10 +40,11 @@ from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.camera_names import FRONT
 from polarsim.rover.vehicle.mounts import mount_of
 from polarsim.rover.world.options import DemOptions, WorldOptions
+from polarsim.schemas.rover import ODOMETRY
 
 CONFIG = Path(__file__).parents[1] / "config"
-BASE_M, DEPTHS_M, EXPOSURE_MS, PAIRS_HZ = 0.3, (1.5, 10.0), 256.0, 1.0  # as in autonomous drives
-ODOMETRY, LEAST_M = "odometry", 5.0
+BASE_M, EXPOSURE_MS, PAIRS_HZ = 0.3, 256.0, 1.0  # as in autonomous drives
+LEAST_M = 5.0
 
 
 class Estimates:
@@ -62,7 +63,7 @@ class Estimates:
         gravity = job.physics.gravity_m_s2
         camera = self._mount.base_from_camera @ rig.left_from_rectified
         self.localisers = {ODOMETRY: Localiser(job.vehicle, job.seed, gravity)} | {
-            sun: Localiser(job.vehicle, job.seed, gravity, stereo=StereoMotion(rig, *DEPTHS_M), base_from_camera=camera)
+            sun: Localiser(job.vehicle, job.seed, gravity, stereo=StereoMotion(rig), base_from_camera=camera)
             for sun in suns
         }
         self.way, self.plane_pose = 0.0, (0.0, 0.0, 0.0)

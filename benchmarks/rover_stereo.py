@@ -36,7 +36,6 @@ from polarsim.rover.vehicle.mounts import mount_of
 from polarsim.rover.world.options import DemOptions, WorldOptions
 
 STEP_M, BASELINE_M, SCALE = 0.2, 0.3, 0.25
-NEAREST_M, FARTHEST_M = 1.0, 10.0
 RADIUS_M, SINKAGE_M = 0.25, 0.016
 SUNS, NIGHT = ("1", "2", "3", "4"), "night"
 
@@ -144,7 +143,7 @@ def main() -> None:
                 side = np.maximum(light[:, sun] - (light[:, -1] if lights == "off" else 0), 0)
                 taken = [camera.expose(side[k], "hapke", asked.exposure, number, sun, k, lights) for k in range(2)]
                 pairs.append(tone.to_8_bits(np.stack(taken).astype(np.float32)))
-            text = row(pairs, rectified, StereoMotion(rig, NEAREST_M, FARTHEST_M), asked.predicted)
+            text = row(pairs, rectified, StereoMotion(rig), asked.predicted)
             print(f"Sun {SUNS[sun]}, lights {lights}: {text}", flush=True)
 
 

@@ -23,12 +23,12 @@ from polarsim.geometry.poses import Pose
 from polarsim.geometry.trajectories import POSE_COLUMNS, Trajectory, trajectory_errors
 from polarsim.publish.bundle import Bundle
 from polarsim.publish.catalogue import Catalogue
-from polarsim.run_files.calibration import (
+from polarsim.run_files.localisation import (
     CALIBRATION,
-    ESTIMATE_COLUMNS,
     ESTIMATES,
-    FOLDER,
+    ESTIMATOR_COLUMNS,
     IMU_COLUMNS,
+    LOCALISATION,
     SENSORS,
     CalibratedCamera,
     Imu,
@@ -45,12 +45,12 @@ _BODY = (*POSE_COLUMNS, *_VELOCITY)
 def drive_files(catalogue: Catalogue) -> Iterator[Path]:
     """Yield the images of drives, and traces and readings four times: as text, they are about four times as large."""
     for drive in catalogue.drives:
-        yield from (*drive.rglob("*.png"), *[drive / TRACE, drive / FOLDER / SENSORS] * 4)
+        yield from (*drive.rglob("*.png"), *[drive / TRACE, drive / LOCALISATION / SENSORS] * 4)
 
 
 def without_sensors(catalogue: Catalogue) -> str:
     """Return the reason why a drive of the run cannot be published as a sequence; empty if all can."""
-    missing = [drive.name for drive in catalogue.drives if not (drive / FOLDER / ESTIMATES).is_file()]
+    missing = [drive.name for drive in catalogue.drives if not (drive / LOCALISATION / ESTIMATES).is_file()]
     return f"no estimated poses in {', '.join(missing)}: run the target `rover` again" if missing else ""
 
 
@@ -83,10 +83,10 @@ class DriveSequence:
 def sequences(catalogue: Catalogue) -> Iterator[DriveSequence]:
     """Yield a sequence per drive and light."""
     for folder in catalogue.drives:
-        calibration = read_sensor_calibration(folder / FOLDER / CALIBRATION)
+        calibration = read_sensor_calibration(folder / LOCALISATION / CALIBRATION)
         columns = ("time_s", *IMU_COLUMNS, *_wheel_columns(calibration))
-        table, readings = read_parquet(folder / TRACE, _BODY), read_parquet(folder / FOLDER / SENSORS, columns)
-        estimates = read_parquet(folder / FOLDER / ESTIMATES, (*ESTIMATE_COLUMNS, *POSE_COLUMNS))
+        table, readings = read_parquet(folder / TRACE, _BODY), read_parquet(folder / LOCALISATION / SENSORS, columns)
+        estimates = read_parquet(folder / LOCALISATION / ESTIMATES, (*ESTIMATOR_COLUMNS, *POSE_COLUMNS))
         views = list(_views(folder, calibration))
         for light in sorted({view.pictures.name for view in views}) or [""]:
             chosen = estimates[estimates["pictures"].isin(["", light])].groupby("estimator")

@@ -12,7 +12,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.report.layout import MISSING, write_blocks, write_table
 from polarsim.report.training_seeds import value_and_interval
-from polarsim.schemas.rover import ALL, AUTONOMY, AUTONOMY_DETECTORS, AUTONOMY_EFFECTS, AUTONOMY_RANK, KNOWN
+from polarsim.schemas.rover import ALL, AUTONOMY, AUTONOMY_DETECTORS, AUTONOMY_EFFECTS, AUTONOMY_RANK, END_ERROR, KNOWN
 
 CAPTION = (
     "Autonomous drives, means over seeds. Mode: hazards from labels (truth), a detector, stereo depth, both, or none "
@@ -38,7 +38,6 @@ RANK_NOTES = (
     "and p is below 0.05 (not corrected for the number of rows).",
 )
 BY_PART = "by wheels, legs, body"
-END_ERROR = "position error at the end, of the path"
 SHOWN = {
     "collisions": "collisions",
     BY_PART: BY_PART,

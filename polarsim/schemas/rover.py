@@ -4,9 +4,9 @@ from polarsim.schemas.table import Shared
 
 COLLISION, TOUCH, STOP = "collision", "touch", "stop"  # kinds of events
 MODES = ("truth", "detector", "stereo", "both", "blind")  # inputs of the planner
-POSES = ("truth", "odometry", "fused")  # sources of the rover's pose
-KNOWN, FUSED = POSES[0], POSES[-1]
+POSES = KNOWN, ODOMETRY, FUSED = "truth", "odometry", "fused"  # sources of the rover's pose
 ANY, ALL = "any", "all"  # level of an axis without effect on a drive, and all levels pooled
+END_ERROR = "position error at the end, of the path"  # name of a metric
 HIGH_M = 0.10  # minimum height of a rock for a collision; contact with a lower rock is a touch
 SHARED = Shared("""
     metric | str | | Name of the metric

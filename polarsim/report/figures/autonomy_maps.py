@@ -15,6 +15,7 @@ from polarsim.formats.npz import read_arrays
 from polarsim.formats.tables import read_parquet
 from polarsim.report.autonomy_table import with_pose
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, figure_title, legend_line, page, show_image
+from polarsim.run_files.localisation import ESTIMATE, LOCALISATION
 from polarsim.run_files.picture_sets import exposure_title, sun_title
 from polarsim.schemas.rover import AUTONOMY_EVENTS, COLLISION, HIGH_M, KNOWN, MODES, POSES, STOP, TOUCH
 
@@ -76,7 +77,7 @@ def mode_and_pose(folder: Path) -> tuple[str, str]:
 
 def estimated_path(folder: Path) -> pd.DataFrame | None:
     """Return the path that the rover estimated, x_m and y_m; None if the pose was known."""
-    path = folder / "localisation/estimate.parquet"
+    path = folder / LOCALISATION / ESTIMATE
     return read_parquet(path, ("x_m", "y_m")) if path.is_file() else None
 
 

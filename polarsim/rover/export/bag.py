@@ -35,7 +35,7 @@ from polarsim.rover.localisation.sensors import SENSOR_COLUMNS
 from polarsim.rover.vehicle.camera_names import FOLLOWING
 from polarsim.rover.vehicle.mounts import mount_of, pose_of_quaternion
 from polarsim.rover.vehicle.table import WHEELS, CameraPart, Vehicle
-from polarsim.run_files.calibration import ESTIMATES, FOLDER, SENSORS
+from polarsim.run_files.localisation import ESTIMATES, LOCALISATION, SENSORS
 
 STATE_HZ = 50.0  # messages of states per second; those of sensors have the rate of the readings
 HEIGHT_CELL_M = 0.06  # minimum cell of /terrain/height, since the cells of the drive would need too much space
@@ -49,8 +49,8 @@ def write_bag(folder: Path, out: Path, vehicle: Vehicle, options: BagOptions) ->
     trace = read_trace(folder)
     streams = [
         _still(trace, vehicle), _states(trace, vehicle), _heights(trace, options), true_imu(trace),
-        readings(tables.read_parquet(folder / FOLDER / SENSORS, SENSOR_COLUMNS)),
-        *estimates(folder / FOLDER / ESTIMATES, options),
+        readings(tables.read_parquet(folder / LOCALISATION / SENSORS, SENSOR_COLUMNS)),
+        *estimates(folder / LOCALISATION / ESTIMATES, options),
     ]  # fmt: skip
     for camera in vehicle.cameras:
         pictures = picture_folder(folder, camera.name, options.sun, options.model, options.exposure_ms)

@@ -20,19 +20,18 @@ from polarsim.rover.drive.trace import Trace, read_trace
 from polarsim.rover.localisation.localiser import Localiser
 from polarsim.rover.localisation.stereo_motion import StereoMotion
 from polarsim.rover.vehicle.table import Vehicle, read_vehicle
-from polarsim.run_files.calibration import (
+from polarsim.run_files.localisation import (
     CALIBRATION,
-    ESTIMATE_COLUMNS,
     ESTIMATES,
-    FOLDER,
+    ESTIMATOR_COLUMNS,
+    LOCALISATION,
     SensorCalibration,
     read_sensor_calibration,
 )
+from polarsim.schemas.rover import FUSED, ODOMETRY
 
 Pairs = dict[float, tuple[Path, Path]]  # files of stereo pairs by time, s
-ODOMETRY, FUSED = "odometry", "fused"  # wheels and IMU; these and stereo odometry
 _LOG_EVERY = 5  # readings
-_NEAREST_M, _FARTHEST_M = 1.5, 10.0  # range of depths of stereo odometry
 
 
 def write_estimates_of_drive(*, drive: Path, vehicle: Path, picture_sets: Sequence[str], seed: int) -> None:
@@ -42,21 +41,21 @@ def write_estimates_of_drive(*, drive: Path, vehicle: Path, picture_sets: Sequen
 
 def write_estimates(folder: Path, trace: Trace, vehicle: Vehicle, picture_sets: Sequence[str], seed: int) -> None:
     """Write the estimates of wheels and IMU, and of these with the stereo pair in each set of pictures."""
-    calibration = read_sensor_calibration(folder / FOLDER / CALIBRATION)
+    calibration = read_sensor_calibration(folder / LOCALISATION / CALIBRATION)
     gravity = float(trace.drive["options"]["soil"]["gravity_m_s2"])
     estimated: list[tuple[str, Localiser, Pairs]] = [("", Localiser(vehicle, seed, gravity), {})]
     if calibration.stereo:
         rig, base_from_camera = stereo_rig(calibration, calibration.stereo)
         for name in picture_sets:
-            stereo = StereoMotion(rig, _NEAREST_M, _FARTHEST_M)
+            stereo = StereoMotion(rig)
             localiser = Localiser(vehicle, seed, gravity, stereo=stereo, base_from_camera=base_from_camera)
             estimated.append((name, localiser, dict(_pairs(folder, calibration.stereo, name))))
     parts = []
     for name, localiser, pairs in estimated:
         table = replay(trace, localiser, pairs)[list(POSE_COLUMNS)]
         parts.append(table.assign(estimator=FUSED if name else ODOMETRY, pictures=name))
-    columns = [*ESTIMATE_COLUMNS, *POSE_COLUMNS]
-    tables.write_parquet(folder / FOLDER / ESTIMATES, pd.concat(parts, ignore_index=True)[columns])
+    columns = [*ESTIMATOR_COLUMNS, *POSE_COLUMNS]
+    tables.write_parquet(folder / LOCALISATION / ESTIMATES, pd.concat(parts, ignore_index=True)[columns])
 
 
 def replay(trace: Trace, localiser: Localiser, pairs: Pairs) -> pd.DataFrame:

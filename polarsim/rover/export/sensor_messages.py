@@ -26,7 +26,7 @@ from polarsim.rover.localisation.sensors import (
     STEER_COLUMNS,
 )
 from polarsim.rover.vehicle.table import WHEELS
-from polarsim.run_files.calibration import ESTIMATE_COLUMNS
+from polarsim.run_files.localisation import ESTIMATOR_COLUMNS
 from polarsim.run_files.picture_sets import PictureSet
 
 SPINS, STEERS = (tuple(f"{code}_{joint}" for code in WHEELS) for joint in ("spin", "steer"))
@@ -65,7 +65,7 @@ def readings(table: pd.DataFrame) -> Iterator[Stamped]:
 
 def estimates(path: Path, options: BagOptions) -> list[Iterator[Stamped]]:
     """Return the estimated poses on /pose/<estimator>: without pictures, or with those in the bag."""
-    table = tables.read_parquet(path, (*ESTIMATE_COLUMNS, *POSE_COLUMNS))
+    table = tables.read_parquet(path, (*ESTIMATOR_COLUMNS, *POSE_COLUMNS))
     pictures = str(PictureSet(options.sun, options.model, options.exposure_ms))
     chosen = table[table["pictures"].isin(["", pictures])]
     return [_poses(str(estimator), rows) for estimator, rows in chosen.groupby("estimator")]

@@ -19,9 +19,9 @@ from polarsim.rover.localisation.sensors import (
 from polarsim.rover.vehicle.camera_names import FOLLOWING
 from polarsim.rover.vehicle.mounts import mount_of
 from polarsim.rover.vehicle.table import Vehicle, read_vehicle
-from polarsim.run_files.calibration import (
+from polarsim.run_files.localisation import (
     CALIBRATION,
-    FOLDER,
+    LOCALISATION,
     SENSORS,
     CalibratedCamera,
     EncodedWheel,
@@ -39,8 +39,8 @@ def write_sensors_of_drive(*, drive: Path, vehicle: Path, views: Sequence[str], 
 def write_sensors(folder: Path, trace: Trace, vehicle: Vehicle, views: Sequence[str], scale: float, seed: int) -> None:
     """Write the readings and the calibration of a drive with pictures of `views` at a scale."""
     gravity = float(trace.drive["options"]["soil"]["gravity_m_s2"])
-    tables.write_parquet(folder / FOLDER / SENSORS, Sensors(seed, gravity).table(trace))
-    calibration_of(vehicle, views, scale).write(folder / FOLDER / CALIBRATION)
+    tables.write_parquet(folder / LOCALISATION / SENSORS, Sensors(seed, gravity).table(trace))
+    calibration_of(vehicle, views, scale).write(folder / LOCALISATION / CALIBRATION)
 
 
 def calibration_of(vehicle: Vehicle, views: Sequence[str], scale: float) -> SensorCalibration:

@@ -25,14 +25,16 @@ from polarsim.randomness import generator
 from polarsim.rover.drive.state import RoverState
 from polarsim.rover.drive.trace import Trace
 from polarsim.rover.vehicle.table import WHEELS
+from polarsim.run_files.localisation import IMU_COLUMNS
 
 UNIT = "Inertial Sense IMX-5"
 RATE_HZ = 100.0  # readings per second, one before each command
-AXES = ("x", "y", "z")
 STEER_COLUMNS = tuple(f"{code}_steer_rad" for code in WHEELS)
 SPIN_COLUMNS = tuple(f"{code}_spin_rad_s" for code in WHEELS)
-GYRO_COLUMNS = tuple(f"g{axis}_rad_s" for axis in AXES)
-ACCELERATION_COLUMNS = tuple(f"a{axis}_m_s2" for axis in AXES)  # specific force: at rest it is opposite to gravity
+GYRO_COLUMNS, ACCELERATION_COLUMNS = (
+    IMU_COLUMNS[:3],
+    IMU_COLUMNS[3:],
+)  # rate; specific force: at rest it is opposite to gravity
 SENSOR_COLUMNS = ("time_s", *SPIN_COLUMNS, *STEER_COLUMNS, *GYRO_COLUMNS, *ACCELERATION_COLUMNS)
 
 ENCODER_STEPS = 2**16  # per turn, of wheels and steering

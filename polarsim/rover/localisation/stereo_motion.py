@@ -17,6 +17,7 @@ from polarsim.rover.localisation.ground_features import Ground, GroundTracker, e
 from polarsim.rover.localisation.motion import Motion
 from polarsim.rover.localisation.motion_fit import Fit, cross_matrices, fit_motion
 
+_NEAREST_M, _FARTHEST_M = 1.5, 10.0  # range of depths of corners
 _KEPT_M, _KEPT_SHARE = 0.5, 0.5  # of a keyframe: maximum motion, and minimum share of corners that are inliers
 _LEAST = 15  # minimum number of inliers
 _TRACK_SHARE, _MATCH_SHARE = 0.35, 0.15  # minimum share of inliers: tracks, and matches, whose tracks are then fitted
@@ -29,9 +30,9 @@ _NEAR_PX = 4.0  # maximum distance of tracks from the position that RANSAC predi
 class StereoMotion:
     """Motion between consecutive stereo pairs, see `Motion`."""
 
-    def __init__(self, rig: Rectification, nearest_m: float, farthest_m: float) -> None:
+    def __init__(self, rig: Rectification) -> None:
         self.rig = rig
-        self._tracker = GroundTracker(rig, nearest_m, farthest_m)
+        self._tracker = GroundTracker(rig, _NEAREST_M, _FARTHEST_M)
         self._last = Pose.identity()  # last motion
         self._start(None)
 
@@ -145,14 +146,12 @@ class StereoMotion:
         return fit if fit is not None and (fit.weight > 0).sum() >= least else None
 
 
-def visual_odometry(
-    pairs: Sequence[tuple[np.ndarray, np.ndarray]], rig: Rectification, nearest_m: float, farthest_m: float
-) -> tuple[list[Pose], int]:
+def visual_odometry(pairs: Sequence[tuple[np.ndarray, np.ndarray]], rig: Rectification) -> tuple[list[Pose], int]:
     """Return `first_from_left` of the rectified left camera of each pair, and the number of motions not found.
 
     A motion that is not found is replaced by the last motion.
     """
-    stereo, poses, lost, step = StereoMotion(rig, nearest_m, farthest_m), [Pose.identity()], 0, Pose.identity()
+    stereo, poses, lost, step = StereoMotion(rig), [Pose.identity()], 0, Pose.identity()
     for number, (left, right) in enumerate(pairs):
         motion = stereo.add(left, right)
         if number > 0:

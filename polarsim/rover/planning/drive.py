@@ -35,15 +35,14 @@ from polarsim.rover.planning.options import AutonomyOptions, PoseSource
 from polarsim.rover.planning.pilot import OBSERVATIONS_HZ, Pilot
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
-from polarsim.schemas.rover import FUSED
+from polarsim.run_files.localisation import ESTIMATE, LOCALISATION, SENSORS
+from polarsim.schemas.rover import FUSED, ODOMETRY
 
 _AHEAD_M = 3.0  # from the start to the first terrain, and from the last terrain to the end
 _LOG_HZ = 20.0
 _CHUNK_S = 10.0
-_NEAREST_M, _FARTHEST_M = 1.5, 10.0  # range of depths of stereo motions
 _BEHIND_M = 1.5  # ground behind the rover's centre at the start, for the rear wheels and a margin
-MAP, PICTURES, LOCALISATION = "map.npz", "pictures", "localisation"
-ESTIMATE, SENSORS = "estimate.parquet", "sensors.parquet"
+MAP, PICTURES = "map.npz", "pictures"
 WIDTH_PX = 640  # of the pictures
 _QUALITY = 85
 _BOX = COLOURS[ROCK][::-1]  # blue, green, red
@@ -142,7 +141,7 @@ def run_autonomous_drive(
         driver = Pilot(job.route, perception, options)
         if pose == FUSED:
             localiser = _with_stereo(job, perception)
-    if pose == "odometry":
+    if pose == ODOMETRY:
         localiser = Localiser(job.vehicle, job.seed, job.physics.gravity_m_s2)
     ride = RunningDrive(job, driver, localiser)
     if driver is not None:
@@ -164,6 +163,6 @@ def _with_stereo(job: DriveJob, perception: Perception) -> Localiser:
     rig = perception.rectification
     return Localiser(
         job.vehicle, job.seed, job.physics.gravity_m_s2,
-        stereo=StereoMotion(rig, _NEAREST_M, _FARTHEST_M),
+        stereo=StereoMotion(rig),
         base_from_camera=perception.mount.base_from_camera @ rig.left_from_rectified,
     )  # fmt: skip

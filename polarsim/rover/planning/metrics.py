@@ -23,15 +23,13 @@ from polarsim.rover.planning.drive import Outcome
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.planner import Planner, hazard_field
 from polarsim.rover.vehicle.table import Vehicle
-from polarsim.schemas.rover import AUTONOMY_EVENTS, COLLISION, HIGH_M, STOP, TOUCH
+from polarsim.schemas.rover import AUTONOMY_EVENTS, COLLISION, END_ERROR, HIGH_M, STOP, TOUCH
 
 CLASSES_M = ((0.05, 0.10), (0.10, 0.20), (0.20, math.inf))
 NO_ROCK = -1
-END_ERROR = "position error at the end, of the path"
 GOAL_M = 1.0  # maximum true distance before the goal's line of a rover that believes itself at the goal
 _OF = (("wheels", TREAD_AND_FLANK), ("legs", ("leg",)), ("the body", ("body",)))
 _TOTALS = {"time_s": "min", "duration_s": "sum", "impulse_n_s": "sum"}  # of all links of a part
-_NEAREST_M, _FARTHEST_M = 1.5, 10.0  # range of depths for odometry
 
 
 def event_table(outcome: Outcome) -> pd.DataFrame:
@@ -124,7 +122,7 @@ def _of_pilot(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> l
         pairs, cameras = zip(*taken, strict=True)
         rectified = perception.rectification.left_from_rectified
         poses = [cameras[0].inverse() @ camera @ rectified for camera in cameras]
-        estimated, lost = visual_odometry(pairs, perception.rectification, _NEAREST_M, _FARTHEST_M)
+        estimated, lost = visual_odometry(pairs, perception.rectification)
         times = np.arange(len(poses))
         found, true = Trajectory.from_poses(times, estimated), Trajectory.from_poses(times, poses)
         moved, angle = motion_errors(found, true, consecutive(len(poses)))

@@ -18,13 +18,13 @@ from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.planning.cases import AXES, matched_drives, parse_case
 from polarsim.rover.planning.challenge import POINTS
 from polarsim.rover.planning.drive import job_for, run_autonomous_drive, write_outcome
-from polarsim.rover.planning.metrics import END_ERROR, drive_metrics, event_table
+from polarsim.rover.planning.metrics import drive_metrics, event_table
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.rank import ranks_of_levels
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
 from polarsim.rover.world.options import WorldOptions
-from polarsim.schemas.rover import ALL, ANY, AUTONOMY, AUTONOMY_EFFECTS, AUTONOMY_METRICS, KNOWN
+from polarsim.schemas.rover import ALL, ANY, AUTONOMY, AUTONOMY_EFFECTS, AUTONOMY_METRICS, END_ERROR, KNOWN
 
 EVENTS = "events.parquet"
 OVER_BLIND = {"path": "path over the blind one's", "energy": "energy over the blind one's"}

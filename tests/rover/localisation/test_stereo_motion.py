@@ -74,14 +74,14 @@ def require_right(motion, before: Pose, now: Pose) -> None:
 
 def test_a_straight_drive_is_followed_with_errors_as_large_as_the_covariance_says(drive):
     poses, pairs = drive
-    stereo = StereoMotion(RIG, 1.0, 10.0)
+    stereo = StereoMotion(RIG)
     motions = [stereo.add(*taken) for taken in pairs]
     assert motions[0] is None
     for motion, before, now in zip(motions[1:], poses, poses[1:], strict=False):
         require_right(motion, before, now)
     mean = np.mean([normalised(m, *p) for m, *p in zip(motions[1:], poses, poses[1:], strict=False)])
     assert 0.05 < mean < 1.6
-    estimated, lost = visual_odometry(pairs, RIG, 1.0, 10.0)
+    estimated, lost = visual_odometry(pairs, RIG)
     assert lost == 0
     assert np.linalg.norm(estimated[-1].translation - (poses[0].inverse() @ poses[-1]).translation) < 0.006
 
@@ -91,7 +91,7 @@ def test_a_turn_on_the_spot_is_found_without_prediction_and_a_wrong_prediction_d
     taken = pair(now, 9)
     motions = []
     for predicted in (None, Pose.from_rotvec(np.array([0.0, 0.1, 0.0]), np.array([0.2, 0.0, 0.3]))):
-        stereo = StereoMotion(RIG, 1.0, 10.0)
+        stereo = StereoMotion(RIG)
         stereo.add(*drive[1][0])
         motions.append(stereo.add(*taken, predicted))
         require_right(motions[-1], before, now)
@@ -103,7 +103,7 @@ def test_a_shadow_that_moves_with_the_rover_does_not_change_the_motion(drive):
     outline = np.zeros(LENS.shape, bool)
     teeth = (80 + 40 * (np.arange(LENS.height) // 8 % 2))[:, None]  # an edge with many corners
     outline[:, 60:] = np.arange(60, LENS.width) < 60 + teeth
-    stereo = StereoMotion(RIG, 1.0, 10.0)
+    stereo = StereoMotion(RIG)
     motions = [stereo.add(*(np.where(outline, side // 12, side) for side in taken)) for taken in pairs[:3]]
     for motion, before, now in zip(motions[1:], poses, poses[1:], strict=False):
         require_right(motion, before, now)
@@ -112,7 +112,7 @@ def test_a_shadow_that_moves_with_the_rover_does_not_change_the_motion(drive):
 @pytest.mark.parametrize("gain", [0.5, 2.0])
 def test_exposure_does_not_change_the_motion(drive, gain):
     poses, pairs = drive
-    stereo = StereoMotion(RIG, 1.0, 10.0)
+    stereo = StereoMotion(RIG)
     stereo.add(*pairs[0])
     require_right(stereo.add(*pair(poses[1], 1, gain)), poses[0], poses[1])
 
@@ -121,7 +121,7 @@ def test_black_pictures_noise_and_another_place_give_no_motion(drive):
     poses, pairs = drive
     rng = np.random.default_rng(5)
     black = np.zeros(LENS.shape, np.uint8)
-    stereo = StereoMotion(RIG, 1.0, 10.0)
+    stereo = StereoMotion(RIG)
     assert stereo.add(black, black) is None
     assert stereo.add(*pairs[0]) is None  # after a failure the next pair is the first
     require_right(stereo.add(*pairs[1]), poses[0], poses[1])

@@ -1,4 +1,4 @@
-"""Calibration of the rover's sensors in a drive: `localisation/calibration.json`, beside readings and estimates."""
+"""Files of sensors and estimated poses in the folder of a drive, and the calibration of the sensors."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from polarsim.formats.files import read_json, write_json
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 
-FOLDER = "localisation"  # in the folder of a drive
+LOCALISATION = "localisation"  # folder of these files
 CALIBRATION, SENSORS, ESTIMATES = "calibration.json", "sensors.parquet", "estimates.parquet"
+ESTIMATE = "estimate.parquet"  # of an autonomous drive: the pose by which the rover drove
 IMU_COLUMNS = ("gx_rad_s", "gy_rad_s", "gz_rad_s", "ax_m_s2", "ay_m_s2", "az_m_s2")  # of the readings
-ESTIMATE_COLUMNS = ("estimator", "pictures")  # of the estimates, with the columns of a trajectory
+ESTIMATOR_COLUMNS = ("estimator", "pictures")  # of the estimates, with the columns of a trajectory
 
 
 @dataclass(frozen=True)
