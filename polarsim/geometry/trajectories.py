@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -58,7 +59,11 @@ class Trajectory:
             )
         inside = times.clip(self.times[0], self.times[-1])
         positions = np.column_stack([np.interp(inside, self.times, column) for column in self.positions.T])
-        return Trajectory(times, positions, Slerp(self.times, self.rotations)(inside))
+        return Trajectory(times, positions, self._slerp(inside))
+
+    @cached_property
+    def _slerp(self) -> Slerp:
+        return Slerp(self.times, self.rotations)
 
     def moved(self, move: Pose) -> Trajectory:
         """Return the trajectory in another world frame; `move` is `other_from_world`."""

@@ -9,13 +9,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from polarsim.errors import FormatError
 from polarsim.formats import tables
 from polarsim.formats.files import read_json, write_json
 from polarsim.formats.npz import read_arrays, write_arrays
 from polarsim.geometry.poses import Pose
+from polarsim.geometry.trajectories import Trajectory
 from polarsim.rover.vehicle.table import WHEELS
 from polarsim.rover.world.surface import World, read_world, write_world
 
@@ -64,25 +65,22 @@ class Trace:
 
     def pose_at(self, time_s: float, wheel: str | None = None) -> Pose:
         """Return the interpolated `world_from_base`, or `world_from_wheel` for the code of a wheel."""
-        translation, rotation = self._paths[wheel or ""]
-        times = self.table["time_s"].to_numpy()
-        at = float(np.clip(time_s, times[0], times[-1]))
-        position = np.array([np.interp(at, times, column) for column in translation.T])
-        return Pose(rotation(at).as_matrix(), position)
+        path = self._paths[wheel or ""]
+        return path.at(np.clip([time_s], path.times[0], path.times[-1])).pose(0)
 
     def value_at(self, time_s: float, column: str) -> float:
         """Return the interpolated value of a column."""
         return float(np.interp(time_s, self.table["time_s"], self.table[column]))
 
     @cached_property
-    def _paths(self) -> dict[str, tuple[np.ndarray, Slerp]]:
+    def _paths(self) -> dict[str, Trajectory]:
         times = self.table["time_s"].to_numpy()
         paths = {}
         for wheel in ("", *WHEELS):
             prefix = f"{wheel}_" if wheel else ""
             translations = self.table[[f"{prefix}{name}" for name in ("x_m", "y_m", "z_m")]].to_numpy()
             quaternions = self.table[[f"{prefix}{name}" for name in ("qx", "qy", "qz", "qw")]].to_numpy()
-            paths[wheel] = translations, Slerp(times, Rotation.from_quat(quaternions))
+            paths[wheel] = Trajectory(times, translations, Rotation.from_quat(quaternions))
         return paths
 
 
