@@ -10,7 +10,6 @@ import numpy as np
 from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.images import resize
 from polarsim.photo import BLACK_LEVEL, NO_ROCK, REFERENCE_SIZE_PX, REFERENCE_WIDTH_PX, WHITE_LEVEL
-from polarsim.render.ground_truth import boxes_of_ids
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import Lamp
 from polarsim.render.olat import render_view
@@ -26,7 +25,7 @@ from polarsim.scenes.field_look import Texture, add_sky, compress, draw_atmosphe
 from polarsim.scenes.field_options import FieldRanges, log_uniform
 from polarsim.scenes.field_rocks import draw_parts, scatter_field_rocks, scatter_gravel
 from polarsim.scenes.layout import FIRST_ROCK, RockShape
-from polarsim.scenes.scene_image import NUMBERS, SceneImage, rock_contrast, tone_curve
+from polarsim.scenes.scene_image import SceneImage, tone_curve, visible_labels
 
 _SKY_LAMPS = 4  # directions from which the sky shines, in a ring
 _SKY_ELEVATION_DEG = (25, 75)
@@ -97,15 +96,10 @@ def _photograph(
     """Return the 8-bit image of radiance (h, w), relative to bright ground, with the labels of visible objects."""
     light = random.uniform(*ranges.exposure) * (WHITE_LEVEL - BLACK_LEVEL)
     curve = tone_curve(random.uniform(*ranges.gamma))
-    labels = [
-        (kind, rock, box)
-        for kind, rock, box in boxes_of_ids(ids, scene.options)
-        if rock_contrast(ids, NUMBERS[kind] + rock, box, radiance, light, curve) >= ranges.min_contrast
-    ]
+    labels, mask = visible_labels(ids, radiance, light, curve, scene.options, ranges.min_contrast)
     seen = apply_lens(radiance, scene.view.camera.lens, scene.options)
     image = curve[expose(seen, light, scene.options, random)]
     image = compress(image, ranges, random)
-    mask = class_masks.of_ids(ids, {NUMBERS[kind] + rock for kind, rock, _ in labels})
     width = min(stored_px, image.shape[1])
     size = width, round(width * REFERENCE_SIZE_PX[1] / REFERENCE_WIDTH_PX)
     return SceneImage(resize(image, size), class_masks.resized(mask, size), labels)

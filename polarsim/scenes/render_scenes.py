@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -24,7 +25,6 @@ from polarsim.photo import (
 )
 from polarsim.progress import track
 from polarsim.randomness import generator
-from polarsim.render.ground_truth import boxes_of_ids
 from polarsim.render.lamps import Lamp
 from polarsim.render.olat import NO_LAMP, render_view
 from polarsim.render.optics import apply_lens_to_olat_images
@@ -36,10 +36,11 @@ from polarsim.scenes.field_options import FieldRanges
 from polarsim.scenes.field_scenes import render_field_scene
 from polarsim.scenes.layout import RandomScene, RockShape, draw_scene
 from polarsim.scenes.options import Range, SceneOptions, SceneRanges
-from polarsim.scenes.scene_image import NUMBERS, SceneImage, rock_contrast, tone_curve
+from polarsim.scenes.scene_image import SceneImage, tone_curve, visible_labels
 from polarsim.scenes.strokes import augment_with_annotations
 from polarsim.scenes.viewpoints import coarse_sand, draw_lamp
 
+log = logging.getLogger("polarsim")
 _FIELD_SHAPES = 60  # number of shapes for scenes of the kind field
 _BRIGHT_SAND = 90  # percentile of the sand radiance that defines the exposure, independent of walls and lamps
 
@@ -68,6 +69,8 @@ def render_scenes(
         raise DetectError("no rock meshes found, expected at least one terrainNN_rockK.obj", path=meshes)
     ranges = replace(ranges or (FieldRanges() if options.kind == "field" else SceneRanges()), scale=options.scale)
     shapes = read_rock_shapes(list(files.values()), options)
+    if len(shapes) < len(files):
+        log.info("terrain %s: the shapes of %d of %d rocks are used", terrain_text(terrain), len(shapes), len(files))
     with writing_folder(pictures) as folder:
         for kind in ("images", "masks", "labels"):
             (folder / kind).mkdir()
@@ -120,16 +123,11 @@ def render_random_scene(
     for radiance, ids in _rendered(scene, lamps, ranges, random, threads):
         light = random.uniform(*ranges.exposure) * (WHITE_LEVEL - BLACK_LEVEL)
         curve = tone_curve(random.uniform(*ranges.gamma))
-        labels = [
-            (kind, rock, box)
-            for kind, rock, box in boxes_of_ids(ids, scene.options)
-            if rock_contrast(ids, NUMBERS[kind] + rock, box, radiance, light, curve) >= ranges.min_contrast
-        ]
+        labels, mask = visible_labels(ids, radiance, light, curve, scene.options, ranges.min_contrast)
         image = curve[expose(radiance, light, scene.options, random if ranges.noise else None)]
         width = min(stored_px, image.shape[1])
         stored = resize(image, (width, round(width * REFERENCE_SIZE_PX[1] / REFERENCE_WIDTH_PX)))
         stored = augment_with_annotations(stored, ranges.max_strokes, random, REFERENCE_WIDTH_PX)
-        mask = class_masks.of_ids(ids, {NUMBERS[kind] + rock for kind, rock, _ in labels})
         yield SceneImage(stored, class_masks.resized(mask, (stored.shape[1], stored.shape[0])), labels)
 
 

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.photo import BLACK_LEVEL, ROCK, SHADOW, WHITE_LEVEL
+from polarsim.render.ground_truth import boxes_of_ids
+from polarsim.render.options import RenderOptions
+from polarsim.run_files import class_masks
 from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 from polarsim.tone import encode_tone
 
@@ -25,6 +28,23 @@ class SceneImage:
     image: np.ndarray  # (h, w) uint8
     mask: np.ndarray  # (h, w) uint8 class mask, see `run_files.class_masks`
     labels: list[Label]  # boxes in pixels of the rendered size
+
+
+def visible_labels(
+    ids: np.ndarray,
+    radiance: np.ndarray,
+    light: float,
+    curve: np.ndarray,
+    options: RenderOptions,
+    min_contrast: float,
+) -> tuple[list[Label], np.ndarray]:
+    """Return the labels of objects in ids (h, w) with a minimum contrast, and the class mask (h, w) of these."""
+    labels = [
+        (kind, rock, box)
+        for kind, rock, box in boxes_of_ids(ids, options)
+        if rock_contrast(ids, NUMBERS[kind] + rock, box, radiance, light, curve) >= min_contrast
+    ]
+    return labels, class_masks.of_ids(ids, {NUMBERS[kind] + rock for kind, rock, _ in labels})
 
 
 def rock_contrast(
