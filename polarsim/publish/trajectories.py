@@ -6,7 +6,7 @@ IMU and wheels have the errors of sensors. Estimates are those of the run.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -114,7 +114,8 @@ def write_euroc(catalogue: Catalogue, bundle: Bundle) -> None:
 
     `cam0` and `cam1` are the stereo pair, if there is one. `wheels0` is no part of EuRoC.
     """
-    for sequence in sequences(catalogue):
+    found = list(sequences(catalogue))
+    for sequence in found:
         folder, table, readings = f"{sequence.name}/mav0", sequence.table, sequence.readings
         stamps, read_at = ([stamp_ns(time) for time in part["time_s"]] for part in (table, readings))
         bundle.text(f"{folder}/imu0/data.csv", _csv(_IMU, read_at, readings[list(IMU_COLUMNS)]))
@@ -138,7 +139,7 @@ def write_euroc(catalogue: Catalogue, bundle: Bundle) -> None:
         for estimator, trajectory in sequence.estimates.items():
             text = _tum(trajectory, Pose.identity(), f"base_link, estimated by {estimator}")
             bundle.text(f"{sequence.name}/estimates/{estimator}.txt", text)
-    _write_baselines(catalogue, bundle)
+    _write_baselines(found, bundle)
 
 
 def write_tum(catalogue: Catalogue, bundle: Bundle) -> None:
@@ -146,7 +147,8 @@ def write_tum(catalogue: Catalogue, bundle: Bundle) -> None:
 
     Without images the poses are those of the rover.
     """
-    for sequence in sequences(catalogue):
+    found = list(sequences(catalogue))
+    for sequence in found:
         base = "base_link", Pose.identity()
         frames = [(view.name, view.calibrated.base_from_camera) for view in sequence.views] or [base]
         for frame, base_from_frame in frames:
@@ -162,13 +164,13 @@ def write_tum(catalogue: Catalogue, bundle: Bundle) -> None:
                 bundle.copy(f"{folder}/rgb/{shown}.png", path)
                 lines.append(f"{shown} rgb/{shown}.png\n")
             bundle.text(f"{folder}/rgb.txt", "".join(lines))
-    _write_baselines(catalogue, bundle)
+    _write_baselines(found, bundle)
 
 
-def baselines(catalogue: Catalogue) -> pd.DataFrame:
-    """Return the errors of the estimates in the run: a row per sequence and estimator, see `TrajectoryErrors`."""
+def _write_baselines(found: Sequence[DriveSequence], bundle: Bundle) -> None:
+    """Write the errors of the estimates in the run: a row per sequence and estimator, see `TrajectoryErrors`."""
     rows = []
-    for sequence in sequences(catalogue):
+    for sequence in found:
         for estimator, trajectory in sequence.estimates.items():
             errors = trajectory_errors(trajectory, sequence.truth)
             rows.append(
@@ -185,13 +187,8 @@ def baselines(catalogue: Catalogue) -> pd.DataFrame:
                     "relative_deg": np.degrees(errors.relative_angle),
                 }
             )
-    return pd.DataFrame(rows)
-
-
-def _write_baselines(catalogue: Catalogue, bundle: Bundle) -> None:
-    table = baselines(catalogue)
-    if len(table):
-        bundle.text(BASELINES, table.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
+    if rows:
+        bundle.text(BASELINES, pd.DataFrame(rows).to_csv(index=False, float_format="%.6g", lineterminator="\n"))
 
 
 def _shots(view: MountedCamera) -> Iterator[tuple[int, Path]]:
