@@ -146,9 +146,10 @@ def render(
     heading = tripod.yaw_deg if yaw is None else yaw
     downward = tripod.pitch_deg if pitch is None else pitch
     near = Lamp(np.array(lamp)) if lamp else first_lamp(chosen)
+    near = replace(near, intensity=near.intensity * intensity, radius_m=lamp_radius)
     shot = Shot(
         camera=Camera(camera_pose(centre, *np.radians([heading, downward, roll])), rig.left),
-        lamps={"sun": Lamp.sun(*sun, intensity) if sun else replace(near, intensity=intensity, radius_m=lamp_radius)},
+        lamps={"sun": Lamp.sun(*sun, intensity) if sun else near},
         exposure_ms=float(chosen.usual_exposure_ms) if exposure is None else exposure,
         model=model,
     )

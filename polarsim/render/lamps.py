@@ -17,9 +17,8 @@ from polarsim.site_parts import Tripod
 ROVER = "rover"  # name of the rover light; Sun lamps are named by their azimuth
 REFERENCE_DISTANCE = 4.0  # metres: a lamp of intensity 1 at this distance has irradiance 1, with and without falloff
 SUN_DISTANCE = 1e4  # metres: the direction differs by 0.02 degrees between opposite ends of the sandbox
-_UNSURVEYED = Tripod(
-    camera_m=(3.5, 0.0, 1.5), yaw_deg=180
-)  # from which sand is seen at a site without surveyed positions
+# Position from which the sand of a site without surveyed positions is seen.
+_UNSURVEYED = Tripod(camera_m=(3.5, 0.0, 1.5), yaw_deg=180)
 SUN_RADIUS_DEG = 0.2665  # half the Sun's mean apparent diameter
 
 
@@ -89,14 +88,19 @@ def lamp_names(site: Site) -> tuple[str, ...]:
 
 
 def lamps_of_rig(
-    suns: Mapping[str, np.ndarray], rig: LocalisedRig, site: Site, radius_m: float = 0.0
+    suns: Mapping[str, np.ndarray], rig: LocalisedRig, site: Site, radius_m: float | None = 0.0
 ) -> dict[str, Lamp]:
     """Return the Sun lamps by azimuth and the rover light of a rig (a point), if the site has one.
 
-    Sun lamps are discs of the given radius; directional lamps are far away and their light does not fall off.
+    Sun lamps are discs of the given radius, None: that of the site. Directional lamps are far away and their light does
+    not fall off.
     """
     lamps = {
-        azimuth: Lamp(position, radius_m=radius_m, distant=site.lamps[azimuth].kind == "directional")
+        azimuth: Lamp(
+            position,
+            radius_m=site.lamps[azimuth].radius_m if radius_m is None else radius_m,
+            distant=site.lamps[azimuth].kind == "directional",
+        )
         for azimuth, position in suns.items()
     }
     if site.rig_lamp is None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, Literal, Self
 
-from pydantic import BaseModel, Field, PositiveFloat, field_validator, model_validator
+from pydantic import BaseModel, Field, NonNegativeFloat, PositiveFloat, field_validator, model_validator
 
 from polarsim.geometry.ray_engines import Device, RayEngine
 from polarsim.photo import ELECTRONS_PER_DN, READ_NOISE_ELECTRONS, Azimuth
@@ -167,13 +167,13 @@ _PARAMETERS: dict[Model, Parameters] = {
 }
 
 
-# Options of fitted twins, unless the run sets them (`model_fields_set`). The radius is that of the analog's lamps; on
-# published cover photos a disc raises the correlation by 0.013 and leaves PSNR as it is. The lamp is probed at every
+# Options of fitted twins, unless the run sets them (`model_fields_set`). On published cover photos, a disc with the
+# radius of the site raises the correlation by 0.013 and leaves PSNR as it is. The lamp is probed at every
 # 8th pixel: 1.7 instead of 3.4 s a view, no measurable difference. Not included, because images at quarter size hardly
 # improve: traced indirect light (+0.25 dB for 4 s a view), blur, noise.
 OF_FITTED: dict[str, Any] = {
     "falloff": True,  # of lamps without light field
-    "lamp_radius_m": 0.045,
+    "lamp_radius_m": None,  # of the site
     "lamp_probe_px": 8,
     "lamp_samples": 8,
     "vignetting": True,
@@ -258,10 +258,10 @@ class RenderOptions(SensorOptions):
         False,
         description="Inverse-square falloff of lamps; real spots are more even. If not set, true in fitted twins.",
     )
-    lamp_radius_m: float = Field(
+    lamp_radius_m: NonNegativeFloat | None = Field(
         0,
-        ge=0,
-        description="Radius of the Sun lamps, metres; 0: points with sharp shadows. If not set, 0.045 in fitted twins.",
+        description="Radius of the Sun lamps, metres; 0: points with sharp shadows; null: that of the site's lamps. "
+        "If not set, null in fitted twins.",
     )
     lamp_samples: int = Field(
         16,

@@ -43,6 +43,13 @@ def test_light_of_a_directional_lamp_does_not_fall_off_with_its_distance(folders
     assert np.ptp(lamps["45"].light_at(points, falloff=True)[1]) > 0.4
 
 
+def test_lamps_have_the_radius_of_the_site_or_the_given_one(folders):
+    rig = read_localised(folders / "cameras/PosA.json")
+    chosen = site(lamps={"45": NEAR | {"radius_m": 0.2}, "135": FAR})
+    radii = {radius: lamps_of_rig(suns(chosen), rig, chosen, radius)["45"].radius_m for radius in (None, 0.0, 0.1)}
+    assert radii == {None: 0.2, 0.0: 0.0, 0.1: 0.1}
+
+
 def test_a_site_without_rig_lamp_has_none(folders):
     rig = read_localised(folders / "cameras/PosA.json")
     assert ROVER in lamps_of_rig({}, rig, site())
