@@ -101,7 +101,7 @@ def detect_in_images(
                 return error
             size, shown = (pixels.shape[1], pixels.shape[0]), _detector_input(pixels, widest)
             like_polar = is_like_polar(shown)
-            number = 0 if like_polar else len(groups) - 1
+            number = 0 if like_polar else -1
             parts = [look(shown, size) for look, _ in looks[number]]
             found = fuse(parts, options.nms_iou) if len(parts) > 1 else parts[0]
             found = found[found[:, 4] >= confidence]

@@ -1,4 +1,4 @@
-"""Test whether an image is like POLAR's photos: it chooses the packaged detector, and confidences are calibrated.
+"""Test whether an image is like POLAR's photos: only then `rocks.pt` is used, and its confidences are calibrated.
 
 Photos of POLAR have deep shadows, a dark hall or clipped sand, because the lamps are low and there is no sky. Images in
 daylight have neither. The measure is the share of dark and clipped pixels of the detector input.
