@@ -54,7 +54,8 @@ class AutonomyOptions(BaseModel, extra="forbid", frozen=True):
     poses: tuple[PoseSource, ...] = Field(
         ("truth",),
         min_length=1,
-        description="Sources of the rover's pose, a drive for each: `truth`, `odometry` (wheels and IMU) or `fused` (and stereo).",
+        description="Sources of the rover's pose, a drive for each: `truth`, `odometry` (wheels and IMU) "
+        "or `fused` (and stereo).",
     )
     speed_m_s: PositiveFloat = Field(0.2, le=2.0, description="Speed of the body, m/s.")
     width_m: PositiveFloat = Field(
