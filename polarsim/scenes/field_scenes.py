@@ -25,7 +25,7 @@ from polarsim.scenes.field_look import Texture, add_sky, compress, draw_atmosphe
 from polarsim.scenes.field_options import FieldRanges, log_uniform
 from polarsim.scenes.field_rocks import draw_parts, scatter_field_rocks, scatter_gravel
 from polarsim.scenes.layout import FIRST_ROCK, RockShape
-from polarsim.scenes.scene_image import SceneImage, tone_curve, visible_labels
+from polarsim.scenes.scene_image import SceneImage, labels_with_contrast, tone_curve
 
 _SKY_LAMPS = 4  # directions from which the sky shines, in a ring
 _SKY_ELEVATION_DEG = (25, 75)
@@ -96,7 +96,7 @@ def _photograph(
     """Return the 8-bit image of radiance (h, w), relative to bright ground, with the labels of visible objects."""
     light = random.uniform(*ranges.exposure) * (WHITE_LEVEL - BLACK_LEVEL)
     curve = tone_curve(random.uniform(*ranges.gamma))
-    labels, mask = visible_labels(ids, radiance, light, curve, scene.options, ranges.min_contrast)
+    labels, mask = labels_with_contrast(ids, radiance, light, curve, scene.options, ranges.min_contrast)
     seen = apply_lens(radiance, scene.view.camera.lens, scene.options)
     image = curve[expose(seen, light, scene.options, random)]
     image = compress(image, ranges, random)

@@ -36,7 +36,7 @@ from polarsim.scenes.field_options import FieldRanges
 from polarsim.scenes.field_scenes import render_field_scene
 from polarsim.scenes.layout import RandomScene, RockShape, draw_scene
 from polarsim.scenes.options import Range, SceneOptions, SceneRanges
-from polarsim.scenes.scene_image import SceneImage, tone_curve, visible_labels
+from polarsim.scenes.scene_image import SceneImage, labels_with_contrast, tone_curve
 from polarsim.scenes.strokes import augment_with_annotations
 from polarsim.scenes.viewpoints import coarse_sand, draw_lamp
 
@@ -123,7 +123,7 @@ def render_random_scene(
     for radiance, ids in _rendered(scene, lamps, ranges, random, threads):
         light = random.uniform(*ranges.exposure) * (WHITE_LEVEL - BLACK_LEVEL)
         curve = tone_curve(random.uniform(*ranges.gamma))
-        labels, mask = visible_labels(ids, radiance, light, curve, scene.options, ranges.min_contrast)
+        labels, mask = labels_with_contrast(ids, radiance, light, curve, scene.options, ranges.min_contrast)
         image = curve[expose(radiance, light, scene.options, random if ranges.noise else None)]
         width = min(stored_px, image.shape[1])
         stored = resize(image, (width, round(width * REFERENCE_SIZE_PX[1] / REFERENCE_WIDTH_PX)))

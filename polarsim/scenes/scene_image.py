@@ -30,7 +30,7 @@ class SceneImage:
     labels: list[Label]  # boxes in pixels of the rendered size
 
 
-def visible_labels(
+def labels_with_contrast(
     ids: np.ndarray,
     radiance: np.ndarray,
     light: float,
