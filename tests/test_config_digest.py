@@ -104,7 +104,6 @@ def test_options_of_unused_sections_do_not_change_the_digest(change, name):
         {"labels": {"excluded_annotations": ["03_A_off_180_L_0256"]}},
         {"render": {"models": ["hapke"]}},
         {"detect": {"seeds": [1]}},
-        {"scoring": {"iou_threshold": 0.6}},
         {"rover": {"run": True, "world": {"terrains": [3, 1, 11]}}},
     ],
     ids=lambda change: next(iter(change)),

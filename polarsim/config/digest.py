@@ -36,13 +36,18 @@ def _without_effect(config: Sections) -> dict[str, Any]:
     parts: dict[str, Any] = {
         "source": {"root", "urls"},
         "labels": {"seeds": {"root"}} if isinstance(config.labels.seeds, SeedOptions) else set(),
-        "scoring": {"annotated_root"},
         "detect": {"elsewhere"},
         "covers": {"publish"},
         "rover": {"bags": True, "cameras": {"videos"}},
     }
     unused["site"] = config.site == polar()
-    return {"run": True, "publish": True, **parts, **{name: True for name, without in unused.items() if without}}
+    return {
+        "run": True,
+        "publish": True,
+        "scoring": True,
+        **parts,
+        **{name: True for name, without in unused.items() if without},
+    }
 
 
 def _without_places(value: Any, key: str = "") -> Any:

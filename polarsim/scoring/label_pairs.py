@@ -13,8 +13,7 @@ from polarsim.geometry.boxes import area, iou, match_by_iou, match_by_summed_iou
 from polarsim.photo import BOX_CLASSES, NO_ROCK, SHADOW, PhotoKey
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.metrics import Against
-from polarsim.scoring.options import ScoringOptions
-from polarsim.scoring.score import PhotoLabels
+from polarsim.scoring.score import MIN_IOU, PhotoLabels
 
 EDGES = ("x0", "y0", "x1", "y1")
 TRUE_EDGES = tuple(f"true_{edge}" for edge in EDGES)
@@ -33,16 +32,16 @@ class PhotoPairs:
     truth: np.ndarray  # (n, 4) true boxes; NaN for an unmatched label
 
 
-def pair_photo(truth: PhotoLabels, labels: PhotoLabels, threshold: float) -> PhotoPairs:
+def pair_photo(truth: PhotoLabels, labels: PhotoLabels) -> PhotoPairs:
     """Match labels with true boxes as in `score.count_boxes`."""
-    parts = [_pair_kind(number, truth, labels, threshold) for number in range(len(BOX_CLASSES))]
+    parts = [_pair_kind(number, truth, labels) for number in range(len(BOX_CLASSES))]
     return PhotoPairs(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
 
 
-def _pair_kind(number: int, truth: PhotoLabels, labels: PhotoLabels, threshold: float) -> tuple[np.ndarray, ...]:
+def _pair_kind(number: int, truth: PhotoLabels, labels: PhotoLabels) -> tuple[np.ndarray, ...]:
     true, of_kind = truth.boxes[truth.classes == number], np.flatnonzero(labels.classes == number)
     overlap = iou(true, labels.boxes[of_kind])
-    rows, columns = match_by_iou(overlap, threshold)
+    rows, columns = match_by_iou(overlap, MIN_IOU)
     best_rows, best_columns = match_by_summed_iou(overlap)
     unmatched = np.delete(of_kind, columns)
     label_of_true, no_iou = np.full(len(true), _NONE), np.full(len(unmatched), np.nan)
@@ -63,7 +62,6 @@ def pair_labels(
     tasks: Mapping[PhotoKey, str | None],
     against: Against,
     usual_exposure_ms: int,
-    options: ScoringOptions,
 ) -> pd.DataFrame:
     """Return a table with the columns of `LABEL_PAIRS` for all photos with a task.
 
@@ -75,7 +73,7 @@ def pair_labels(
     photos = pd.DataFrame([key_columns(key) for key in keys], columns=list(LABEL_COLUMNS[:7]))
     photos["task"] = [tasks[key] for key in keys]
     photos["annotated"] = [shadows_annotated(key, _shadows(truth[key]), against, usual_exposure_ms) for key in keys]
-    photo, pairs, row = _pair_photos(keys, truth, table, options.iou_threshold)
+    photo, pairs, row = _pair_photos(keys, truth, table)
     rows = photos.iloc[photo].reset_index(drop=True)
     rows["kind"] = np.array(BOX_CLASSES)[pairs.kind]
     rows["annotated"] = rows["annotated"].astype(bool) & (rows["kind"] == SHADOW)
@@ -108,18 +106,18 @@ def _shadows(labels: PhotoLabels) -> int:
 
 
 def _pair_photos(
-    keys: Sequence[PhotoKey], truth: Mapping[PhotoKey, PhotoLabels], table: pd.DataFrame, threshold: float
+    keys: Sequence[PhotoKey], truth: Mapping[PhotoKey, PhotoLabels], table: pd.DataFrame
 ) -> tuple[np.ndarray, PhotoPairs, np.ndarray]:
     """Return the concatenated pairs of all photos: photos (n,), pairs, rows (n,) of the label table (-1: no label)."""
     labels_of, rows_of = labels_of_photos(table), table.groupby("key").indices
     none, no_rows = PhotoLabels.none(), np.zeros(0, int)
     cached: dict[tuple[bytes, ...], PhotoPairs] = {}  # most photos of an exposure bracket have equal labels
-    photo, pairs, row = [no_rows], [pair_photo(none, none, threshold)], [no_rows]
+    photo, pairs, row = [no_rows], [pair_photo(none, none)], [no_rows]
     for number, key in enumerate(keys):
         true, labels = truth[key], labels_of.get(key, none)
         content = tuple(array.tobytes() for boxes in (true, labels) for array in (boxes.classes, boxes.boxes))
         if content not in cached:
-            cached[content] = pair_photo(true, labels, threshold)
+            cached[content] = pair_photo(true, labels)
         pairs.append(cached[content])
         photo.append(np.full(len(pairs[-1].kind), number))
         row.append(np.append(rows_of.get(str(key), no_rows), _NONE)[pairs[-1].label])

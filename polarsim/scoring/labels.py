@@ -12,7 +12,6 @@ from polarsim.formats.tables import LABEL_COLUMNS, read_parquet, write_parquet
 from polarsim.photo import BOX_CLASSES, SHADOW, PhotoKey, Terrain
 from polarsim.scoring.label_pairs import labels_of_photos, pair_labels, shadows_annotated
 from polarsim.scoring.metrics import BOX_METRICS, Against, Metric, write_metrics
-from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.reliability import ANY_SOURCE, binned_calibration_error, brier_score, reliability_table
 from polarsim.scoring.score import MatchCounts, PhotoLabels, box_reader, count_photo, read_sound
 from polarsim.site import Site
@@ -21,6 +20,10 @@ EXPOSURES, LIGHT, CAMERA = "other exposures", "light on", "Left to Right"
 AZIMUTH, NO_SUN, POSITION, ALL = "another azimuth", "no Sun", "position without seed", "all but seeds"
 PROPAGATION_TASKS = (EXPOSURES, LIGHT, CAMERA, AZIMUTH, NO_SUN, POSITION, ALL)
 ANNOTATED = "shadow, where annotated"  # photos with a true shadow: shadows are not annotated at short exposures
+
+# Smaller and fainter objects of the analog are not annotated in NASA's photos.
+MIN_VISIBLE_PX, MIN_SHADOW_WIDTH_PX = 12, 3
+MIN_CONTRAST_DN = 10  # in any photo of the exposure bracket
 
 
 def score_labels(
@@ -33,7 +36,6 @@ def score_labels(
     seeds: Path,
     evaluation: Path,
     pairs: Path,
-    options: ScoringOptions,
 ) -> None:
     """Write the evaluation of the labels of a terrain, and the table of matches with true boxes.
 
@@ -43,15 +45,15 @@ def score_labels(
     """
     labels, usual = read_parquet(table, LABEL_COLUMNS), site.usual_exposure_ms
     predicted = dict.fromkeys(keys, PhotoLabels.none()) | labels_of_photos(labels)
-    true = read_true_labels(truth, terrain, predicted, site.images.size, options)
+    true = read_true_labels(truth, terrain, predicted, site.images.size)
     seed_keys = set(release.key_files(seeds).files)
     tasks = {key: task_of(key, seed_keys) for key in true}
     metrics = [Metric("seeds", "photos_annotated", len(seed_keys), "photos", len(predicted), "own")]
-    metrics += score_tasks(true, predicted, tasks, PROPAGATION_TASKS, against(truth), usual, options)
+    metrics += score_tasks(true, predicted, tasks, PROPAGATION_TASKS, against(truth), usual)
     unlabelled = len([key for key, task in tasks.items() if task is not None and key not in predicted])
     metrics.append(Metric("photos with truth", "without_label_file", unlabelled, "photos", len(true), against(truth)))
     compared = {key: boxes for key, boxes in true.items() if key in predicted}
-    paired = pair_labels(compared, labels, tasks, against(truth), usual, options)
+    paired = pair_labels(compared, labels, tasks, against(truth), usual)
     write_parquet(pairs, paired)
     write_metrics(evaluation, "labels", terrain, metrics + confidence_metrics(paired, against(truth)))
 
@@ -83,7 +85,6 @@ def score_tasks(
     order: Iterable[str],
     against: Against,
     usual_exposure_ms: int,
-    options: ScoringOptions,
 ) -> list[Metric]:
     """Return precision, recall, F1 and mIoU by class and task, pooled over the common photos."""
     total: dict[tuple[str, str], MatchCounts] = {}
@@ -91,7 +92,7 @@ def score_tasks(
         task = tasks[key]
         if task is None:
             continue
-        for kind, counts in count_photo(true[key], predicted[key], options.iou_threshold).items():
+        for kind, counts in count_photo(true[key], predicted[key]).items():
             annotated = kind == SHADOW and shadows_annotated(key, counts.tp + counts.fn, against, usual_exposure_ms)
             for name in [kind, ANNOTATED] if annotated else [kind]:
                 for part in (task, ALL):
@@ -111,7 +112,7 @@ def read_folder(folder: Path, terrain: Terrain, size: tuple[int, int]) -> dict[P
 
 
 def read_true_labels(
-    truth: Path, terrain: Terrain, labelled: Iterable[PhotoKey], size: tuple[int, int], options: ScoringOptions
+    truth: Path, terrain: Terrain, labelled: Iterable[PhotoKey], size: tuple[int, int]
 ) -> dict[PhotoKey, PhotoLabels]:
     """Read the true labels by photo from annotated files or from the label table of the analog.
 
@@ -121,11 +122,11 @@ def read_true_labels(
         folder = release.label_folder(truth, terrain) if (truth / release.BOXES).is_dir() else truth
         return read_sound_boxes(folder, terrain, size)
     table = read_parquet(truth, LABEL_COLUMNS)
-    labels_of = labels_of_photos(visible(table[table["terrain"] == terrain], options))
+    labels_of = labels_of_photos(visible(table[table["terrain"] == terrain]))
     return {key: labels_of.get(key, PhotoLabels.none()) for key in sorted({*labels_of, *labelled})}
 
 
-def visible(truth: pd.DataFrame, options: ScoringOptions) -> pd.DataFrame:
+def visible(truth: pd.DataFrame) -> pd.DataFrame:
     """Return the true labels that an annotator could see: large enough, with contrast in a photo of the bracket.
 
     Annotators copy labels to all exposures of an exposure bracket, so that contrast in a single exposure is enough. A
@@ -133,13 +134,13 @@ def visible(truth: pd.DataFrame, options: ScoringOptions) -> pd.DataFrame:
     rock, but such lines are not annotated. The columns `visible_px`, `width_px` and `contrast` (DN) may be missing.
     """
     if "visible_px" in truth.columns:
-        truth = truth[truth["visible_px"] >= options.min_visible_px]
+        truth = truth[truth["visible_px"] >= MIN_VISIBLE_PX]
     if "width_px" in truth.columns:
-        truth = truth[(truth["kind"] != SHADOW) | (truth["width_px"] >= options.min_shadow_width_px)]
+        truth = truth[(truth["kind"] != SHADOW) | (truth["width_px"] >= MIN_SHADOW_WIDTH_PX)]
     if "contrast" in truth.columns:
         object_columns = ["terrain", "position", "light", "azimuth", "camera", "kind", "rock"]
         contrast = truth["contrast"].abs().groupby([truth[name] for name in object_columns]).transform("max")
-        truth = truth[contrast >= options.min_contrast_dn]
+        truth = truth[contrast >= MIN_CONTRAST_DN]
     return truth
 
 

@@ -16,7 +16,6 @@ from polarsim.geometry.polygons import rasterised
 from polarsim.photo import BOX_CLASSES, POLYGON_CLASSES, CameraSide, PhotoKey, Terrain
 from polarsim.scoring.labels import box_metrics, read_sound_boxes
 from polarsim.scoring.metrics import write_metrics
-from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.score import MatchCounts, PhotoLabels, count_boxes, count_overlaps, read_sound
 from polarsim.site import Site
 
@@ -35,7 +34,6 @@ def score_outlines(
     annotations: Path,
     root: Path,
     evaluation: Path,
-    options: ScoringOptions,
 ) -> None:
     """Write the evaluation of the masks of a terrain under the Sun lamps, and of annotated polygons against boxes.
 
@@ -55,10 +53,10 @@ def score_outlines(
         task = TASKS[key.camera]
         for kind in BOX_CLASSES:
             true_masks = _rasterised(polygons, kind, size)
-            counts = count_overlaps(overlaps(true_masks, _masks(predicted[bracket][1], kind)), options.iou_threshold)
+            counts = count_overlaps(overlaps(true_masks, _masks(predicted[bracket][1], kind)))
             subject = f"{kind} outline: {task}"
             total[subject] = total.get(subject, MatchCounts()) + counts
-            of_polygons = _polygons_against_boxes(true_masks, boxes.get(key), kind, size[0], options)
+            of_polygons = _polygons_against_boxes(true_masks, boxes.get(key), kind, size[0])
             if of_polygons is not None:
                 subject = f"{kind} polygon's box against annotated box: {task}"
                 total[subject] = total.get(subject, MatchCounts()) + of_polygons
@@ -115,10 +113,10 @@ def _boxes(masks: Sequence[Mask], width: int) -> np.ndarray:
 
 
 def _polygons_against_boxes(
-    polygons: Sequence[Mask], boxes: PhotoLabels | None, kind: str, width: int, options: ScoringOptions
+    polygons: Sequence[Mask], boxes: PhotoLabels | None, kind: str, width: int
 ) -> MatchCounts | None:
     """Compare boxes around polygons with the annotated boxes of the photo; None without boxes of the class."""
     of_kind = np.zeros((0, 4)) if boxes is None else boxes.boxes[boxes.classes == BOX_CLASSES.index(kind)]
     if not len(of_kind):
         return None
-    return count_boxes(of_kind, _boxes(polygons, width), options.iou_threshold)
+    return count_boxes(of_kind, _boxes(polygons, width))

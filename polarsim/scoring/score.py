@@ -18,6 +18,7 @@ from polarsim.geometry.boxes import iou, match_by_iou, match_by_summed_iou
 from polarsim.photo import BOX_CLASSES, REFERENCE_SIZE_PX, PhotoKey, terrain_text
 from polarsim.site import Site, polar
 
+MIN_IOU = 0.5  # minimum IoU of a match
 KEY_GROUPS = ("terrain", "position", "light", "azimuth", "camera")
 
 Name = TypeVar("Name", PhotoKey, str)  # name of a label file: a photo key or any text
@@ -68,12 +69,12 @@ class MatchCounts:
         }
 
 
-def count_boxes(truth: np.ndarray, labels: np.ndarray, threshold: float = 0.5) -> MatchCounts:
+def count_boxes(truth: np.ndarray, labels: np.ndarray, threshold: float = MIN_IOU) -> MatchCounts:
     """Compare the boxes (n, 4) and (m, 4) of a class in a photo."""
     return count_overlaps(iou(truth, labels), threshold)
 
 
-def count_overlaps(overlap: np.ndarray, threshold: float = 0.5) -> MatchCounts:
+def count_overlaps(overlap: np.ndarray, threshold: float = MIN_IOU) -> MatchCounts:
     """Compare n true objects of a class in a photo with m labels by the IoU (n, m).
 
     Matches are one-to-one, with the maximum number of pairs with IoU >= threshold, then the largest summed IoU. The
@@ -85,7 +86,7 @@ def count_overlaps(overlap: np.ndarray, threshold: float = 0.5) -> MatchCounts:
     return MatchCounts(1, pairs, labels - pairs, truth - pairs, float(overlap[rows, columns].sum()))
 
 
-def count_photo(truth: PhotoLabels, labels: PhotoLabels, threshold: float = 0.5) -> dict[str, MatchCounts]:
+def count_photo(truth: PhotoLabels, labels: PhotoLabels, threshold: float = MIN_IOU) -> dict[str, MatchCounts]:
     """Compare two sets of labels of a photo for each class."""
     return {
         name: count_boxes(truth.boxes[truth.classes == number], labels.boxes[labels.classes == number], threshold)
@@ -94,7 +95,7 @@ def count_photo(truth: PhotoLabels, labels: PhotoLabels, threshold: float = 0.5)
 
 
 def score_boxes(
-    truth: Mapping[Name, PhotoLabels], labels: Mapping[Name, PhotoLabels], threshold: float = 0.5
+    truth: Mapping[Name, PhotoLabels], labels: Mapping[Name, PhotoLabels], threshold: float = MIN_IOU
 ) -> dict[str, Any]:
     """Return metrics by class for all photos of the truth and, for photo keys, by part of the key.
 
@@ -123,7 +124,7 @@ def score_boxes(
 def score_folders(
     truth: Path,
     labels: Path,
-    threshold: float = 0.5,
+    threshold: float = MIN_IOU,
     keys: Callable[[PhotoKey], bool] | None = None,
     site: Site | None = None,
 ) -> dict[str, Any]:

@@ -14,7 +14,6 @@ from polarsim.run_files.fitted_photos import read_fits
 from polarsim.run_files.pictures import pictures_at
 from polarsim.scoring.labels import ALL, against, read_folder, read_true_labels, score_tasks
 from polarsim.scoring.metrics import Metric, summary_metric, write_metrics
-from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.twin_photos import compare_twins, photos_to_compare, subject_of
 from polarsim.site import Site
 
@@ -40,7 +39,6 @@ def score_twins(
     instances: Path,
     evaluation: Path,
     appearance: Path,
-    options: ScoringOptions,
 ) -> None:
     """Write the evaluation of the twins of a terrain, and the table of the appearance of each twin next to its photo.
 
@@ -66,10 +64,10 @@ def score_twins(
     metrics: list[Metric] = []
     if truth is not None:
         rendered = read_folder(boxes, terrain, site.images.size)
-        true = read_true_labels(truth, terrain, rendered, site.images.size, options)
+        true = read_true_labels(truth, terrain, rendered, site.images.size)
         tasks = {key: f"camera {key.camera}" for key in true}
         order = ("camera L", "camera R", ALL)
-        for metric in score_tasks(true, rendered, tasks, order, against(truth), site.usual_exposure_ms, options):
+        for metric in score_tasks(true, rendered, tasks, order, against(truth), site.usual_exposure_ms):
             subject = "rendered " + metric.subject.replace(ALL, "all")  # rendered boxes do not depend on seeds
             metrics.append(replace(metric, subject=subject))
     pairs = compare_twins(

@@ -9,14 +9,12 @@ from polarsim.photo import BOX_CLASSES, PhotoKey
 from polarsim.report.labels_table import SIZES, format_labels, label_scores, size_class, tabulate_labels
 from polarsim.scoring.label_pairs import pair_labels
 from polarsim.scoring.labels import PROPAGATION_TASKS, score_tasks, task_of
-from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.score import PhotoLabels
 from polarsim.site import polar
 from tests.support.label_rows import label_row
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 SEEDS = [PhotoKey.parse(f"{terrain}_A_off_30_L_0256") for terrain in ("03", "11")]
-OPTIONS = ScoringOptions()
 
 AZIMUTHS = polar().azimuths
 
@@ -44,7 +42,7 @@ def pairs_of(wanted, found, tasks, against="labels"):
         for key, labels in found.items()
         for number, box in zip(labels.classes, labels.boxes, strict=True)
     ]
-    return pair_labels(wanted, label_table(rows), tasks, against, 256, OPTIONS)
+    return pair_labels(wanted, label_table(rows), tasks, against, 256)
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +53,7 @@ def scored():
         wanted, found = made_up(terrain, terrain)
         tasks = {key: task_of(key, SEEDS) for key in wanted}
         pairs.append(pairs_of(wanted, found, tasks))
-        for metric in score_tasks(wanted, found, tasks, PROPAGATION_TASKS, "labels", 256, OPTIONS):
+        for metric in score_tasks(wanted, found, tasks, PROPAGATION_TASKS, "labels", 256):
             metrics[f"{terrain:02d}", metric.subject, metric.metric] = metric
     return pairs, metrics
 

@@ -7,12 +7,10 @@ from polarsim.formats.tables import label_table
 from polarsim.photo import PhotoKey
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.label_pairs import pair_labels, pair_photo
-from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.score import MatchCounts, PhotoLabels, count_photo
 from tests.support.label_rows import label_row
 
 KEY = PhotoKey.parse("03_A_off_30_R_0256")
-OPTIONS = ScoringOptions()
 
 
 def labels(*boxes, kind=0):
@@ -26,7 +24,7 @@ def label_rows(key, *boxes, **told):
 
 
 def paired(wanted, rows, task="Left to Right", against="labels", usual_ms=256):
-    return pair_labels(wanted, label_table(rows), dict.fromkeys(wanted, task), against, usual_ms, OPTIONS)
+    return pair_labels(wanted, label_table(rows), dict.fromkeys(wanted, task), against, usual_ms)
 
 
 def test_pairs_missed_boxes_and_unmatched_labels_have_a_row_each():
@@ -94,8 +92,8 @@ sets = st.tuples(boxes, boxes).map(
 @settings(max_examples=60, deadline=None)
 @given(truth=sets, found=sets)
 def test_rows_add_up_to_the_counts_of_the_scores(truth, found):
-    pairs = pair_photo(truth, found, 0.5)
-    for number, counts in enumerate(count_photo(truth, found, 0.5).values()):
+    pairs = pair_photo(truth, found)
+    for number, counts in enumerate(count_photo(truth, found).values()):
         of_kind = pairs.kind == number
         true, hit = of_kind & ~np.isnan(pairs.truth[:, 0]), of_kind & ~np.isnan(pairs.iou)
         told = of_kind & (pairs.label >= 0)

@@ -6,7 +6,6 @@ from polarsim.formats.release import label_folder, polygon_folder
 from polarsim.formats.tables import read_csv
 from polarsim.photo import PhotoKey
 from polarsim.scoring.metrics import COLUMNS
-from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.outlines import overlaps, score_outlines
 from polarsim.site import polar
 from tests.support.polar_photos import HEIGHT, WIDTH
@@ -50,7 +49,6 @@ def scores(tmp_path):
             annotations=tmp_path / "coco.json",
             root=tmp_path,
             evaluation=tmp_path / "evaluation.csv",
-            options=ScoringOptions(),
         )
         table = read_csv(tmp_path / "evaluation.csv", COLUMNS)
         return {(row["subject"], row["metric"]): row["value"] for row in table.to_dict("records")}

@@ -18,7 +18,6 @@ from polarsim.run_files.rigs import LocalisedRig, read_localised, write_localise
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.cameras import score_cameras
 from polarsim.scoring.labels import score_labels, task_of, visible
-from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.rock_pairs import RockPairs, pair_rocks, recall_and_precision
 from polarsim.scoring.rocks import score_rocks
 from polarsim.scoring.twins import score_twins
@@ -28,7 +27,6 @@ from tests.support.polar_photos import SIZE
 from tests.support.polar_rig import default_rig
 from tests.support.polar_survey import surveyed_pose
 
-OPTIONS = ScoringOptions()
 OTHER_FROM_TRUTH = Pose.from_rotvec(np.array([0.01, -0.02, 0.05]), np.array([0.1, -0.05, 0.02]))
 BOX = [100.0, 200.0, 160.0, 240.0]
 
@@ -235,7 +233,7 @@ def labels_scored(folder, keys, rows, truth="truth"):
     score_labels(
         site=polar(),
         terrain=3, keys=[PhotoKey.parse(key) for key in keys], table=folder / "labels.parquet", truth=folder / truth,
-        seeds=folder / "seeds", evaluation=folder / "q.csv", pairs=folder / "pairs.parquet", options=OPTIONS,
+        seeds=folder / "seeds", evaluation=folder / "q.csv", pairs=folder / "pairs.parquet",
     )  # fmt: skip
     return metrics(folder / "q.csv")
 
@@ -352,7 +350,6 @@ def test_twins_are_scored_by_boxes_and_pixels_if_available(tmp_path):
         "instances": tmp_path / "instances",
         "evaluation": tmp_path / "q.csv",
         "appearance": tmp_path / "pairs.parquet",
-        "options": OPTIONS,
     }
     score_twins(site=polar(), **arguments, photos=tmp_path / "photos.parquet")
     found = metrics(tmp_path / "q.csv")
@@ -383,7 +380,7 @@ def test_an_object_visible_in_a_single_exposure_is_annotated_in_the_bracket():
     ]
     table = pd.DataFrame(rows)
     table.loc[table["rock"] == 2, "contrast"] = 3.0
-    assert visible(table, OPTIONS)[["key", "rock"]].to_numpy().tolist() == [[str(key), 1] for key in keys]
+    assert visible(table)[["key", "rock"]].to_numpy().tolist() == [[str(key), 1] for key in keys]
 
 
 @settings(max_examples=30)

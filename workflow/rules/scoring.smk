@@ -61,7 +61,6 @@ rule score_labels:
         positions=PATHS.positions,
         grid=options("grid"),
         truth=PATHS.true_labels,
-        options=options("scoring"),
     script:
         "../scripts/score_labels.py"
 
@@ -81,7 +80,6 @@ rule score_outlines:
         positions=PATHS.positions,
         grid=options("grid"),
         root=str(CONFIG.annotated_root),
-        options=options("scoring"),
     script:
         "../scripts/score_outlines.py"
 
@@ -126,7 +124,6 @@ rule score_twins:
     params:
         truth=PATHS.true_labels,
         models=MODELS,
-        options=options("scoring"),
     script:
         "../scripts/score_twins.py"
 

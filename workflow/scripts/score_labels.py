@@ -6,7 +6,6 @@ from polarsim.grid import GridOptions, selected_grid
 from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
 from polarsim.scoring.labels import score_labels
-from polarsim.scoring.options import ScoringOptions
 from polarsim.site import Site
 
 with reporting(log=snakemake.log[0]):
@@ -24,5 +23,4 @@ with reporting(log=snakemake.log[0]):
         seeds=Path(snakemake.input.seeds),
         evaluation=Path(snakemake.output.evaluation),
         pairs=Path(snakemake.output.pairs),
-        options=ScoringOptions(**snakemake.params.options),
     )

@@ -5,7 +5,6 @@ from pathlib import Path
 from polarsim.grid import GridOptions, selected_grid
 from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
-from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.outlines import score_outlines
 from polarsim.site import Site
 
@@ -22,5 +21,4 @@ with reporting(log=snakemake.log[0]):
         annotations=Path(snakemake.input.annotations),
         root=Path(snakemake.params.root),
         evaluation=Path(snakemake.output.evaluation),
-        options=ScoringOptions(**snakemake.params.options),
     )

@@ -5,7 +5,6 @@ from pathlib import Path
 from polarsim.job_files import list_of_paths, optional_path
 from polarsim.photo import parse_terrain
 from polarsim.reporting import reporting
-from polarsim.scoring.options import ScoringOptions
 from polarsim.scoring.twins import score_twins
 from polarsim.site import Site
 
@@ -26,5 +25,4 @@ with reporting(log=snakemake.log[0]):
         instances=Path(snakemake.input.instances),
         evaluation=Path(snakemake.output.evaluation),
         appearance=Path(snakemake.output.appearance),
-        options=ScoringOptions(**snakemake.params.options),
     )
