@@ -109,8 +109,7 @@ def read(folder: Path) -> Scene:
     scans = read_scans(read_inventory(folder / "inventory.json"), localised, polar().files, polar().sandbox)
     extent = sand_extent(scans, polar().sandbox)
     scans = scans.select(extent.contains(scans.points))
-    slope = np.radians(OPTIONS.max_sand_slope_deg)
-    sand = find_ground(scans, extent, GROUND_CELL, slope)
+    sand = find_ground(scans, extent, GROUND_CELL)
     truth = next((folder / "truth").glob("Terrain*"), folder / "truth")  # only the analog has a folder per terrain
     true = read_localised(truth / "cameras/PosA.json").sandbox_from_left
     cells = np.flatnonzero(np.isfinite(sand.surface) & (sand.above > LIMITS.foot))

@@ -31,27 +31,13 @@ FOOT_SHARE, FOOT = 0.25, 0.003  # share of the height, and minimum, metres, from
 FIT_ROUNDS = 4  # rounds of reweighted least squares: objects on the ring lose their weight
 NOISE = 1e-5  # metres: minimum residual of a surface without noise
 
+MIN_HEIGHT = 0.005  # of a rock above the surrounding sand, metres
+MAX_SIZE = 0.095  # longest side of a rock, metres; larger rocks are detected by slope
+
 # Selected on the scenes of benchmarks/foreign.py, each left out in turn.
 MIN_HEIGHT_SD = 5.0  # minimum height over the standard deviation of the ring, because of ripples and tracks
 MIN_KNOWN_RING = 0.8  # minimum share of the ring that is visible and not rock: flanks of rocks look like caps
 MIN_ROUNDNESS = 0.4  # minimum width over length; ripples and rims of tracks are longer
-
-
-@dataclass(frozen=True)
-class Bumps:
-    """Limits of caps that are rocks, metres."""
-
-    height: float  # minimum height above the surrounding sand
-    largest: float  # maximum of the longest side
-
-    def __contains__(self, cap: Cap) -> bool:
-        """Return whether a cap is a rock."""
-        return (
-            cap.height >= max(self.height, MIN_HEIGHT_SHARE * cap.size, MIN_HEIGHT_SD * cap.unevenness)
-            and cap.size <= self.largest
-            and cap.roundness >= MIN_ROUNDNESS
-            and cap.known >= MIN_KNOWN_RING
-        )
 
 
 @dataclass(frozen=True)
@@ -65,9 +51,18 @@ class Cap:
     unevenness: float  # standard deviation of the ring about the quadric, metres
     known: float  # share of the ring that is visible and not rock
 
+    @property
+    def is_rock(self) -> bool:
+        return (
+            self.height >= max(MIN_HEIGHT, MIN_HEIGHT_SHARE * self.size, MIN_HEIGHT_SD * self.unevenness)
+            and self.size <= MAX_SIZE
+            and self.roundness >= MIN_ROUNDNESS
+            and self.known >= MIN_KNOWN_RING
+        )
+
 
 def add_bumps(
-    sand: SandSurface, regions: Sequence[RockRegion], limits: Limits, evidence: Evidence, bumps: Bumps
+    sand: SandSurface, regions: Sequence[RockRegion], limits: Limits, evidence: Evidence
 ) -> tuple[SandSurface, list[RockRegion]]:
     """Return sand and regions after adding small caps between the regions as rocks, with or without annotations.
 
@@ -77,9 +72,9 @@ def add_bumps(
     detected: list[RockRegion] = []
     smallest = limits.size + sand.grid.cell  # sizes on the grid are a cell larger
     for cap in caps(sand, regions):
-        if cap.size < smallest - NOISE or cap not in bumps:
+        if cap.size < smallest - NOISE or not cap.is_rock:
             continue
-        standing = raised(sand, np.setdiff1d(cap.cells, _cells(detected)), FOOT, bumps.height)
+        standing = raised(sand, np.setdiff1d(cap.cells, _cells(detected)), FOOT, MIN_HEIGHT)
         if standing is None:
             continue
         below, region = standing

@@ -19,7 +19,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.photo import Terrain, terrain_text
 from polarsim.rocks import table
 from polarsim.rocks.annotated import add_annotated_rocks, add_carved_rocks
-from polarsim.rocks.bumps import Bumps, add_bumps
+from polarsim.rocks.bumps import add_bumps
 from polarsim.rocks.clouds import alignment_translations, surface_cloud, voxel_means
 from polarsim.rocks.crops import CroppedRock, crop_rocks, rock_of_points
 from polarsim.rocks.evidence import Evidence
@@ -43,7 +43,6 @@ log = logging.getLogger("polarsim")
 FOOT_HEIGHT = 0.006  # height above the ground at which a rock begins, metres
 CONFIRMED_HEIGHT = 0.010  # minimum height of a rock that seed boxes confirm, metres
 CONFIRMING_IOU = 0.3  # minimum IoU of a seed box and the rock that it confirms
-BUMP_HEIGHT = 0.005  # minimum height of a small convex rock above the surrounding sand, metres
 # Points farther from the sand are ignored, metres: of walls, and of the floor around a raised box.
 WALLS_REACH, FLOOR_REACH = 0.5, 2.0
 
@@ -85,7 +84,7 @@ def find_rocks(
         return
     extent = sand_extent(scans, sandbox)
     everything, scans = scans, scans.select(extent.contains(scans.points))
-    sand = find_ground(scans, extent, GROUND_CELL, np.radians(options.max_sand_slope_deg))
+    sand = find_ground(scans, extent, GROUND_CELL)
     sand, regions, limits = detect_regions(sand, evidence, options)
     if from_photos:
         regions = [region for region in regions if region.confirmed]
@@ -122,10 +121,9 @@ def detect_regions(
     )
     cut = cut_by_shape(sand, limits)
     evidence = _without_mislabelled(sand, limits, evidence, cut)
-    bumps = Bumps(BUMP_HEIGHT, options.bump_size_mm / 1000)
     sand, regions = add_annotated_rocks(sand, find_regions(sand, limits, evidence, cut), limits, evidence)
     sand, regions = add_carved_rocks(sand, regions, limits, evidence)
-    sand, regions = add_bumps(sand, regions, limits, evidence, bumps)
+    sand, regions = add_bumps(sand, regions, limits, evidence)
     return sand, regions, limits
 
 

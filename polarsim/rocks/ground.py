@@ -12,6 +12,7 @@ from polarsim.rocks.scans import Extent, ScanPoints, wall_foot
 from polarsim.run_files.walls import SIDES
 from polarsim.site_parts import Sandbox
 
+MAX_SAND_SLOPE = np.tan(np.radians(40))  # steeper surfaces are rock; loose sand rests at up to 38 degrees
 GROUND_CELL = 0.005  # cell of the grid of scanned heights, metres
 EXCLUDED_WALL_MARGIN = 0.03  # width of the excluded sand along a wall, metres
 MAX_WALL_OFFSET = 0.4  # maximum distance of a wall from its nominal line, metres
@@ -90,13 +91,13 @@ def _wall_distance(outward: np.ndarray, along: np.ndarray, half: float, length: 
     return float(np.median(outward[beyond][order][first]))
 
 
-def find_ground(scans: ScanPoints, extent: Extent, cell: float, max_slope: float) -> SandSurface:
+def find_ground(scans: ScanPoints, extent: Extent, cell: float) -> SandSurface:
     """Separate sand and rock by slope: loose sand is not steeper than its angle of repose, flanks of rocks are.
 
     Cells of gentle slope form areas; the largest is ground. Other areas are ground unless they are higher than their
     surroundings (a rock's top). Therefore craters, mounds and pits of any size are ground.
 
-    `cell`: side of a grid cell, metres. `max_slope`: maximum slope of sand, radians.
+    `cell`: side of a grid cell, metres.
     """
     grid = FloorGrid(extent.snapped(cell), cell)
     mean, weights = mean_heights(grid, scans.points, scans.weights)
@@ -104,8 +105,8 @@ def find_ground(scans: ScanPoints, extent: Extent, cell: float, max_slope: float
     seen = ndimage.binary_closing(weights > 0, _SQUARE, border_value=0) & np.isfinite(surface)
     surface = np.where(seen, surface, np.nan)
     slope = _slope(filled(np.nan_to_num(surface), seen), cell)
-    is_ground = _level_areas(surface, seen & (slope < np.tan(max_slope)))
-    is_ground = _without_outlined(surface, seen & (slope > OUTLINE_SLOPE_SHARE * np.tan(max_slope)), is_ground, cell)
+    is_ground = _level_areas(surface, seen & (slope < MAX_SAND_SLOPE))
+    is_ground = _without_outlined(surface, seen & (slope > OUTLINE_SLOPE_SHARE * MAX_SAND_SLOPE), is_ground, cell)
     ground = filled(np.nan_to_num(surface), is_ground)
     top = np.where(seen, smoothed(*top_heights(grid, scans.points, scans.weights), 1.0), np.nan)
     return SandSurface(grid, surface, mean, top, ground, is_ground)

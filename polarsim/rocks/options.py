@@ -10,15 +10,6 @@ class RocksOptions(BaseModel, extra="forbid", frozen=True):
 
     min_size_mm: float = Field(35, gt=0, description="Minimum of the longest horizontal side of rocks, mm.")
     min_height_mm: float = Field(15, gt=0, description="Minimum height of rocks above the ground, mm.")
-    bump_size_mm: float = Field(
-        95, ge=0, description="Maximum longest side of rocks that are detected as convex bumps, mm. 0 disables this."
-    )
-    max_sand_slope_deg: float = Field(
-        40,
-        gt=0,
-        lt=90,
-        description="Maximum slope of sand, degrees. Steeper surfaces are rock. Loose sand rests at up to 38.",
-    )
     rock_cell_mm: float = Field(
         1.9,
         gt=0,

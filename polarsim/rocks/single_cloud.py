@@ -81,7 +81,7 @@ def find_rocks_in_cloud(path: Path, *, unit: str, up: str, min_size_mm: float) -
             log.info("%s: the ground is inclined by %.0f degrees and made level", path, np.degrees(tilt))
         level = ScanPoints(upright, np.tile([0.0, 0.0, 1.0], (len(upright), 1)), np.ones(len(upright)))
         level = level.select(extent.contains(upright))
-        sand = find_ground(level, extent, GROUND_CELL, np.radians(options.max_sand_slope_deg))
+        sand = find_ground(level, extent, GROUND_CELL)
         check_ground(sand)
         sand, regions, limits = detect_regions(sand, Evidence({}, {}, CONFIRMING_IOU), options)
         sand, cropped = number_rocks(sand, [region for region in regions if is_free(sand, region)])

@@ -25,7 +25,7 @@ def two_rocks(small):
 
 def scanned(rocks):
     scans = Scene(rocks=rocks).scanned(np.random.default_rng(3))
-    return find_ground(scans.select(SAND.contains(scans.points)), SAND, 0.006, np.radians(40))
+    return find_ground(scans.select(SAND.contains(scans.points)), SAND, 0.006)
 
 
 @pytest.fixture(scope="module")

@@ -69,7 +69,7 @@ def mound(x, y):
 @pytest.fixture(scope="module")
 def low_rock():
     scans = Scene(mound).scanned(np.random.default_rng(3))
-    return find_ground(scans.select(SAND.contains(scans.points)), SAND, 0.008, np.radians(40))
+    return find_ground(scans.select(SAND.contains(scans.points)), SAND, 0.008)
 
 
 def around_point(localised, position, spot):

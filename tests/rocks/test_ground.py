@@ -17,14 +17,13 @@ from tests.support.other_site import other_site
 from tests.support.polar_survey import HALF, SANDBOX
 
 CELL = 0.008
-SLOPE = np.radians(40)
 LIMITS = Limits(foot=0.006, height=0.015, confirmed_height=0.010, size=0.035)
 SAND = Extent(-1.9, -1.9, 1.9, 1.9)
 PLACES = list(SIZES)
 
 
 def regions_of(scans):
-    sand = find_ground(scans.select(SAND.contains(scans.points)), SAND, CELL, SLOPE)
+    sand = find_ground(scans.select(SAND.contains(scans.points)), SAND, CELL)
     return sand, find_regions(sand, LIMITS, Evidence({}, {}, 0.3))
 
 
