@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.refine import BoxFit, EdgeNoise, PosePrior, check_pose, refine_pose
 from polarsim.cameras.search import SearchRanges, candidate_centres, search_pose
 from polarsim.errors import RegistrationError
@@ -16,6 +15,8 @@ from polarsim.geometry.poses import Pose, yaw_pitch_roll
 from polarsim.photo import REFERENCE_WIDTH_PX
 
 MIN_BOXES = 3  # positions with fewer boxes or meshes are localised by the survey
+# Standard deviations of a tripod from its survey: position on each axis; yaw and pitch. They fit the real data.
+SURVEY_SD_M, SURVEY_SD_DEG = 0.4, 5
 ROLL_SD_DEG = 2.9  # prior on the roll of a tripod about level
 SURVEY_WEIGHT = 0.05  # sum of IoU that a unit of the prior's chi squared costs
 START_GATES_PX = (120.0, 80.0, 50.0, 35.0, 25.0, 25.0)  # of re-assignment in the first fit
@@ -50,7 +51,6 @@ def localise_by_labels(
     outlines: Outlines,
     lens: Lens,
     surveyed: Pose | None,
-    options: LocalisationOptions,
     ranges: SearchRanges,
 ) -> LabelLocalisation:
     """Estimate the pose of the left camera from boxes and meshes without a start; see also `check_localisation`.
@@ -64,7 +64,7 @@ def localise_by_labels(
     """
     if min(len(boxes), len(outlines)) < MIN_BOXES:
         raise RegistrationError(f"{len(boxes)} boxes and {len(outlines)} meshes, a pose needs {MIN_BOXES} of each")
-    prior = survey_prior(surveyed, options)
+    prior = survey_prior(surveyed)
     azimuth = None if surveyed is None else float(np.arctan2(surveyed.translation[1], surveyed.translation[0]))
     centres = candidate_centres(azimuth, float(np.median(outlines.centres[:, 2])), ranges)
     starts = [start.sandbox_from_left for start in search_pose(outlines, boxes, lens, centres, surveyed)]
@@ -119,14 +119,14 @@ def _off_survey(localisation: LabelLocalisation) -> float:
     return float(np.linalg.norm(localisation.fit.sandbox_from_left.translation - localisation.prior.mean[:3]))
 
 
-def survey_prior(surveyed: Pose | None, options: LocalisationOptions) -> PosePrior:
+def survey_prior(surveyed: Pose | None) -> PosePrior:
     """Return the survey as a prior; without a survey only the roll has a prior."""
     roll = np.radians(ROLL_SD_DEG)
     if surveyed is None:
         return PosePrior(np.zeros(6), np.append(np.full(5, np.inf), roll))
     yaw, pitch, _ = yaw_pitch_roll(surveyed)
-    angle = np.radians(options.survey_sd_deg)
-    sd = np.array([options.survey_sd_m] * 3 + [angle, angle, roll])
+    angle = np.radians(SURVEY_SD_DEG)
+    sd = np.array([SURVEY_SD_M] * 3 + [angle, angle, roll])
     return PosePrior(np.array([*surveyed.translation, yaw, pitch, 0.0]), sd)
 
 

@@ -61,7 +61,7 @@ def localise_all(
     result = Localisations({}, no_translations(outlines, options.rock_translation_sd_mm / 1000), {})
     separately = {
         position: _localise_separately(
-            seen[position], outlines, lens, options, offset_surveyed_pose(position, {}, tripods), ranges
+            seen[position], outlines, lens, offset_surveyed_pose(position, {}, tripods), ranges
         )
         for position in usable
     }
@@ -90,13 +90,12 @@ def _localise_separately(
     boxes: np.ndarray,
     outlines: Outlines,
     lens: Lens,
-    options: LocalisationOptions,
     surveyed: Pose | None,
     ranges: SearchRanges,
 ) -> LabelLocalisation | None:
     """Localise a position without the boxes of other positions; None if no pose explains any box."""
     try:
-        return localise_by_labels(boxes, outlines, lens, surveyed, options, ranges)
+        return localise_by_labels(boxes, outlines, lens, surveyed, ranges)
     except RegistrationError:
         return None
 
@@ -118,7 +117,7 @@ def _add_position(
     try:
         if separately is None or before.localised:  # the rocks have been moved since
             moved = translated(outlines, before.translations.metres)
-            best = localise_by_labels(boxes, moved, lens, surveyed, options, ranges)
+            best = localise_by_labels(boxes, moved, lens, surveyed, ranges)
         assert best is not None
         after = _fit_jointly({**before.localised, position: best}, before.translations, outlines, lens, options)
         check_localisation(after.localised[position], max_error_m)

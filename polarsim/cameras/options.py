@@ -6,20 +6,8 @@ from pydantic import BaseModel, Field
 
 
 class LocalisationOptions(BaseModel, extra="forbid", frozen=True):
-    """Options of the localisation by labels and meshes, for terrains without scans; the defaults fit the real data."""
+    """Options of the localisation by labels and meshes, for terrains without scans."""
 
-    survey_sd_m: float = Field(
-        0.4,
-        gt=0,
-        description="Standard deviation of a tripod from its surveyed position, m on each axis. Smaller values trust "
-        "the survey more.",
-    )
-    survey_sd_deg: float = Field(
-        5,
-        gt=0,
-        description="Standard deviation of yaw and pitch from their nominal values, degrees. Smaller values trust the "
-        "survey more.",
-    )
     rock_translation_sd_mm: float = Field(
         7,
         ge=0,

@@ -5,7 +5,6 @@ import pytest
 
 from polarsim.cameras import search
 from polarsim.cameras.labels import check_localisation, localise_by_labels, survey_prior
-from polarsim.cameras.options import LocalisationOptions
 from polarsim.cameras.refine import EdgeNoise, EdgeProblem, unknowns_of
 from polarsim.cameras.search import SearchRanges
 from polarsim.cameras.surveyed import (
@@ -22,7 +21,6 @@ from tests.support.polar_rig import default_rig
 from tests.support.polar_survey import RANGES, TRIPODS, surveyed_pose
 
 pytestmark = pytest.mark.usefixtures("coarse_search")
-OPTIONS = LocalisationOptions()
 LENS = default_rig().left
 
 
@@ -33,7 +31,7 @@ def outlines(labelled):
 
 @pytest.fixture(scope="module")
 def localisation_of_a(labelled, outlines):
-    return localise_by_labels(labelled.seen("A"), outlines, LENS, surveyed_pose("A"), OPTIONS, RANGES)
+    return localise_by_labels(labelled.seen("A"), outlines, LENS, surveyed_pose("A"), RANGES)
 
 
 def spoiled(boxes, rng):
@@ -48,7 +46,7 @@ def spoiled(boxes, rng):
 def test_the_pose_is_found_with_missing_and_false_boxes(labelled, outlines, true_poses, rng):
     position = "C"
     boxes = spoiled(labelled.seen(position), rng)
-    localisation = localise_by_labels(boxes, outlines, LENS, surveyed_pose(position), OPTIONS, RANGES)
+    localisation = localise_by_labels(boxes, outlines, LENS, surveyed_pose(position), RANGES)
     found, true = localisation.fit.sandbox_from_left, true_poses[position]
     # Edges of 2 px and 12 rocks at 4 m: about 2 px / sqrt(12) * 4 m / 2070 px = 1 mm across, ten times that in depth.
     assert np.linalg.norm(found.translation - true.translation) < 0.03
@@ -62,13 +60,13 @@ def test_the_pose_is_found_with_missing_and_false_boxes(labelled, outlines, true
 def test_the_pose_is_found_without_a_survey(labelled, outlines, true_poses, monkeypatch):
     monkeypatch.setattr(search, "AZIMUTH_STEP_DEG", 6.0)
     near = SearchRanges((3.0, 4.5), RANGES.height)
-    found = localise_by_labels(labelled.seen("A"), outlines, LENS, None, OPTIONS, near).fit.sandbox_from_left
+    found = localise_by_labels(labelled.seen("A"), outlines, LENS, None, near).fit.sandbox_from_left
     assert np.linalg.norm(found.translation - true_poses["A"].translation) < 0.03
 
 
 def test_mirrored_boxes_are_refused(labelled, outlines):
     mirrored = labelled.seen("A") * [-1, 1, -1, 1] + [LENS.width, 0, LENS.width, 0]
-    localisation = localise_by_labels(mirrored[:, [2, 1, 0, 3]], outlines, LENS, surveyed_pose("A"), OPTIONS, RANGES)
+    localisation = localise_by_labels(mirrored[:, [2, 1, 0, 3]], outlines, LENS, surveyed_pose("A"), RANGES)
     with pytest.raises(RegistrationError):
         check_localisation(localisation, 1.0)
 
@@ -85,7 +83,7 @@ def test_the_second_best_pose_is_at_another_position(localisation_of_a):
 
 def test_too_few_boxes_are_refused(outlines):
     with pytest.raises(RegistrationError):
-        localise_by_labels(np.zeros((2, 4)), outlines, LENS, surveyed_pose("A"), OPTIONS, RANGES)
+        localise_by_labels(np.zeros((2, 4)), outlines, LENS, surveyed_pose("A"), RANGES)
 
 
 def test_boxes_are_matched_by_size_and_distance():
@@ -100,7 +98,7 @@ def test_the_jacobian_is_that_of_the_residuals(labelled, outlines, true_poses):
     seen = np.isfinite(labelled.boxes[position]).all(axis=1)
     part = outlines_of({rock: labelled.meshes[rock] for rock in outlines.rocks[seen]}, 0.0, 0.0)
     noise = EdgeNoise(3, 3)
-    problem = EdgeProblem(part, labelled.seen(position), LENS, survey_prior(surveyed_pose(position), OPTIONS), noise)
+    problem = EdgeProblem(part, labelled.seen(position), LENS, survey_prior(surveyed_pose(position)), noise)
     at = unknowns_of(true_poses[position])
     numeric = np.stack(
         [(problem.residuals(at + d) - problem.residuals(at - d)) / 2e-7 for d in 1e-7 * np.eye(6)], axis=1

@@ -45,7 +45,7 @@ def test_real_seeds_localise_the_rig(release_root, terrain, position, stood, lea
     outlines = outlines_of(meshes)
     boxes = consensus_boxes(best_boxes(release_root, terrain, position, "L"))
     localisation = check_localisation(
-        localise_by_labels(boxes, outlines, default_rig().left, surveyed_pose(position), OPTIONS, RANGES), 1.0
+        localise_by_labels(boxes, outlines, default_rig().left, surveyed_pose(position), RANGES), 1.0
     )
     pose = localisation.fit.sandbox_from_left
     assert np.linalg.norm(pose.translation - stood) < 0.1  # their lens is 1 % longer: 4 to 6 cm in distance
