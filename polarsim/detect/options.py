@@ -170,11 +170,6 @@ class PredictionOptions(BaseModel, extra="forbid", frozen=True):
         description="Inference widths of masks, px; class probabilities are averaged. Empty: the widths of boxes.",
     )
 
-    sand_only: bool = Field(
-        True,
-        description="Drop boxes outside the sand (cards, cloth, lamps) in images with a known camera pose.",
-    )
-
     @model_validator(mode="after")
     def _are_sizes(self) -> Self:
         if len(self.gates_px) != (expected := max(0, len(self.widths) - 1)):

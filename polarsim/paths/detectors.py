@@ -68,12 +68,7 @@ class DetectorPaths(TerrainPaths):
         return self.pictures_behind([wildcards.trained])
 
     def sand(self, stage: str, terrains: Sequence[Terrain] | None = None) -> list[str]:
-        """Return the folders of `cameras` or `meshes` for masking the sand; empty if all detections are allowed.
-
-        Default: all terrains of the run.
-        """
-        if not self.config.detect.prediction.sand_only:
-            return []
+        """Return the folders of `cameras` or `meshes` for masking the sand; default: of all terrains of the run."""
         chosen = self.config.terrains if terrains is None else terrains
         return [f"results/{self.run}/{stage}/Terrain{terrain_text(terrain)}" for terrain in chosen]
 
