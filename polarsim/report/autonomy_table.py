@@ -12,7 +12,17 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.report.layout import MISSING, write_blocks, write_table
 from polarsim.report.training_seeds import value_and_interval
-from polarsim.schemas.rover import ALL, AUTONOMY, AUTONOMY_DETECTORS, AUTONOMY_EFFECTS, AUTONOMY_RANK, END_ERROR, KNOWN
+from polarsim.schemas.rover import (
+    ALL,
+    AUTONOMY,
+    AUTONOMY_DETECTORS,
+    AUTONOMY_EFFECTS,
+    AUTONOMY_RANK,
+    END_ERROR,
+    KNOWN,
+    LOST_MOTIONS,
+    REJECTED_MOTIONS,
+)
 
 CAPTION = (
     "Autonomous drives, means over seeds. Mode: hazards from labels (truth), a detector, stereo depth, both, or none "
@@ -37,7 +47,7 @@ RANK_NOTES = (
     "Verdict: `better` or `worse` if there are at least 5 detectors, the interval of Kendall's coefficient excludes 0 "
     "and p is below 0.05 (not corrected for the number of rows).",
 )
-BY_PART = "by wheels, legs, body"
+BY_PART, FAULTS = "by wheels, legs, body", "stereo motions lost, rejected"
 SHOWN = {
     "collisions": "collisions",
     BY_PART: BY_PART,
@@ -47,8 +57,14 @@ SHOWN = {
     "points": "points, of 1000",
     "rock map": "rock map, of 300",
     END_ERROR: "position error, % of path",
+    FAULTS: FAULTS,
     "energy over the blind one's": "energy over blind",
 }
+LISTED = {  # columns that list several metrics
+    BY_PART: [f"collisions of {part}" for part in ("wheels", "legs", "the body")],
+    FAULTS: [LOST_MOTIONS, REJECTED_MOTIONS],
+}
+OF_POSE = {END_ERROR: SHOWN[END_ERROR], LOST_MOTIONS: FAULTS}  # columns that need metrics of an estimated pose
 _KEYS = ["mode", "sun", "exposure", "lights", "model", "detector"]
 _GAPS = {"ipd": "IPD", "map50": "mAP@0.5", "rock_f1": "F1 of rock cells"}
 _DRIVES = {"collisions": "collisions", "success": "success", "rock_points": "rock map"}
@@ -76,21 +92,21 @@ def tabulate_rank(*, by_detector: Path, ranks: Path, stem: Path, origin: Mapping
 
 def format_autonomy(table: pd.DataFrame) -> pd.DataFrame:
     """Return a row per kind of drive and a column per metric in `SHOWN`, with intervals."""
-    rows, estimated = [], (table["metric"] == END_ERROR).any()
+    rows, metrics_there = [], set(table["metric"])
     for (*key, pose), part in table.groupby([*_KEYS, "pose"], sort=False):
         metrics = part.set_index("metric")
         row: dict[str, object] = {**dict(zip(_KEYS, key, strict=True)), "drives": int(part["drives"].max())}
         row["mode"] = with_pose(str(row["mode"]), str(pose))
         row |= {text: _with_interval(metrics, metric) for metric, text in SHOWN.items()}
-        rows.append(row | {BY_PART: _by_part(metrics)})
-    shown = pd.DataFrame(rows)
-    return shown if estimated else shown.drop(columns=SHOWN[END_ERROR])
+        rows.append(row | {text: _list_of(metrics, names) for text, names in LISTED.items()})
+    return pd.DataFrame(rows).drop(columns=[text for name, text in OF_POSE.items() if name not in metrics_there])
 
 
-def _by_part(metrics: pd.DataFrame) -> str:
-    """Return the numbers of collisions of wheels, legs and body."""
-    names = [f"collisions of {part}" for part in ("wheels", "legs", "the body")]
-    return ", ".join(f"{metrics['value'].get(name, math.nan):.2f}" for name in names)
+def _list_of(metrics: pd.DataFrame, names: list[str]) -> str:
+    """Return the means of several metrics, without intervals."""
+    if not set(names) <= set(metrics.index):
+        return MISSING
+    return ", ".join(f"{metrics['value'][name]:.2f}" for name in names)
 
 
 def with_pose(mode: str, pose: str) -> str:

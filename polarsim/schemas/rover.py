@@ -7,6 +7,7 @@ MODES = ("truth", "detector", "stereo", "both", "blind")  # inputs of the planne
 POSES = KNOWN, ODOMETRY, FUSED = "truth", "odometry", "fused"  # sources of the rover's pose
 ANY, ALL = "any", "all"  # level of an axis without effect on a drive, and all levels pooled
 END_ERROR = "position error at the end, of the path"  # name of a metric
+LOST_MOTIONS, REJECTED_MOTIONS = "stereo motions lost", "stereo motions rejected"  # names of metrics
 HIGH_M = 0.10  # minimum height of a rock for a collision; contact with a lower rock is a touch
 SHARED = Shared("""
     metric | str | | Name of the metric

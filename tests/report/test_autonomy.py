@@ -124,7 +124,14 @@ def test_collisions_are_listed_by_part_and_metrics_without_values_have_no_column
     rows = [drive("blind", value=value, metric=f"collisions{part}") for part, value in parts.items()]
     shown = format_autonomy(pd.DataFrame(rows, columns=list(AUTONOMY.columns)))
     assert shown["by wheels, legs, body"].item() == "1.00, 0.50, 0.00"
-    assert "position error, % of path" not in shown
+    assert not {"position error, % of path", "stereo motions lost, rejected"} & set(shown)
+
+
+def test_lost_and_rejected_stereo_motions_are_listed_for_drives_with_a_stereo_pair():
+    metrics = {"stereo motions lost": 2.5, "stereo motions rejected": 0.0}
+    rows = [drive("stereo", "1", "0256", "off", value=v, metric=name, pose="fused") for name, v in metrics.items()]
+    shown = format_autonomy(pd.DataFrame([drive("blind"), *rows], columns=list(AUTONOMY.columns)))
+    assert shown["stereo motions lost, rejected"].tolist() == ["–", "2.50, 0.00"]
 
 
 def test_suns_are_listed_from_best_to_worst_for_each_source_of_the_pose():

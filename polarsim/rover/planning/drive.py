@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from polarsim.formats import tables
 from polarsim.formats.files import write_bytes, writing_folder
@@ -56,8 +55,7 @@ class Outcome:
     pilot: Pilot | None
     cpu_s: float  # of the entire drive
     wall_s: float
-    estimate: pd.DataFrame | None = None  # `ESTIMATE_COLUMNS`, None if the pose is known
-    sensors: pd.DataFrame | None = None  # `SENSOR_COLUMNS`, None if the pose is known
+    localiser: Localiser | None = None  # None if the pose is known
 
 
 def job_for(
@@ -92,9 +90,9 @@ def write_outcome(folder: Path, outcome: Outcome, options: AutonomyOptions) -> N
         surface_m=grid.surface_of_cells(), hazard=grid.hazards(options.planner.hazard_m),
     )  # fmt: skip
     with writing_folder(folder / LOCALISATION) as temporary:
-        for name, table in ((ESTIMATE, outcome.estimate), (SENSORS, outcome.sensors)):
-            if table is not None:
-                tables.write_parquet(temporary / name, table)
+        if outcome.localiser is not None:
+            tables.write_parquet(temporary / ESTIMATE, outcome.localiser.estimate())
+            tables.write_parquet(temporary / SENSORS, outcome.localiser.readings())
     with writing_folder(folder / PICTURES) as temporary:
         for time_s, observation in outcome.pilot.observations if outcome.pilot else []:
             if observation.shown is not None:
@@ -154,8 +152,7 @@ def run_autonomous_drive(
                 ride.ended, ride.reason = "energy", str(error)
             if driver is not None and driver.given_up and ride.ended is None:
                 ride.ended, ride.reason = "gave up", "no path after backing off"
-    tables_of = (None, None) if localiser is None else (localiser.estimate(), localiser.readings())
-    return Outcome(ride.trace(), driver, time.process_time() - cpu, time.perf_counter() - wall, *tables_of)
+    return Outcome(ride.trace(), driver, time.process_time() - cpu, time.perf_counter() - wall, localiser)
 
 
 def _with_stereo(job: DriveJob, perception: Perception) -> Localiser:

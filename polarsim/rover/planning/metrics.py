@@ -16,6 +16,7 @@ from polarsim.geometry.trajectories import (
 )
 from polarsim.rover.drive.table import TREAD_AND_FLANK
 from polarsim.rover.drive.trace import Trace, rock_contacts
+from polarsim.rover.localisation.localiser import Localiser
 from polarsim.rover.localisation.stereo_motion import visual_odometry
 from polarsim.rover.planning.challenge import POINTS, points_of
 from polarsim.rover.planning.clearance import closest_pass
@@ -23,7 +24,16 @@ from polarsim.rover.planning.drive import Outcome
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.planner import Planner, hazard_field
 from polarsim.rover.vehicle.table import Vehicle
-from polarsim.schemas.rover import AUTONOMY_EVENTS, COLLISION, END_ERROR, HIGH_M, STOP, TOUCH
+from polarsim.schemas.rover import (
+    AUTONOMY_EVENTS,
+    COLLISION,
+    END_ERROR,
+    HIGH_M,
+    LOST_MOTIONS,
+    REJECTED_MOTIONS,
+    STOP,
+    TOUCH,
+)
 
 CLASSES_M = ((0.05, 0.10), (0.10, 0.20), (0.20, math.inf))
 NO_ROCK = -1
@@ -77,17 +87,17 @@ def drive_metrics(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) 
         ("CPU for a second driven", "s", outcome.cpu_s / seconds),
         ("wall time for a second driven", "s", outcome.wall_s / seconds),
     ]
-    if outcome.estimate is not None:
-        rows += _of_estimate(outcome.estimate, trace)
+    if outcome.localiser is not None:
+        rows += _of_localiser(outcome.localiser, trace)
     if outcome.pilot is not None:
         rows += _of_pilot(outcome, vehicle, options)
     return pd.DataFrame(rows, columns=["metric", "unit", "value"])
 
 
-def _of_estimate(estimate: pd.DataFrame, trace: Trace) -> list[tuple[str, str, float]]:
-    """Return the errors of the pose by which the rover drove, after alignment at the start."""
-    errors = trajectory_errors(Trajectory.from_table(estimate), Trajectory.from_table(trace.table))
-    return [
+def _of_localiser(localiser: Localiser, trace: Trace) -> list[tuple[str, str, float]]:
+    """Return errors of the pose by which the rover drove, after alignment at the start, and faults of its camera."""
+    errors = trajectory_errors(Trajectory.from_table(localiser.estimate()), Trajectory.from_table(trace.table))
+    rows = [
         ("position error at the end", "m", errors.end),
         (END_ERROR, "%", 100 * errors.end / errors.path if errors.path else math.nan),
         ("position error, mean", "m", errors.mean),
@@ -96,6 +106,12 @@ def _of_estimate(estimate: pd.DataFrame, trace: Trace) -> list[tuple[str, str, f
         ("position error per metre", "m", errors.relative),
         ("attitude error per metre", "degrees", math.degrees(errors.relative_angle)),
     ]
+    if localiser.stereo is not None:
+        rows += [
+            (LOST_MOTIONS, "", float(localiser.lost)),
+            (REJECTED_MOTIONS, "", float(localiser.filter.rejected)),
+        ]
+    return rows
 
 
 def distance_to_goal(trace: Trace) -> float:

@@ -22,9 +22,11 @@ from polarsim.rover.drive.job import DriveJob
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.ride import RunningDrive
 from polarsim.rover.localisation.localiser import ESTIMATE_COLUMNS
+from polarsim.rover.localisation.motion import Motion
 from polarsim.rover.localisation.sensors import SENSOR_COLUMNS
 from polarsim.rover.perception.hazard_grid import PARTS, HazardGrid
 from polarsim.rover.perception.observation import Observation, Perception
+from polarsim.rover.planning import drive as drive_module
 from polarsim.rover.planning.drive import PICTURES, WIDTH_PX, autonomous_job, run_autonomous_drive, write_outcome
 from polarsim.rover.planning.metrics import drive_metrics, event_table
 from polarsim.rover.planning.options import AutonomyOptions
@@ -36,7 +38,7 @@ from polarsim.rover.vehicle.mounts import pose_of_quaternion
 from polarsim.rover.vehicle.table import read_vehicle
 from polarsim.rover.world.options import WorldOptions
 from polarsim.rover.world.surface import ROCK_COLUMNS, bare_world
-from polarsim.schemas.rover import AUTONOMY_EVENTS
+from polarsim.schemas.rover import AUTONOMY_EVENTS, LOST_MOTIONS, REJECTED_MOTIONS
 from tests.rover import driven
 
 OPTIONS = AutonomyOptions(speed_m_s=0.4, longest_s=40)
@@ -126,16 +128,17 @@ def test_a_rover_on_odometry_drives_to_where_it_believes_the_goal(job):
     outcome = run_autonomous_drive(
         short, "blind", ImagingCondition("3", 256), OPTIONS, CAMERAS, render=driven.RENDER, pose="odometry"
     )
-    estimate, true = outcome.estimate, outcome.trace.table
+    estimate, readings, true = outcome.localiser.estimate(), outcome.localiser.readings(), outcome.trace.table
     assert tuple(estimate) == ESTIMATE_COLUMNS
-    assert tuple(outcome.sensors) == SENSOR_COLUMNS
-    assert np.diff(outcome.sensors["time_s"]) == pytest.approx(0.01)
+    assert tuple(readings) == SENSOR_COLUMNS
+    assert np.diff(readings["time_s"]) == pytest.approx(0.01)
     np.testing.assert_array_equal(estimate["time_s"], true["time_s"])
     rows = drive_metrics(outcome, short.vehicle, OPTIONS)
     places = [table[["x_m", "y_m", "z_m"]].to_numpy() for table in (estimate, true)]
     end = np.linalg.norm((places[0] - places[0][0] - places[1] + places[1][0])[-1])  # aligned at the start
     assert value(rows, "position error at the end") == pytest.approx(end, abs=1e-3)
     assert value(rows, "position error at the end, of the path") == pytest.approx(100 * end / 1.6, rel=0.3)  # %
+    assert not set(rows["metric"]) & {LOST_MOTIONS, REJECTED_MOTIONS}  # no camera
     start, end = estimate.iloc[0], estimate.iloc[-1]
     assert start[["x_m", "y_m", "z_m"]].tolist() == true.iloc[0][["x_m", "y_m", "z_m"]].tolist()
     assert outcome.trace.drive["ended"] == "finished"
@@ -144,6 +147,30 @@ def test_a_rover_on_odometry_drives_to_where_it_believes_the_goal(job):
     assert 0.02 < slipped < 3 * end["x_sd_m"]
     error = np.abs(estimate[["y_m", "z_m"]] - true[["y_m", "z_m"]]).iloc[-1]
     assert (error < 3 * end[["y_sd_m", "z_sd_m"]].to_numpy(float)).all()
+
+
+def test_lost_and_rejected_stereo_motions_are_counted_from_the_second_pair_on(job, monkeypatch):
+    wrong = Pose.from_rotvec(np.array([0.0, 0.5, 0.0]), np.zeros(3))  # of the camera, rad
+
+    class StereoWithFaults:
+        def __init__(self, rig):
+            self.pairs = 0
+
+        def add(self, left, right, predicted=None):
+            self.pairs += 1
+            motions = {2: None, 3: wrong, 4: predicted, 5: None}
+            found = motions.get(self.pairs)
+            return None if found is None else Motion(found, 1e-6 * np.eye(6), 100)
+
+    monkeypatch.setattr(drive_module, "StereoMotion", StereoWithFaults)
+    brief = OPTIONS.model_copy(update={"longest_s": 4.5})
+    outcome = run_autonomous_drive(
+        job, "truth", ImagingCondition("3", 256), brief, CAMERAS, render=driven.RENDER, pose="fused"
+    )
+    assert outcome.localiser.stereo.pairs == 5
+    rows = drive_metrics(outcome, job.vehicle, brief)
+    assert value(rows, LOST_MOTIONS) == 2
+    assert value(rows, REJECTED_MOTIONS) == 1
 
 
 def test_a_map_lies_where_the_rover_believes_itself(job):
@@ -199,7 +226,8 @@ def test_stereo_maps_the_boxes_and_finds_the_pose_of_the_rover(job, tmp_path):
     rows = drive_metrics(outcome, job.vehicle, OPTIONS)
     assert value(rows, "odometry: absolute error") < 0.2
     names = ["x_m", "y_m", "z_m"]
-    error, sd = outcome.estimate[names] - outcome.trace.table[names], outcome.estimate[["x_sd_m", "y_sd_m", "z_sd_m"]]
+    estimate = outcome.localiser.estimate()
+    error, sd = estimate[names] - outcome.trace.table[names], estimate[["x_sd_m", "y_sd_m", "z_sd_m"]]
     assert np.abs(error.iloc[-1]).max() < 0.01
     assert (np.abs(error.to_numpy()) < 4 * sd.to_numpy() + 1e-3).all()
     write_outcome(tmp_path, outcome, OPTIONS)
