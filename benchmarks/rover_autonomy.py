@@ -32,8 +32,9 @@ import pandas as pd
 from polarsim.formats import tables
 from polarsim.render.options import RenderOptions
 from polarsim.report.autonomy_table import tabulate_autonomy, tabulate_rank
-from polarsim.report.figures.autonomy import draw_modes, draw_paths
+from polarsim.report.figures.autonomy import draw_modes
 from polarsim.report.figures.autonomy_maps import draw_autonomy_maps
+from polarsim.report.figures.autonomy_paths import draw_paths
 from polarsim.reporting import reporting
 from polarsim.rover.cameras.options import PACKAGED_FILES, CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions

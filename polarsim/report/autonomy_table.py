@@ -29,8 +29,9 @@ CAPTION = (
     "(blind: straight line). `any`: the drives do not depend on this variable; `all`: mean over all of its values."
 )
 EFFECTS_CAPTION = (
-    "Effect of Sun, exposure, lights, reflectance model and detector on autonomous drives: mean of each level over the "
-    "drives available for all levels; in brackets: difference to the mean of the other levels, paired by seed."
+    "Effect of Sun, exposure, lights, reflectance model, detector and source of the pose on autonomous drives: mean of "
+    "each level over the drives available for all levels; in brackets: difference to the mean of the other levels, "
+    "paired by seed."
 )
 SUNS_CAPTION = (
     "Suns from best to worst by metric, with the rank of the mean and its interval; equal means share a rank."

@@ -13,7 +13,7 @@ from polarsim.formats.files import write_json
 from polarsim.formats.npz import write_arrays
 from polarsim.formats.tables import write_parquet
 from polarsim.report.autonomy_table import format_autonomy, format_effects, format_suns
-from polarsim.report.figures import autonomy, autonomy_maps
+from polarsim.report.figures import autonomy, autonomy_maps, autonomy_paths
 from polarsim.report.figures.autonomy import draw_modes, drive_kinds, mark_positions
 from polarsim.report.figures.autonomy_maps import draw_autonomy_maps, mode_and_pose
 from polarsim.schemas.rover import AUTONOMY, AUTONOMY_EFFECTS, AUTONOMY_EVENTS
@@ -150,7 +150,7 @@ def test_pixels_of_the_ground_are_centred_on_grid_nodes(tmp_path):
     write_arrays(tmp_path / "ground.npz", x0_m=-2.0, y0_m=1.0, cell_m=0.5, level_m=np.zeros((3, 5)))
     write_parquet(tmp_path / "rocks.parquet", pd.DataFrame(columns=["x_m", "y_m", "width_m", "height_m"], dtype=float))
     axis = Figure().subplots()
-    autonomy._draw_rocks(axis, tmp_path)
+    autonomy_paths._draw_rocks(axis, tmp_path)
     left, right, bottom, top = axis.images[0].get_extent()
     assert [(right - left) / 5, (top - bottom) / 3] == [0.5, 0.5]  # one pixel per node
     assert [left + 0.25, bottom + 0.25] == [-2.0, 1.0]  # centre of the first pixel
@@ -172,7 +172,7 @@ def write_case(folder: Path, estimate: bool) -> Path:
     x, y = np.arange(-4, 4, 0.15), np.arange(-2, 2, 0.15)
     cells = np.zeros((len(y), len(x)))
     write_arrays(folder / "map.npz", x_m=x, y_m=y, log_odds=cells, seen=cells > -1, hazard=cells > 0)
-    path = pd.DataFrame({"time_s": np.linspace(0, 30, 61), "x_m": np.linspace(3, -3, 61), "y_m": 0.0})
+    path = pd.DataFrame({"time_s": np.linspace(0, 30, 61), "x_m": np.linspace(3, -3, 61), "y_m": 0.0, "z_m": 0.0})
     write_parquet(folder / "trace.parquet", path)
     write_parquet(folder / "events.parquet", pd.DataFrame(columns=list(AUTONOMY_EVENTS.columns)))
     write_json(folder / "drive.json", {"ended": "finished", "seconds": 30.0})
@@ -191,12 +191,17 @@ def test_estimated_paths_are_drawn_with_a_key_and_each_source_of_the_pose_has_a_
         ("stereo", "fused"),
     ]
     sheets = []
-    for module in (autonomy, autonomy_maps):
+    for module in (autonomy_paths, autonomy_maps):
         monkeypatch.setattr(module, "page", lambda *_: nullcontext(sheets[-1]))
     sheets.append(Figure(layout="constrained"))
-    autonomy.draw_paths(folders, tmp_path / "ways.png", ORIGIN)
-    dashed = [line for line in sheets[-1].axes[0].lines if line.get_linestyle() == "--" and len(line.get_xdata())]
+    autonomy_paths.draw_paths(folders, tmp_path / "ways.png", ORIGIN)
+    paths, errors = sheets[-1].axes
+    dashed = [line for line in paths.lines if line.get_linestyle() == "--"]
     assert [line.get_ydata()[-1] for line in dashed] == [0.5]
+    (error,) = errors.lines
+    assert [error.get_xdata()[-1], error.get_ydata()[-1]] == pytest.approx([6.0, 500.0])  # m driven, mm
+    assert error.get_ydata()[0] == 1.0  # the error of 0 at the start is drawn at the lower limit
+    assert error.get_marker() == "o"  # Sun 1
     key = "path as estimated by the rover"
     assert key in [text.get_text() for text in sheets[-1].legends[0].get_texts()]
     sheets.append(Figure(layout="constrained"))
@@ -206,3 +211,6 @@ def test_estimated_paths_are_drawn_with_a_key_and_each_source_of_the_pose_has_a_
         "truth", "stereo, Sun 1, 256 ms", "stereo, fused pose, Sun 1, 256 ms",
     ]  # fmt: skip
     assert key in [text.get_text() for text in sheets[-1].legends[0].get_texts()]
+    sheets.append(Figure(layout="constrained"))
+    autonomy_paths.draw_paths(folders[:2], tmp_path / "known.png", ORIGIN)
+    assert len(sheets[-1].axes) == 1  # without estimates there are no errors

@@ -43,7 +43,7 @@ def test_a_job_a_drive_and_one_a_view_of_it(dry_run, tmp_path, name, drives, vie
 
 def test_a_drive_of_all_that_it_depends_on_then_tables_and_figures(checkout, snakemake):
     asked = {"modes": ["truth", "stereo", "both", "blind"], "headlights": ["off", "on"]}
-    asked |= {"detectors": ["packaged", "hapke"]}
+    asked |= {"detectors": ["packaged", "hapke"], "poses": ["truth"]}
     cameras = {"suns": ["1", "3"], "exposures_ms": [64, 128]}
     content = {"rover": {"autonomy": asked, "seeds": [5], "cameras": cameras, "bags": False}}
     content["rover"]["world"] = {"dem": {"path": "site.tif"}}

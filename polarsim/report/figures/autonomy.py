@@ -1,9 +1,8 @@
-"""Figures of autonomous drives: metrics by mode, and the paths of one seed over the rocks of the terrain."""
+"""Figure of the metrics of autonomous drives by mode, for a printed column in greys."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -12,23 +11,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from polarsim.formats.npz import read_arrays
 from polarsim.formats.tables import read_parquet
 from polarsim.report.autonomy_table import with_pose
-from polarsim.report.figures.autonomy_maps import estimated_path
 from polarsim.report.figures.canvas import (
     COLUMN_IN,
     FAINT,
-    FIGURE_WIDTH,
     INK,
     LINE,
-    SERIES,
-    figure_title,
     legend_line,
     page,
 )
 from polarsim.run_files.picture_sets import exposure_order, exposure_title, sun_title
-from polarsim.schemas.rover import ALL, ANY, AUTONOMY, HIGH_M, MODES
+from polarsim.schemas.rover import ALL, ANY, AUTONOMY, MODES
 
 PRINTED_PX = 1400
 SHOWN = {  # titles of the panels by metric
@@ -38,7 +32,7 @@ SHOWN = {  # titles of the panels by metric
     "energy over the blind one's": "Energy relative to the blind drive",
 }
 INSTEAD = {"energy over the blind one's": ("energy", "Energy, J")}  # without blind drives
-_SUNS = {"1": "o", "2": "s", "3": "^", "4": "D", "night": "v", ANY: "_"}
+SUN_MARKERS = {"1": "o", "2": "s", "3": "^", "4": "D", "night": "v", ANY: "_"}
 _NAMES_PER_COLUMN = 8  # kinds of drive per printed column
 _KEYS_PER_COLUMN = 4  # legend entries per printed column
 _MIN_KIND_WIDTH = 10  # of the axis, in mark positions; leaves room for the name of the kind
@@ -55,22 +49,12 @@ class MarkerStyles:
 
     def of(self, sun: str, exposure: str) -> dict[str, Any]:
         grey = self.exposures.index(exposure) / max(len(self.exposures) - 1, 1) if exposure in self.exposures else 1.0
-        return {"marker": _SUNS[sun], "markerfacecolor": str(1 - grey), "markeredgecolor": INK}
+        return {"marker": SUN_MARKERS[sun], "markerfacecolor": str(1 - grey), "markeredgecolor": INK}
 
 
-def draw_autonomy(
-    *,
-    folders: Sequence[Path],
-    together: Path,
-    figure: Path,
-    ways: Path,
-    origin: dict[str, str],
-    width: int = PRINTED_PX,
-    ways_width: int = FIGURE_WIDTH,
-) -> None:
-    """Draw `figure`, the metrics by mode for a printed column in greys, and `ways`, the paths of the first seed."""
-    draw_modes(read_parquet(together, AUTONOMY.columns), figure, origin, width)
-    draw_paths(folders, ways, origin, ways_width)
+def draw_autonomy(*, together: Path, figure: Path, origin: dict[str, str]) -> None:
+    """Draw the metrics by mode, see `draw_modes`."""
+    draw_modes(read_parquet(together, AUTONOMY.columns), figure, origin)
 
 
 def draw_modes(table: pd.DataFrame, figure: Path, origin: dict[str, str], width: int = PRINTED_PX) -> None:
@@ -187,50 +171,3 @@ def _draw_legend(sheet: Any, styles: MarkerStyles, columns: int) -> None:
             handletextpad=0.4,
             handlelength=1,
         )
-
-
-def draw_paths(folders: Sequence[Path], figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
-    """Draw the paths of the first seed's drives over the terrain; rocks above 10 cm are filled."""
-    seed = folders[0].name.rpartition("_")[2]
-    drives = [folder for folder in folders if folder.name.endswith(f"_{seed}")]
-    modes = [mode for mode in MODES if any(folder.name.split("_")[0] == mode for folder in drives)]
-    colours = dict(zip(modes, SERIES, strict=False))
-    with page(figure, width, round(width * 0.45)) as sheet:
-        title = (
-            f"Paths of autonomous drives by mode, {seed.replace('seed', 'seed ')}; circles: rocks, filled above 10 cm"
-        )
-        figure_title(sheet, f"{title}; source {origin['source']}")
-        axis = sheet.subplots()
-        _draw_rocks(axis, drives[0] / "world")
-        estimated = False
-        for folder in drives:
-            path = read_parquet(folder / "trace.parquet", ("x_m", "y_m"))
-            colour = colours[folder.name.split("_")[0]]
-            axis.plot(path["x_m"], path["y_m"], color=colour, linewidth=1.6)
-            if (estimate := estimated_path(folder)) is not None:
-                axis.plot(estimate["x_m"], estimate["y_m"], color=colour, linewidth=1.6, linestyle="--")
-                estimated = True
-        keys = [legend_line(color=colours[mode], label=mode) for mode in modes]
-        if estimated:
-            keys.append(legend_line(color=INK, linestyle="--", label="path as estimated by the rover"))
-        sheet.legend(handles=keys, loc="outside lower center", ncols=len(keys))
-        axis.set_aspect("equal")
-        axis.set_xlabel("east, m")
-        axis.set_ylabel("north, m")
-
-
-def _draw_rocks(axis: Any, world: Path) -> None:
-    from matplotlib.patches import Circle
-
-    ground = read_arrays(world / "ground.npz", ("x0_m", "y0_m", "cell_m", "level_m"))
-    rows, columns = ground["level_m"].shape
-    x0, y0, cell = (float(ground[name]) for name in ("x0_m", "y0_m", "cell_m"))
-    east, north = x0 + cell * (columns - 1), y0 + cell * (rows - 1)
-    half = cell / 2  # grid nodes are at pixel centres
-    extent = (x0 - half, east + half, y0 - half, north + half)
-    axis.imshow(ground["level_m"], extent=extent, origin="lower", cmap="gray", alpha=0.4)
-    axis.set_xlim(x0, east)
-    axis.set_ylim(y0, north)  # crop rocks outside the ground
-    for rock in read_parquet(world / "rocks.parquet", ("x_m", "y_m", "width_m", "height_m")).to_dict("records"):
-        high = rock["height_m"] > HIGH_M
-        axis.add_patch(Circle((rock["x_m"], rock["y_m"]), rock["width_m"] / 2, fill=high, color=INK if high else FAINT))

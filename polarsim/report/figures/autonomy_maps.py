@@ -23,7 +23,8 @@ PICTURES = 2  # per drive
 _ROW_PX = 375
 _BEFORE_S = 4.0  # time between an image and the event; the rock of a collision is visible then
 _UNSEEN, _FREE, _LOW, _HIGH = "#c9ccd1", "#ffffff", "#f6c48a", "#d55e00"
-ESTIMATED = {"color": "#0072b2", "linewidth": 1.2, "linestyle": "--"}
+_PATH = {"color": INK, "linewidth": 3.2}
+_ESTIMATED = {"color": "#56b4e9", "linewidth": 1.4, "linestyle": (0, (4, 2))}  # within the path where both agree
 _MARKS = {
     COLLISION: {"marker": "X", "color": "#b00020", "markersize": 11, "label": "rock above 10 cm hit"},
     TOUCH: {"marker": "x", "color": "#b00020", "markersize": 7, "label": "lower rock touched"},
@@ -48,7 +49,7 @@ def draw_autonomy_maps(*, folders: Sequence[Path], figure: Path, origin: dict[st
             _draw_map(axis, folder)
             _draw_path(axis, path, events, list(shown))
             if (estimate := estimated_path(folder)) is not None:
-                axis.plot(estimate["x_m"], estimate["y_m"], **ESTIMATED)
+                axis.plot(estimate["x_m"], estimate["y_m"], **_ESTIMATED)
             axis.set_title(_title(folder))
             if folder == chosen[-1]:
                 axis.set_xlabel("east, m")
@@ -63,9 +64,9 @@ def draw_autonomy_maps(*, folders: Sequence[Path], figure: Path, origin: dict[st
             legend_line(linestyle="", marker="s", markersize=10, markeredgecolor=FAINT, color=colour, label=label)
             for colour, label in ((_HIGH, "mapped as hazard"), (_LOW, "mapped as low rock"), (_UNSEEN, "not observed"))
         ]
-        keys += [legend_line(color=INK, label="path; circles: true rocks")]
+        keys += [legend_line(**_PATH, label="path; circles: true rocks")]
         if any(pose != KNOWN for _, pose in map(mode_and_pose, chosen)):
-            keys += [legend_line(**ESTIMATED, label="path as estimated by the rover")]
+            keys += [legend_line(**_ESTIMATED, label="path as estimated by the rover")]
         sheet.legend(handles=keys, loc="outside lower center", ncols=4)
 
 
@@ -75,10 +76,15 @@ def mode_and_pose(folder: Path) -> tuple[str, str]:
     return mode, pose if pose in POSES else KNOWN
 
 
+def light_of(folder: Path) -> list[str]:
+    """Return Sun, exposure and the other conditions of a drive's images; empty without images."""
+    return folder.name.rpartition("_seed")[0].split("_")[1 if mode_and_pose(folder)[1] == KNOWN else 2 :]
+
+
 def estimated_path(folder: Path) -> pd.DataFrame | None:
-    """Return the path that the rover estimated, x_m and y_m; None if the pose was known."""
+    """Return the estimated path at the times of the trace, x_m, y_m, z_m; None if the pose was known."""
     path = folder / LOCALISATION / ESTIMATE
-    return read_parquet(path, ("x_m", "y_m")) if path.is_file() else None
+    return read_parquet(path, ("x_m", "y_m", "z_m")) if path.is_file() else None
 
 
 def picture_times(folder: Path) -> dict[float, Path]:
@@ -104,8 +110,7 @@ def shown_pictures(pictures: dict[float, Path], events: pd.DataFrame) -> dict[fl
 
 def _title(folder: Path) -> str:
     mode, pose = mode_and_pose(folder)
-    light = folder.name.rpartition("_seed")[0].split("_")[1 if pose == KNOWN else 2 :]
-    mode = with_pose(mode, pose)
+    light, mode = light_of(folder), with_pose(mode, pose)
     drive = read_json(folder / "drive.json")
     conditions = [sun_title(light[0]), exposure_title(light[1])] if light else []
     return (
@@ -131,7 +136,7 @@ def _draw_map(axis: Any, folder: Path) -> None:
 
 
 def _draw_path(axis: Any, path: pd.DataFrame, events: pd.DataFrame, shown: list[float]) -> None:
-    axis.plot(path["x_m"], path["y_m"], color=INK, linewidth=1.2)
+    axis.plot(path["x_m"], path["y_m"], **_PATH)
     for kind, style in _MARKS.items():
         marked = events[events["what"] == kind]
         axis.plot(marked["x_m"], marked["y_m"], linestyle="", zorder=3, **style)

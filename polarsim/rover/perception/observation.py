@@ -147,7 +147,8 @@ class Perception:
         shown: np.ndarray | None = None
         detections = np.zeros((0, 5))
         if self.mode == "truth":
-            return Observation([self._update_from_labels(base, believed, grid)], self.mount.at(base), pair)
+            shown = pair[0] if pair else None
+            return Observation([self._update_from_labels(base, believed, grid)], self.mount.at(base), pair, shown)
         updates: list[MapUpdate] = []
         if self._detector is not None:
             with self._timed("detector"):

@@ -168,6 +168,7 @@ def test_lost_and_rejected_stereo_motions_are_counted_from_the_second_pair_on(jo
         job, "truth", ImagingCondition("3", 256), brief, CAMERAS, render=driven.RENDER, pose="fused"
     )
     assert outcome.localiser.stereo.pairs == 5
+    assert outcome.pilot.observations[0][1].shown is not None  # pictures for the pose are stored
     rows = drive_metrics(outcome, job.vehicle, brief)
     assert value(rows, LOST_MOTIONS) == 2
     assert value(rows, REJECTED_MOTIONS) == 1
