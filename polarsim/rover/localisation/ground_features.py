@@ -232,6 +232,8 @@ def _patches(picture: np.ndarray, centres: np.ndarray) -> np.ndarray:
     """Return (n, pixels) grey values around positions (n, 2)."""
     import cv2
 
+    if not len(centres):  # OpenCV refuses empty maps
+        return np.zeros((0, _PATCH_PX**2), np.float32)
     column, row = np.meshgrid(*2 * (np.arange(_PATCH_PX, dtype=np.float32) - _PATCH_PX // 2,))
     x, y = (
         (centre[:, None, None] + offset).reshape(-1, _PATCH_PX)

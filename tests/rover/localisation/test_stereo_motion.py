@@ -109,6 +109,15 @@ def test_a_shadow_that_moves_with_the_rover_does_not_change_the_motion(drive):
         require_right(motion, before, now)
 
 
+@pytest.mark.parametrize("turn_deg", [90, 180])
+def test_a_prediction_that_moves_all_corners_out_of_the_picture_does_not_change_the_motion(drive, turn_deg):
+    poses, pairs = drive
+    stereo = StereoMotion(RIG)
+    stereo.add(*pairs[0])
+    turned = Pose.from_rotvec(np.array([0.0, np.radians(turn_deg), 0.0]), np.zeros(3))
+    require_right(stereo.add(*pairs[1], turned), poses[0], poses[1])
+
+
 @pytest.mark.parametrize("gain", [0.5, 2.0])
 def test_exposure_does_not_change_the_motion(drive, gain):
     poses, pairs = drive
