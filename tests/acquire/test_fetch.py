@@ -75,8 +75,7 @@ class Site:
         request.end_headers()
         end = start + self.cuts.pop(0) if self.cuts else len(content)
         for byte in range(start, end) if self.pause_s else ():
-            with suppress(OSError):  # the other side had enough
-                request.wfile.write(content[byte : byte + 1])
+            request.wfile.write(content[byte : byte + 1])
             time.sleep(self.pause_s)
         if not self.pause_s:
             request.wfile.write(content[start:end])
@@ -88,7 +87,8 @@ def site():
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self):
-            found.answer(self)
+            with suppress(ConnectionError):  # the client may end the transfer
+                found.answer(self)
 
         def log_message(self, *args):
             pass
