@@ -109,11 +109,6 @@ def exposed_mesh(mesh: Mesh, ground: np.ndarray) -> tuple[ExposedSizes, float]:
     return exposed_sizes(corners.reshape(-1, 3), heights.ravel()), exposed_volume(corners, heights)
 
 
-def exposed_cloud(points: np.ndarray, ground: np.ndarray) -> ExposedSizes:
-    """Measure scanned points (n, 3) of a rock above the vertices (v, 3) of the ground."""
-    return exposed_sizes(*exposed_points(points, height_above(ground, points)))
-
-
 def cut_at_ground(mesh: Mesh, above: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the triangles of a mesh above the ground: corners (t, 3, 3) and their heights above the ground (t, 3).
 

@@ -108,10 +108,6 @@ class CoverPaths:
         compared = not self.config.data_source.has_photos and self.terrains
         return f"results/{{run}}/covers/{name}" if compared else []
 
-    def photos_or_covers(self) -> list[str]:
-        """Return the tables of photos, or the folder of cover photos that replaces them."""
-        return self.run.photos_for_light or self.run.photo_tables
-
     def number_of_scenes(self, wildcards: Wildcards) -> int:
         """Return the number of scenes with a terrain's rocks."""
         return self.covers.carved_scenes if parse_terrain(wildcards.terrain) == CARVED else self.covers.scenes.number

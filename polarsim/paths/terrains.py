@@ -178,7 +178,11 @@ class TerrainPaths:
     @property
     def light_of_terrain(self) -> str | list[str]:
         """The light fields of the lamps of a terrain; empty if no twins are fitted or no photos exist."""
-        return self.fitted_light if self.config.render.fitted_domains and self.photos_for_light else []
+        return (
+            self.fitted_light
+            if self.config.render.fitted_domains and (self.config.data_source.has_photos or self._has_covers)
+            else []
+        )
 
     @property
     def photo_tables(self) -> list[str]:
@@ -186,13 +190,14 @@ class TerrainPaths:
         return [f"results/{{run}}/acquire/Terrain{terrain}/photos.parquet" for terrain in self.terrains]
 
     @property
-    def photos_for_light(self) -> list[str]:
-        """The photos of the run that show its lamps: own photos, else published cover photos."""
-        if self.config.data_source.has_photos:
-            return self.photo_tables
-        root = self.config.annotated_root
-        has_covers = any(cover_photos(root, terrain) for terrain in self.config.terrains)
-        return ["results/{run}/covers/photos"] if has_covers else []
+    def photos_or_covers(self) -> list[str]:
+        """The tables of photos, or the folder of published cover photos if the source has only these."""
+        only_covers = self._has_covers and not self.config.data_source.has_photos
+        return ["results/{run}/covers/photos"] if only_covers else self.photo_tables
+
+    @property
+    def _has_covers(self) -> bool:
+        return any(cover_photos(self.config.annotated_root, terrain) for terrain in self.config.terrains)
 
     @property
     def _has_fit(self) -> bool:

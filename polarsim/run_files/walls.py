@@ -59,11 +59,6 @@ class Walls:
         )
         return np.array([[-low_x, -low_y], [high_x, high_y]])
 
-    @property
-    def highest_m(self) -> float:
-        """Maximum height of the top edges."""
-        return max(float(wall.top_m.max()) for wall in self.sides.values())
-
     def clearance(self, points: np.ndarray, lamp: np.ndarray) -> np.ndarray:
         """Return the height (n,) above the top edge at which rays from points (n, 3) to a lamp (3,) cross a wall.
 

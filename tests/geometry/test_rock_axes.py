@@ -9,9 +9,9 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.rock_axes import (
     FOOT,
     caliper_axes,
-    exposed_cloud,
     exposed_mesh,
     exposed_points,
+    exposed_sizes,
     height_above,
     plan_sides,
 )
@@ -75,7 +75,7 @@ def test_the_foot_of_a_scanned_rock_reaches_the_ground():
     assert len(exposed) == 6  # four above the ground, two of them also on the ground
     np.testing.assert_allclose(np.sort(above)[:2], 0)
     np.testing.assert_allclose(exposed[above == 0, :2], points[1:3, :2])
-    assert exposed_cloud(points, FLAT).height == pytest.approx(0.1)
+    assert exposed_sizes(exposed, above).height == pytest.approx(0.1)
 
 
 def test_sides_in_plan_are_those_of_a_rectangle():

@@ -25,7 +25,7 @@ rule draw_before_after:
     """Photos, a twin before and a twin after what was fitted to photos, and the difference of the latter."""
     input:
         appearance=expand("results/{{run}}/evaluation/appearance_Terrain{terrain}.parquet", terrain=TERRAINS),
-        photos=COVERS.photos_or_covers(),
+        photos=PATHS.photos_or_covers,
         drawn=COVERS.instead_of_photos("drawn"),
         before=existing(COVERS.twins_before),
         after=COVERS.twins_after(),

@@ -15,7 +15,7 @@ rule fit_light:
     input:
         cameras=expand("results/{{run}}/cameras/Terrain{terrain}", terrain=TERRAINS),
         meshes=expand("results/{{run}}/meshes/Terrain{terrain}", terrain=TERRAINS),
-        photos=PATHS.photos_for_light,
+        photos=PATHS.photos_or_covers,
     output:
         light=expand("results/{{run}}/renders/light/Terrain{terrain}.json", terrain=TERRAINS),
     priority: TWINS_WAIT

@@ -52,7 +52,7 @@ rule report_appearance:
     """Appearance of twins next to their photos: table, and figure of photos, twins and differences."""
     input:
         appearance=expand("results/{{run}}/evaluation/appearance_Terrain{terrain}.parquet", terrain=TERRAINS),
-        photos=COVERS.photos_or_covers(),
+        photos=PATHS.photos_or_covers,
         twins=expand("results/{{run}}/renders/{model}/Terrain{terrain}", model=MODELS, terrain=TERRAINS),
         drawn=COVERS.instead_of_photos("drawn"),
     output:
