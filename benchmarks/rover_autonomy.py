@@ -114,7 +114,7 @@ def write_tables(asked: argparse.Namespace, found: list[Case], origin: dict[str,
     tabulate_autonomy(together=together, effects=effects, **stems, origin=origin)
     draw_modes(tables.read_parquet(together, AUTONOMY.columns), drawn / "rover_autonomy.png", origin)
     if whole := [folder for folder in folders if (folder / "trace.parquet").exists()]:
-        draw_paths(whole, drawn / "rover_ways.png", origin)
+        draw_paths(folders=whole, figure=drawn / "rover_ways.png", origin=origin)
         draw_autonomy_maps(folders=whole, figure=drawn / "rover_maps.png", origin=origin)
     print((shown / "rover_autonomy.md").read_text(), (shown / "rover_autonomy_effects.md").read_text(), sep="\n")
     if any(case.mode in MODES_WITH_DETECTOR for case in found):

@@ -194,7 +194,7 @@ def test_estimated_paths_are_drawn_with_a_key_and_each_source_of_the_pose_has_a_
     for module in (autonomy_paths, autonomy_maps):
         monkeypatch.setattr(module, "page", lambda *_: nullcontext(sheets[-1]))
     sheets.append(Figure(layout="constrained"))
-    autonomy_paths.draw_paths(folders, tmp_path / "ways.png", ORIGIN)
+    autonomy_paths.draw_paths(folders=folders, figure=tmp_path / "ways.png", origin=ORIGIN)
     paths, errors = sheets[-1].axes
     dashed = [line for line in paths.lines if line.get_linestyle() == "--"]
     assert [line.get_ydata()[-1] for line in dashed] == [0.5]
@@ -212,5 +212,5 @@ def test_estimated_paths_are_drawn_with_a_key_and_each_source_of_the_pose_has_a_
     ]  # fmt: skip
     assert key in [text.get_text() for text in sheets[-1].legends[0].get_texts()]
     sheets.append(Figure(layout="constrained"))
-    autonomy_paths.draw_paths(folders[:2], tmp_path / "known.png", ORIGIN)
+    autonomy_paths.draw_paths(folders=folders[:2], figure=tmp_path / "known.png", origin=ORIGIN)
     assert len(sheets[-1].axes) == 1  # without estimates there are no errors

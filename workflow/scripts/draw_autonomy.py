@@ -13,5 +13,5 @@ with reporting(log=snakemake.log[0]):
     draw_autonomy(
         together=Path(snakemake.input.together), figure=Path(snakemake.output.figure), origin=snakemake.params.origin
     )
-    draw_paths(folders, Path(snakemake.output.ways), snakemake.params.origin)
+    draw_paths(folders=folders, figure=Path(snakemake.output.ways), origin=snakemake.params.origin)
     draw_autonomy_maps(folders=folders, figure=Path(snakemake.output.maps), origin=snakemake.params.origin)

@@ -24,7 +24,7 @@ _MIN_ERROR_MM = 1.0  # of the logarithmic axis
 _MARKS = 8  # per line of errors
 
 
-def draw_paths(folders: Sequence[Path], figure: Path, origin: dict[str, str], width: int = FIGURE_WIDTH) -> None:
+def draw_paths(*, folders: Sequence[Path], figure: Path, origin: dict[str, str]) -> None:
     """Draw the paths of the first seed's drives over the terrain, and errors of estimated positions along them."""
     seed = folders[0].name.rpartition("_")[2]
     drives = [folder for folder in folders if folder.name.endswith(f"_{seed}")]
@@ -33,7 +33,7 @@ def draw_paths(folders: Sequence[Path], figure: Path, origin: dict[str, str], wi
     paths = {folder: read_paths(folder) for folder in drives}
     estimated = {folder: path for folder, path in paths.items() if "error_mm" in path}
     shares = [_MAP_SHARE, _ERRORS_SHARE] if estimated else [_MAP_SHARE]
-    with page(figure, width, round(width * sum(shares))) as sheet:
+    with page(figure, FIGURE_WIDTH, round(FIGURE_WIDTH * sum(shares))) as sheet:
         title = (
             f"Paths of autonomous drives by mode, {seed.replace('seed', 'seed ')}; circles: rocks, filled above 10 cm"
         )
