@@ -20,14 +20,17 @@ class RunPaths(DetectorPaths):
         """The model whose twins replace missing photos in figures; none for a source without gaps."""
         return [] if self.config.data_source.is_generated else self.models[:1]
 
+    @property
+    def outlined_terrains(self) -> list[str]:
+        """The terrains with annotated polygons."""
+        return [terrain for terrain in self.terrains if self._annotated(polygon_folder, parse_terrain(terrain))]
+
     def evaluation_parts(self, wildcards: Wildcards) -> list[str]:
         """Return the evaluation of each stage and terrain that has something to compare with."""
         generated = self.config.data_source.is_generated
         compared = {
             "labels": self.scored_terrains,
-            "outlines": [
-                terrain for terrain in self.terrains if self._annotated(polygon_folder, parse_terrain(terrain))
-            ],
+            "outlines": self.outlined_terrains,
             "materials": self.terrains if generated and self.materials_of_terrain else [],
         }
         return [

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 from pathlib import Path
 
-from polarsim.errors import PolarsimError
+from polarsim.errors import ConfigError, PolarsimError
 
 _RULE = re.compile(r"^((?:    )?)rule (\w+):\n((?:\1    .*\n|\n)*)", re.MULTILINE)  # indentation, name, body
 _USED = re.compile(r"^ *use rule (\w+) as (\w+) with:", re.MULTILINE)
@@ -43,7 +43,7 @@ def targets_of(targets: Sequence[str], rest: Sequence[str]) -> list[str]:
 
 
 def refuse_unknown(folder: Path, run: str, targets: Sequence[str], configured: Sequence[str]) -> None:
-    """Raise `CallError` if no rule of the workflow in a folder creates a target.
+    """Raise `CallError` if no rule of the workflow in a folder creates a target, `ConfigError` if a rule lacks inputs.
 
     Targets are names of rules and files; `configured` are the options of Snakemake that define the configuration.
     """
@@ -111,7 +111,13 @@ def _has_output(body: str) -> bool:
 
 
 def _is_made(file: str, call: Sequence[str]) -> bool:
-    """Return whether a file is the output of a rule; other errors are reported by the run."""
+    """Return whether a file is the output of a rule.
+
+    An error of the workflow, such as a rule without inputs, is raised; errors of Snakemake are reported by the run.
+    """
     words = [sys.executable, "-m", "snakemake", file, "--summary", *call]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
+    for line in done.stderr.splitlines() if done.returncode else []:
+        if line.startswith("error: "):
+            raise ConfigError(line.removeprefix("error: "))
     return done.returncode == 0 or "MissingRuleException" not in done.stdout + done.stderr

@@ -200,6 +200,49 @@ def test_a_target_of_cover_photos_needs_cover_photos_when_it_is_planned(dry_run,
     assert "Traceback" not in done.stderr
 
 
+@pytest.fixture(scope="module")
+def unannotated(tmp_path_factory) -> tuple[str, ...]:
+    """Options of a run with photos of a terrain and seeds in a folder, without reference labels, detectors, drives."""
+    seeds = tmp_path_factory.mktemp("seeds")
+    (seeds / "01_A_off_30_L_0256.txt").write_text("0 0.5 0.5 0.1 0.1\n")
+    values = ["terrains=[1]", f"labels={{seeds: {{root: {seeds}}}}}", "detect={run: false}"]
+    return ("--configfile", "config/polar.yaml", "--config", *values)
+
+
+@pytest.mark.parametrize(
+    ("table", "key"),
+    [
+        ("labels", "scoring.annotated_root"),
+        ("detection", "detect.run"),
+        ("ipd_rocks", "detect.run"),
+        ("elsewhere", "detect.elsewhere"),
+        ("masks", "detect.training.masks"),
+        ("rover", "rover.run"),
+        ("rover_onboard", "rover.run"),
+        ("rover_autonomy", "rover.autonomy.run"),
+    ],
+)
+def test_a_table_without_inputs_is_an_error_of_the_plan_that_names_the_key(dry_run, unannotated, table, key):
+    done = dry_run(f"results/polar/tables/{table}.csv", *unannotated)
+    assert done.returncode == 1
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert key in line
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("file", ["labels_Terrain01.csv", "outlines_Terrain01.csv", "materials_Terrain01.csv"])
+def test_no_terrain_is_compared_with_a_missing_reference(dry_run, unannotated, file):
+    done = dry_run(f"results/polar/evaluation/{file}", *unannotated)
+    assert done.returncode != 0
+    assert "No rule to produce" in done.stdout + done.stderr
+
+
+def test_a_run_without_reference_labels_has_all_other_tables(dry_run, unannotated):
+    jobs = planned(dry_run("tables", *unannotated))
+    assert {"tabulate_evaluation", "tabulate_geometry", "report_rock_sizes"} <= set(jobs)
+    assert not {"report_label_scores", "score_labels", "report_detectors"} & set(jobs)
+
+
 def test_twins_before_a_fit_are_rendered_on_the_ground_before_it_was_refined(dry_run, release_with_covers):
     files = ("--configfile", "config/release.yaml", "--config")
     refined = dry_run(

@@ -104,6 +104,15 @@ def existing(files):
     return found
 
 
+def required(files, reason):
+    """Return files, or an input function that ends the planning with a reason in one line if the list is empty."""
+
+    def refuse(wildcards):
+        sys.exit(f"error: {reason}")
+
+    return files or refuse
+
+
 def of_drives(pattern, **wildcards):
     """Return files of all drives of this run."""
     return of_run(pattern, seed=DRIVES.seeds, **wildcards)

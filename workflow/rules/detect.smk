@@ -152,10 +152,13 @@ rule predict:
 rule evaluate:
     """mAP, IOU_mean, false positives, IPD and paired differences of the detectors of a split and seed on all domains."""
     input:
-        predictions=expand(
-            "results/{{run}}/detect/{{split}}/seed{{seed}}/predictions/{trained}_on_{evaluated}.parquet",
-            trained=TRAINED,
-            evaluated=DOMAINS,
+        predictions=required(
+            expand(
+                "results/{{run}}/detect/{{split}}/seed{{seed}}/predictions/{trained}_on_{evaluated}.parquet",
+                trained=TRAINED,
+                evaluated=DOMAINS,
+            ),
+            "no detectors are trained, expected detect.run: true",
         ),
         labels=[path for domain in DOMAINS for path in PATHS.labels(domain)],
         datasets=expand("results/{{run}}/detect/{{split}}/datasets/{trained}", trained=TRAINED),

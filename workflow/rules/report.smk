@@ -1,5 +1,7 @@
 """Stage 8: tables, figures and the results page."""
 
+from polarsim.formats.release import label_folder
+
 
 rule rock_sizes:
     """Tables of rock sizes and abundances, and their figure."""
@@ -161,7 +163,10 @@ rule elsewhere:
 rule tabulate_elsewhere:
     """Evaluation of the packaged detector on images from outside POLAR."""
     input:
-        scores=expand("results/{{run}}/detect/elsewhere/{name}.parquet", name=CONFIG.detect.elsewhere),
+        scores=required(
+            expand("results/{{run}}/detect/elsewhere/{name}.parquet", name=CONFIG.detect.elsewhere),
+            "detect.elsewhere: no folders of images, but a table of their scores is requested",
+        ),
     output:
         **table_files(elsewhere="images from outside POLAR"),
     resources:
@@ -177,7 +182,11 @@ rule report_label_scores:
     """Accuracy of labels by task, terrain, position, azimuth and size, and reliability of their confidence: tables and
     figures."""
     input:
-        pairs=expand("results/{{run}}/evaluation/label_pairs_Terrain{terrain}.parquet", terrain=PATHS.scored_terrains),
+        pairs=required(
+            expand("results/{{run}}/evaluation/label_pairs_Terrain{terrain}.parquet", terrain=PATHS.scored_terrains),
+            f"no reference labels of the run's terrains, expected {label_folder(CONFIG.annotated_root, CONFIG.terrains[0])};"
+            " scoring.annotated_root sets the folder of reference labels",
+        ),
     output:
         **table_files(labels="labels", reliability=None),
         label_errors=[

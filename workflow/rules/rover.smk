@@ -4,6 +4,7 @@ from polarsim.rover.cameras.options import rover_render
 from polarsim.rover.vehicle.camera_names import FRONT
 
 ROVER = CONFIG.rover
+NO_DRIVES = "no drives, expected rover.run: true"
 
 
 rule rover:
@@ -240,7 +241,7 @@ rule write_urdf:
 rule summarise_drives:
     """Slip, sinkage, torque, energy, offset and rocks of every drive, and means with intervals, with tables."""
     input:
-        drives=of_drives("results/{run}/rover/seed{seed}/drive.json"),
+        drives=required(of_drives("results/{run}/rover/seed{seed}/drive.json"), NO_DRIVES),
         traces=of_drives("results/{run}/rover/seed{seed}/trace.parquet"),  # read through drives
     output:
         each="results/{run}/rover/drive_metrics.parquet",
@@ -267,7 +268,7 @@ rule summarise_drives:
 rule summarise_onboard:
     """Metrics on board over all drives and Suns, with intervals, and their table."""
     input:
-        tables=of_drives("results/{run}/rover/seed{seed}/onboard/stops.parquet"),
+        tables=required(of_drives("results/{run}/rover/seed{seed}/onboard/stops.parquet"), NO_DRIVES),
     output:
         onboard="results/{run}/rover/onboard.parquet",
         table=shown("results/{run}/tables/rover_onboard.csv", "Rover", picture="on board"),

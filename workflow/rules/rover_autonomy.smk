@@ -45,7 +45,10 @@ rule drive_alone:
 rule summarise_autonomy:
     """Metrics of every drive, means over seeds with intervals, and effects of each axis, with tables."""
     input:
-        drives=expand("results/{{run}}/rover/autonomy/{case}/figures.parquet", case=DRIVES.cases),
+        drives=required(
+            expand("results/{{run}}/rover/autonomy/{case}/figures.parquet", case=DRIVES.cases),
+            "no autonomous drives, expected rover.run: true and rover.autonomy.run: true",
+        ),
     output:
         each="results/{run}/rover/autonomy_metrics.parquet",
         together="results/{run}/rover/autonomy.parquet",

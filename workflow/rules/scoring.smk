@@ -36,6 +36,8 @@ rule find_true_sizes:
         located="results/{run}/cameras/located/Terrain{terrain}",
     output:
         true_sizes="results/{run}/evaluation/rock_sizes_Terrain{terrain}.parquet",
+    wildcard_constraints:
+        terrain=one_of(TERRAINS if SOURCE.is_generated else []),
     resources:
         mem_mb=memory_per_attempt(1000),
         runtime=5,
@@ -54,6 +56,8 @@ rule score_labels:
     output:
         evaluation="results/{run}/evaluation/labels_Terrain{terrain}.csv",
         pairs="results/{run}/evaluation/label_pairs_Terrain{terrain}.parquet",
+    wildcard_constraints:
+        terrain=one_of(PATHS.scored_terrains),
     resources:
         mem_mb=memory_per_attempt(500),
         runtime=10,
@@ -73,6 +77,8 @@ rule score_outlines:
         annotations="results/{run}/labels/coco/Terrain{terrain}.json",
     output:
         evaluation="results/{run}/evaluation/outlines_Terrain{terrain}.csv",
+    wildcard_constraints:
+        terrain=one_of(PATHS.outlined_terrains),
     resources:
         mem_mb=memory_per_attempt(1500),
         runtime=10,
@@ -88,7 +94,11 @@ rule score_masks:
     """Masks of cover photos by detectors that were trained on other terrains, against annotated polygons."""
     input:
         masks=COVERS.masks(),
-        polygons=PATHS.annotated_polygons_of_covers(),  # read through params.root
+        polygons=required(  # read through params.root
+            PATHS.annotated_polygons_of_covers(),
+            f"{CONFIG.annotated_root}: masks are compared with annotated polygons of cover photos, expected such polygons"
+            " and detect.training.masks: true",
+        ),
     output:
         scores="results/{run}/covers/mask_scores.parquet",
     resources:
@@ -137,6 +147,8 @@ rule score_materials:
         cameras="results/{run}/cameras/Terrain{terrain}",
     output:
         evaluation="results/{run}/evaluation/materials_Terrain{terrain}.csv",
+    wildcard_constraints:
+        terrain=one_of(TERRAINS if SOURCE.is_generated else []),
     resources:
         mem_mb=memory_per_attempt(2000),
         runtime=10,
