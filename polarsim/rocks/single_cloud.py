@@ -37,6 +37,7 @@ UP_AXES = ("z", "-z", "y", "-y", "x", "-x")
 MAX_TILT = np.radians(45)  # maximum inclination of the ground: a larger one is another axis
 MAX_SPACING = 1.5 * GROUND_CELL  # maximum median distance of neighbouring points in plan, metres at 35 mm
 MIN_SIDE = 0.2  # minimum side of the ground, metres at 35 mm
+MIN_POINTS = round((MIN_SIDE / MAX_SPACING) ** 2)  # of the smallest ground at the largest spacing
 MAX_CELLS = 30_000_000  # of the grid of the ground, 20 times the sandbox; about 5 GB of memory
 OUTSIDE = 0.002  # share of the points that may be outside the examined rectangle on each side
 SECTORS = 36  # directions around a rock
@@ -69,6 +70,8 @@ def find_rocks_in_cloud(path: Path, *, unit: str, up: str, min_size_mm: float) -
     scale = min_size_mm / options.min_size_mm  # metres per metre of the options
     with with_path(path):
         points = UNITS[unit] * read_any_cloud(path)
+        if len(points) < MIN_POINTS:
+            raise FormatError(f"too few points for rocks and ground: {len(points)}, expected at least {MIN_POINTS}")
         centre = np.median(points, axis=0)  # coordinates of maps have seven digits before the decimal point
         upright, tilt = upright_points((points - centre) / scale, up)
         kept = ~stray_points(upright)

@@ -8,7 +8,7 @@ from polarsim.extras import ExtraError
 from polarsim.formats import tables
 from polarsim.formats.clouds import read_any_cloud
 from polarsim.formats.ply import Cloud, write_ply
-from polarsim.rocks.single_cloud import find_rocks_in_cloud, stray_points, upright_points
+from polarsim.rocks.single_cloud import MIN_POINTS, find_rocks_in_cloud, stray_points, upright_points
 from tests.rocks.conftest import SIZES
 
 
@@ -93,6 +93,35 @@ def test_implausible_input_is_an_error_with_a_remedy(scanned, tmp_path, factor, 
     with pytest.raises(FormatError, match=words) as error:
         find_rocks_in_cloud(tmp_path / "cloud.xyz", unit="m", up=up, min_size_mm=size)
     assert error.value.path == tmp_path / "cloud.xyz"
+
+
+@pytest.mark.parametrize("number", [1, 2, 3, 4, 8, 9, 10, 100, MIN_POINTS - 1])
+def test_a_cloud_of_too_few_points_is_an_error_with_both_numbers(tmp_path, polarsim, number):
+    np.savetxt(tmp_path / "cloud.xyz", np.random.default_rng(0).random((number, 3)), fmt="%.5f")
+    done = polarsim("rocks", tmp_path / "cloud.xyz", "--out", tmp_path / "rocks.csv")
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert f"{tmp_path / 'cloud.xyz'}: " in line
+    assert f" {number}," in line
+    assert str(MIN_POINTS) in line
+    assert not (tmp_path / "rocks.csv").exists()
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.zeros((1000, 3)),
+        np.linspace([0, 0, 0], [1, 0, 0], 1000),
+        np.linspace([0, 0, 0], [0, 0, 1], 1000),
+        np.repeat([[0, 0, 0], [1, 1, 0]], 500, axis=0),
+    ],
+    ids=["one place", "level line", "upright line", "two places"],
+)
+def test_a_cloud_without_a_surface_is_an_error_of_one_line(tmp_path, polarsim, points):
+    np.savetxt(tmp_path / "cloud.xyz", points, fmt="%.5f")
+    done = polarsim("rocks", tmp_path / "cloud.xyz", "--out", tmp_path / "rocks.csv")
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].startswith(f"error: {tmp_path / 'cloud.xyz'}: ")
 
 
 def test_a_cloud_of_rocks_without_ground_is_refused(three_rocks, tmp_path):
