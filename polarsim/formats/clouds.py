@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 import numpy as np
 
 from polarsim.errors import FormatError
-from polarsim.formats.nasa import CLOUD_SUFFIXES, read_points
+from polarsim.formats.nasa import CLOUD_SUFFIXES, finite_points, read_rows
 from polarsim.formats.readers import reader
 
 LAS_SUFFIXES = (".las", ".laz")
@@ -16,15 +17,17 @@ SUFFIXES = (*CLOUD_SUFFIXES, *LAS_SUFFIXES)
 
 @reader("cloud", largest_mb=4000)
 def read_any_cloud(path: str | Path) -> np.ndarray:
-    """Return the points (n, 3) float64 of a cloud, in the unit of the file."""
+    """Return the points (n, 3) float64 of a cloud, in the unit of the file.
+
+    Points with NaN or inf are skipped with a warning.
+    """
     suffix = Path(path).suffix.lower()
     if suffix not in SUFFIXES:
         raise FormatError(f"unknown extension {suffix!r}, expected {', '.join(SUFFIXES)}")
-    if suffix not in LAS_SUFFIXES:
-        return read_points(path)
+    return finite_points(_read_las(path) if suffix in LAS_SUFFIXES else read_rows(path), path, logging.WARNING)
+
+
+def _read_las(path: str | Path) -> np.ndarray:
     import laspy
 
-    points = np.asarray(laspy.read(path).xyz, float)
-    if not len(points):
-        raise FormatError("no point")
-    return points
+    return np.asarray(laspy.read(path).xyz, float)

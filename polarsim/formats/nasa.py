@@ -184,14 +184,31 @@ def read_points(path: str | Path) -> np.ndarray:
     A PLY file, or text with `x y z ...` per line after any header; further columns are ignored. Fields are separated by
     blanks, commas or semicolons. Decimal commas are accepted between blanks or semicolons.
     """
+    return finite_points(read_rows(path), path, logging.INFO)
+
+
+def read_rows(path: str | Path) -> np.ndarray:
+    """Read the rows (n, 3) of a cloud like `read_points`, with rows that have no finite coordinates."""
     suffix = Path(path).suffix.lower()
     if suffix not in CLOUD_SUFFIXES:
         raise FormatError(f"unknown suffix of a cloud, expected {', '.join(CLOUD_SUFFIXES)}")
-    points = _read_ply(path) if suffix == ".ply" else _read_ascii_cloud(path)
-    points = points[np.isfinite(points).all(axis=1)]
-    if not len(points):
+    return _read_ply(path) if suffix == ".ply" else _read_ascii_cloud(path)
+
+
+def finite_points(points: np.ndarray, path: str | Path, level: int) -> np.ndarray:
+    """Return the points (n, 3) with three finite coordinates, and log the numbers of others.
+
+    Scanners write rays without a hit as three NaN, whose number is logged with a `level` of logging; other points with
+    NaN or inf are a warning. A cloud without finite points is an error.
+    """
+    finite, without_hit = np.isfinite(points).all(axis=1), np.isnan(points).all(axis=1)
+    if rays := int(without_hit.sum()):
+        log.log(level, "%s: %d of %d points skipped, all coordinates are nan (no hit)", path, rays, len(points))
+    if invalid := int((~finite & ~without_hit).sum()):
+        log.warning("%s: %d of %d points skipped, a coordinate is nan or inf", path, invalid, len(points))
+    if not finite.any():
         raise FormatError("no point")
-    return points
+    return points[finite]
 
 
 @dataclass(frozen=True)
@@ -240,7 +257,6 @@ def _read_ascii_cloud(path: str | Path) -> np.ndarray:
     partial = np.isnan(points).any(axis=1) & ~np.isnan(points).all(axis=1)  # all NaN: a ray without a hit
     if partial.any():
         _require_points(path, first, dialect)
-        log.warning("%s: %d points skipped because a coordinate is not a number", path, int(partial.sum()))
     return points
 
 

@@ -197,7 +197,7 @@ def test_all_notations_of_a_cloud_give_the_same_cloud(tmp_path_factory, cloud):
 def test_points_with_missing_coordinates_are_skipped_and_counted(tmp_path, caplog, row):
     (tmp_path / "a.xyz").write_text(f"1 2 3\n{row}\nnan nan nan\n4 5 6\n")
     np.testing.assert_allclose(nasa.read_cloud(tmp_path / "a.xyz") / nasa.MM, [[1, 2, 3], [4, 5, 6]])
-    assert [line for line in caplog.messages if "1 points skipped" in line]
+    assert [line for line in caplog.messages if "1 of 4 points skipped" in line]
 
 
 @pytest.mark.parametrize(

@@ -155,6 +155,43 @@ def test_las_files_need_the_extra_or_are_read(scanned, tmp_path):
     np.testing.assert_allclose(read_any_cloud(tmp_path / "cloud.las"), scanned, atol=1e-4)
 
 
+INVALID = [[np.nan, 0, 0], [0, np.inf, 0], [0, 0, -np.inf], [np.nan, np.inf, 0]]
+WITHOUT_HIT = [[np.nan] * 3] * 2
+
+
+@pytest.mark.parametrize("suffix", ["xyz", "txt", "pts", "ply"])
+@pytest.mark.parametrize(
+    ("rows", "numbers"), [([], []), (INVALID, [4]), (WITHOUT_HIT, [2]), ([*INVALID, *WITHOUT_HIT], [2, 4])]
+)
+def test_points_without_finite_coordinates_are_counted(tmp_path, caplog, suffix, rows, numbers):
+    points = np.array([*np.arange(30.0).reshape(10, 3), *rows])
+    path = tmp_path / f"cloud.{suffix}"
+    if suffix == "ply":
+        header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"]
+        header += [f"property float {name}" for name in "xyz"] + ["end_header\n"]
+        path.write_bytes("\n".join(header).encode() + points.astype("<f4").tobytes())
+    else:
+        np.savetxt(path, points, fmt="%.3f")
+    np.testing.assert_allclose(read_any_cloud(path), points[:10])
+    messages = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
+    assert [message.split(" points")[0] for message in messages] == [
+        f"{path}: {number} of {len(points)}" for number in numbers
+    ]
+
+
+def test_a_cloud_without_finite_points_is_an_error(tmp_path):
+    np.savetxt(tmp_path / "cloud.xyz", [*INVALID, *WITHOUT_HIT])
+    with pytest.raises(FormatError, match="no point"):
+        read_any_cloud(tmp_path / "cloud.xyz")
+
+
+def test_the_command_reports_skipped_points(scanned, tmp_path, polarsim):
+    np.savetxt(tmp_path / "cloud.xyz", np.concatenate([scanned, INVALID]), fmt="%.5f")
+    done = polarsim("rocks", tmp_path / "cloud.xyz", "--out", tmp_path / "rocks.csv")
+    assert done.returncode == 0
+    assert f"4 of {len(scanned) + 4} points" in done.stderr
+
+
 def test_an_unknown_extension_is_refused(tmp_path):
     (tmp_path / "cloud.e57").write_bytes(b"")
     with pytest.raises(FormatError, match=r"\.las"):
