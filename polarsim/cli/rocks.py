@@ -33,7 +33,10 @@ def rocks_of_cloud(
     ] = 35,
     complete_mm: Annotated[
         float | None,
-        typer.Option(min=1, help="Minimum diameter in the fit of Golombek's law, mm; default: 80/35 of --min-size-mm."),
+        typer.Option(
+            min=1,
+            help="Minimum diameter in the fit of Golombek's law, mm, at least --min-size-mm; default: 80/35 of it.",
+        ),
     ] = None,
     plot: Annotated[
         Path | None, typer.Option(callback=writes_file(".png"), help="PNG: map, cumulative number, covered share.")
@@ -50,6 +53,10 @@ def rocks_of_cloud(
     from polarsim.rocks.options import RocksOptions
     from polarsim.rocks.single_cloud import find_rocks_in_cloud
 
+    if complete_mm is not None and complete_mm < min_size_mm:
+        raise typer.BadParameter(
+            f"--complete-mm {complete_mm:g} is below --min-size-mm {min_size_mm:g}: smaller rocks are not searched for"
+        )
     found = find_rocks_in_cloud(cloud, unit=unit, up=up, min_size_mm=min_size_mm)
     write_by_suffix(out, found.table)
     smallest = (complete_mm or min_size_mm * 80 / RocksOptions().min_size_mm) / 1000

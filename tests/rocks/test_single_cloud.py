@@ -124,6 +124,26 @@ def test_a_cloud_without_a_surface_is_an_error_of_one_line(tmp_path, polarsim, p
     assert done.stderr.splitlines()[-1].startswith(f"error: {tmp_path / 'cloud.xyz'}: ")
 
 
+@pytest.mark.parametrize(
+    ("complete", "smallest"),
+    [(30, ["--min-size-mm", 60]), (59.9, ["--min-size-mm", 60]), (34, []), (1, ["--min-size-mm", 10000])],
+)
+def test_a_fit_of_rocks_that_are_not_searched_for_is_a_usage_error(tmp_path, polarsim, complete, smallest):
+    options = ("--out", tmp_path / "rocks.csv", "--complete-mm", complete, *smallest)
+    done = polarsim("rocks", tmp_path / "missing.xyz", *options)  # before the cloud is read
+    assert done.returncode == 2
+    assert "--complete-mm" in done.stderr
+    assert "--min-size-mm" in done.stderr
+
+
+def test_a_fit_from_the_minimum_size_is_valid(scanned, tmp_path, polarsim):
+    np.savetxt(tmp_path / "cloud.xyz", scanned, fmt="%.5f")
+    options = ("--out", tmp_path / "rocks.csv", "--complete-mm", 60, "--min-size-mm", 60)
+    done = polarsim("rocks", tmp_path / "cloud.xyz", *options)
+    assert done.returncode == 0, done.stderr
+    assert "at least 60 mm" in done.stdout
+
+
 def test_a_cloud_of_rocks_without_ground_is_refused(three_rocks, tmp_path):
     random = np.random.default_rng(0)
     parts = [rock.points.mean(0) + random.normal(0, 0.03, (20_000, 3)) for rock in three_rocks.rocks]
