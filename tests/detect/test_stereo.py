@@ -1,5 +1,6 @@
 """Stereo depth of a textured ground with a box, in ray-cast images of a rig."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from polarsim.detect.stereo import truth as truth_module
 from polarsim.detect.stereo.match import match_stereo
 from polarsim.detect.stereo.measure import compare_stereo, measure_stereo
 from polarsim.detect.stereo.rectify import rectify
-from polarsim.detect.stereo.truth import DepthTruth, depth_truth, rock_performance, score_depth
+from polarsim.detect.stereo.truth import DepthTruth, depth_range, depth_truth, rock_performance, score_depth
 from polarsim.errors import DetectError
 from polarsim.formats import obj, png, tables
 from polarsim.geometry.casters import make_caster
@@ -123,6 +124,21 @@ def test_depth_of_a_textured_scene_is_right_and_without_bias(scene):
     assert np.nanmedian(np.abs(error)) < 0.15  # px at width 484; measured 0.1
     assert abs(np.nanmedian(error)) < 0.06  # measured 0.03; 0.25 with the default five directions
     assert np.nanmean(np.abs(depth - truth.depth)[asked] > 0.03 * truth.depth[asked]) < 0.2
+
+
+def test_depths_of_a_smaller_sandbox_are_evaluated(scene):
+    """Cameras and meshes of a quarter of the size have the same images."""
+    _, rig, truth, left, right = scene
+    small = replace(truth, depth=truth.depth / 4)
+    assert depth_range(truth) == (1.5, 9.0)
+    nearest, farthest = depth_range(small)
+    assert (nearest, farthest) == (pytest.approx(np.nanmin(truth.depth) / 4), 9.0)
+    expected = score_depth(match_stereo(left, right, rig, *depth_range(truth)), truth)
+    found = score_depth(match_stereo(left, right, replace(rig, baseline=rig.baseline / 4), nearest, farthest), small)
+    assert expected["pixels"] > 30_000
+    assert found["pixels"] == expected["pixels"]
+    assert found["valid_share"] == pytest.approx(expected["valid_share"], abs=0.01)
+    assert found["median_abs_error_mm"] == pytest.approx(expected["median_abs_error_mm"] / 4, rel=0.05)
 
 
 def test_a_missing_depth_is_bad_and_hidden_pixels_are_ignored(monkeypatch):

@@ -16,7 +16,7 @@ from polarsim.detect.options import ComparisonOptions, StereoOptions
 from polarsim.detect.pictures import picture_paths
 from polarsim.detect.stereo.match import match_stereo
 from polarsim.detect.stereo.rectify import Rectification, rectify
-from polarsim.detect.stereo.truth import FARTHEST_M, NEAREST_M, depth_truth, rock_performance, score_depth
+from polarsim.detect.stereo.truth import depth_range, depth_truth, rock_performance, score_depth
 from polarsim.errors import DetectError, with_path
 from polarsim.formats import png, tables
 from polarsim.geometry.casters import make_caster
@@ -66,6 +66,7 @@ def measure_stereo(
         with with_path(cameras / f"Pos{position}.json"):
             rig = rectify(localised[position].rig, options.scale)
         truth = depth_truth(mesh, surfaces, localised[position], rig)
+        depths = depth_range(truth)
         work = [
             (domain, left, paths[left], paths[right])
             for domain, paths in by_domain.items()
@@ -74,7 +75,7 @@ def measure_stereo(
         ]
         for domain, key, left_path, right_path in track(work, f"stereo {position}"):
             left, right = (_picture(path, rig) for path in (left_path, right_path))
-            depth = match_stereo(left, right, rig, NEAREST_M, FARTHEST_M)
+            depth = match_stereo(left, right, rig, *depths)
             name = {"domain": domain} | tables.key_columns(key)
             pair_rows.append(name | score_depth(depth, truth))
             rock_rows += [name | row for row in rock_performance(depth, truth)]

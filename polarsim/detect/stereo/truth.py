@@ -13,7 +13,7 @@ from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.schemas.detect import BAD_DEPTH_MM, BAD_DEPTH_PERCENT
 
-NEAREST_M, FARTHEST_M = 1.5, 9.0  # range of evaluated depths: from the nearest sand to the far wall
+NEAREST_M, FARTHEST_M = 1.5, 9.0  # minimum range of matched depths, which contains POLAR's sandbox
 MIN_ROCK_PX = 25  # minimum number of pixels of an evaluated rock
 
 
@@ -47,13 +47,18 @@ def depth_truth(mesh: TerrainMesh, caster: Caster, localised: LocalisedRig, rig:
     return DepthTruth(depth.reshape(shape), rock.reshape(shape), shared.reshape(shape))
 
 
+def depth_range(truth: DepthTruth) -> tuple[float, float]:
+    """Return the range in which depths are matched, metres: it contains the meshes."""
+    depth = truth.depth[np.isfinite(truth.depth)]
+    return float(depth.min(initial=NEAREST_M)), float(depth.max(initial=FARTHEST_M))
+
+
 def score_depth(depth: np.ndarray, truth: DepthTruth) -> dict[str, float]:
-    """Return the metrics of a pair over pixels visible in both cameras and within the range of depths.
+    """Return the metrics of a pair over pixels visible in both cameras.
 
     Pixels without depth (h, w) (NaN) count as bad, so that omitting difficult pixels does not improve the metrics.
     """
-    evaluated = _evaluated(truth)
-    error, true = np.abs(depth - truth.depth)[evaluated], truth.depth[evaluated]
+    error, true = np.abs(depth - truth.depth)[truth.shared], truth.depth[truth.shared]
     valid = np.isfinite(error)
     if not len(error):
         return {"pixels": 0} | dict.fromkeys(
@@ -70,7 +75,7 @@ def score_depth(depth: np.ndarray, truth: DepthTruth) -> dict[str, float]:
 
 def rock_performance(depth: np.ndarray, truth: DepthTruth) -> list[dict[str, float]]:
     """Return rock, pixels and performance (share of pixels within `BAD_DEPTH_MM`) of each rock with enough pixels."""
-    evaluated = _evaluated(truth) & (truth.rock != NO_ROCK)
+    evaluated = truth.shared & (truth.rock != NO_ROCK)
     rocks, number = np.unique(truth.rock[evaluated], return_inverse=True)
     right = np.abs(depth - truth.depth)[evaluated] <= BAD_DEPTH_MM / 1000
     pixels = np.bincount(number, minlength=len(rocks))
@@ -80,8 +85,3 @@ def rock_performance(depth: np.ndarray, truth: DepthTruth) -> list[dict[str, flo
         for rock, count, value in zip(rocks, pixels, share, strict=True)
         if count >= MIN_ROCK_PX
     ]
-
-
-def _evaluated(truth: DepthTruth) -> np.ndarray:
-    with np.errstate(invalid="ignore"):
-        return truth.shared & (truth.depth >= NEAREST_M) & (truth.depth <= FARTHEST_M)
