@@ -24,7 +24,8 @@ LIGHTS: tuple[Light, ...] = ("off", "on")
 BLACK_LEVEL = 16  # DN of an unlit pixel in polarsim's photo format; `photo_format` converts the photos of other sites
 WHITE_LEVEL = 4095  # DN of a clipped pixel in this format: 12 bits in a 16-bit file
 # Width and height, px, of the photos for which lengths in pixels are stated: tolerances, gates and models tuned on
-# POLAR. Photos of other widths use the length times width / REFERENCE_WIDTH_PX.
+# POLAR. Photos of other widths use the length times `photo_scale`, except lengths that the pixels of any sensor cause:
+# noise, interpolation, edges of masks.
 REFERENCE_SIZE_PX = (1936, 1216)
 REFERENCE_WIDTH_PX = REFERENCE_SIZE_PX[0]
 ELECTRONS_PER_DN = 8  # not published; value of similar sensors (Sony IMX249: 33,000 electrons at 12 bits)
@@ -46,6 +47,11 @@ _KEY = re.compile(
     rf"(?P<terrain>{_NAME})_(?P<position>{_NAME})_(?P<light>on|off)_(?P<azimuth>{_NAME})_(?P<camera>[LR])"
     r"_(?P<exposure>\d{4,5})"
 )
+
+
+def photo_scale(width: int) -> float:
+    """Return the scale of photos of a width, px, relative to photos of the reference width."""
+    return width / REFERENCE_WIDTH_PX
 
 
 def terrain_text(terrain: Terrain) -> str:

@@ -12,16 +12,17 @@ from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import png
 from polarsim.geometry.features import Features, match_features, sift_features
 from polarsim.geometry.stereo import StereoRig, epipolar_distances, triangulated_depth
-from polarsim.photo import PhotoKey
+from polarsim.photo import PhotoKey, photo_scale
 from polarsim.tone import to_8bit
 
 _SCALE = 0.5  # scale of the photos for feature detection
 _MAX_FEATURES = 2000
 _MIN_MATCHES = 40  # minimum number of RANSAC inliers; pairs with fewer are not checked
 _RANSAC_PX = 1.0  # maximum distance of an inlier from the epipolar line, in the reduced photo
-# Maximum of the median distance of matches from the epipolar lines of the calibration, in the photo. On eight pairs of
-# the analog 0.2 to 0.4 px; with a calibration at half the size 5 to 13 px, with exchanged lenses 16 to 23 px.
-_MAX_DISTANCE_PX = 3.0
+# Maximum of the median distance of matches from the epipolar lines of the calibration, px of a photo of the reference
+# width. On eight pairs of the analog 0.2 to 0.4 px; with a calibration at half the size 5 to 13 px, with exchanged
+# lenses 16 to 23 px. In small photos, the error of the matches limits it.
+_MAX_DISTANCE_PX, _MIN_LIMIT_PX = 3.0, 1.0
 _MIN_IN_FRONT = 0.5  # minimum share of matches in front of the cameras
 
 log = logging.getLogger("polarsim")
@@ -56,7 +57,7 @@ def check_calibration(
         if in_front < _MIN_IN_FRONT:
             reason = f"left and right are exchanged: {1 - in_front:.0%} of the points in {where}"
             raise FormatError(f"{reason} would be behind the cameras", path=calibration or photos[left])
-        if distance_px > _MAX_DISTANCE_PX:
+        if distance_px > max(_MIN_LIMIT_PX, _MAX_DISTANCE_PX * photo_scale(rig.left.width)):
             off = f"matches are {distance_px:.1f} px off the epipolar lines in {where}"
             reason = f"calibration contradicts the photos: {off}"
             if calibration:

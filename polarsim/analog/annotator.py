@@ -2,6 +2,7 @@
 
 The numbers are measured on the published labels: standard deviations (robust and plain) of the edges x0, y0, x1, y1 of
 a box, px, by rock size and for shadows, and the share of rocks that are annotated in the left but not the right photo.
+Lengths in pixels are those of photos of the reference width; errors are proportional to the width of the photo.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from polarsim.analog.regions import VisibleRegion, mean_of_surroundings, region_contrast
+from polarsim.photo import photo_scale
 
 _SIZES = np.array([25, 35, 50, 80, 120])  # px, upper limits of the size classes except the last
 _ROBUST = np.array(
@@ -30,14 +32,15 @@ _DARK_DN, _DARK_MISSED = 30, 0.7  # regions with lower contrast are missed with 
 def annotate_rock(region: VisibleRegion, photo: np.ndarray, rng: np.random.Generator) -> np.ndarray | None:
     """Return the annotated box (4,) of a rock, integer pixels; None if the rock is missed."""
     x0, y0, x1, y1 = region.box
-    size_class = int(np.searchsorted(_SIZES, np.sqrt((x1 - x0) * (y1 - y0))))
+    scale = photo_scale(photo.shape[1])
+    size_class = int(np.searchsorted(_SIZES, np.sqrt((x1 - x0) * (y1 - y0)) / scale))
     chance, tiny, dark = rng.random(3)
-    noise = _edge_noise(_ROBUST[size_class], _TAIL_FACTOR * _ROBUST[size_class], rng)
+    noise = scale * _edge_noise(_ROBUST[size_class], _TAIL_FACTOR * _ROBUST[size_class], rng)
     around = mean_of_surroundings(region, photo)
     low, high = np.percentile(region.inside(photo), [10, 95])
     if max(high - around, around - low) < _DARK_DN and dark < _DARK_MISSED:
         return None
-    if (x1 - x0 < _TINY_PX and tiny < _TINY_MISSED) or chance < _FORGOTTEN[size_class]:
+    if (x1 - x0 < scale * _TINY_PX and tiny < _TINY_MISSED) or chance < _FORGOTTEN[size_class]:
         return None
     return _annotated(np.array(region.box, float), noise, photo.shape)
 
@@ -45,7 +48,7 @@ def annotate_rock(region: VisibleRegion, photo: np.ndarray, rng: np.random.Gener
 def annotate_shadow(region: VisibleRegion, photo: np.ndarray, rng: np.random.Generator) -> np.ndarray | None:
     """Return the annotated box (4,) of the visible part of a shadow; None if the shadow is missed."""
     forgotten = rng.random() < _SHADOW_FORGOTTEN
-    noise = _edge_noise(_SHADOW_ROBUST, _SHADOW_TAIL * 1.8, rng)
+    noise = photo_scale(photo.shape[1]) * _edge_noise(_SHADOW_ROBUST, _SHADOW_TAIL * 1.8, rng)
     return None if forgotten else _annotated(np.array(region.box, float), noise, photo.shape)
 
 

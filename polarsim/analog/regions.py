@@ -12,10 +12,11 @@ from polarsim.analog.light import SURFACE_OFFSET, DiscLamp
 from polarsim.analog.rays import RayCaster, rays_from
 from polarsim.analog.sandbox import GROUND_OBJECT, SandboxScene
 from polarsim.analog.view import GBuffer
+from polarsim.photo import photo_scale
 
-MIN_PIXELS = 12  # smaller regions are not labelled
+MIN_PIXELS = 12  # regions with fewer pixels are not labelled
 _FULLY_LIT = 0.95
-_RIM = 3  # px: parts of a shadow thinner than this are excluded
+_RIM_PX = 3  # parts of a shadow thinner than this in a photo of the reference width are excluded
 _CRUMB = 0.1  # share of the largest component: smaller components are excluded
 _RING = 0.3  # width of the surroundings of a region for the contrast, in box sizes
 
@@ -79,24 +80,24 @@ def shadow_regions(
     other = np.zeros(len(rows), bool)
     other[ray[rock <= 0]] = True
     good = (rock > 0) & ~other[ray]
-    regions = []
+    regions, rim = [], max(1, round(_RIM_PX * photo_scale(view.objects.shape[1])))
     for number in np.unique(rock[good]):
         of_rock = np.unique(ray[good & (rock == number)])
         for region in _region(rows[of_rock], columns[of_rock], number):
-            y, x = np.nonzero(_without_rims(region.mask))
+            y, x = np.nonzero(_without_rims(region.mask, rim))
             regions += _region(y + region.box[1], x + region.box[0], number)
     return regions
 
 
-def _without_rims(mask: np.ndarray) -> np.ndarray:
-    """Return the mask (h, w) of a shadow without thin lines at the base of the rock and small separate components."""
-    solid = ndimage.binary_opening(np.pad(mask, _RIM), np.ones((_RIM, _RIM), bool))
+def _without_rims(mask: np.ndarray, rim: int) -> np.ndarray:
+    """Return the mask (h, w) of a shadow without small separate components and parts thinner than `rim` pixels."""
+    solid = ndimage.binary_opening(np.pad(mask, rim), np.ones((rim, rim), bool))
     if not solid.any():
         return mask
     parts, count = ndimage.label(solid, np.ones((3, 3), bool))
     sizes = ndimage.sum_labels(solid, parts, np.arange(1, count + 1))
     large = np.isin(parts, 1 + np.flatnonzero(sizes >= _CRUMB * sizes.max()))
-    tips = ndimage.binary_dilation(large, np.ones((2 * _RIM + 1, 2 * _RIM + 1), bool))[_RIM:-_RIM, _RIM:-_RIM]
+    tips = ndimage.binary_dilation(large, np.ones((2 * rim + 1, 2 * rim + 1), bool))[rim:-rim, rim:-rim]
     return np.asarray(mask & tips)
 
 

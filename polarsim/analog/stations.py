@@ -13,7 +13,7 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose, camera_pose
 from polarsim.geometry.stereo import StereoRig
-from polarsim.photo import REFERENCE_WIDTH_PX, Terrain
+from polarsim.photo import Terrain, photo_scale
 from polarsim.randomness import generator
 from polarsim.site import Site
 from polarsim.site_parts import FAR_M, SunLamp
@@ -94,8 +94,9 @@ def _true_rig(site: Site, rng: np.random.Generator) -> StereoRig:
     def lens(nominal: Lens) -> Lens:
         k1, k2, p1, p2, k3 = nominal.distortion
         terms = (k1 + rng.normal(0, 0.002), k2 + rng.normal(0, 0.004), p1 + rng.normal(0, 5e-5), p2, k3)
-        focal = nominal.fx + rng.normal(0, 4 * _px(nominal))
-        cx, cy = nominal.cx + rng.normal(0, 3 * _px(nominal)), nominal.cy + rng.normal(0, 3 * _px(nominal))
+        scale = photo_scale(nominal.width)
+        focal = nominal.fx + rng.normal(0, 4 * scale)
+        cx, cy = nominal.cx + rng.normal(0, 3 * scale), nominal.cy + rng.normal(0, 3 * scale)
         return replace(nominal, fx=focal, fy=focal * 0.998, cx=cx, cy=cy, distortion=terms)
 
     motion = Pose.from_rotvec(np.radians(rng.normal(0, 0.05, 3)), rng.normal(0, 0.0005, 3))
@@ -104,17 +105,13 @@ def _true_rig(site: Site, rng: np.random.Generator) -> StereoRig:
     return StereoRig(lens(stated.left), lens(stated.right), stated.left_from_right @ motion)
 
 
-def _px(lens: Lens) -> float:
-    """Return the size of a pixel of a photo of the reference width in pixels of a lens."""
-    return lens.width / REFERENCE_WIDTH_PX
-
-
 def _calibrated(rig: StereoRig, rng: np.random.Generator) -> StereoRig:
     """Return the rig with calibration errors, rounded as in the calibration file."""
 
     def lens(true: Lens) -> Lens:
-        focal = rng.normal(0, _FOCAL_ERROR_PX * _px(true))
-        cx, cy = rng.normal(0, _PRINCIPAL_ERROR_PX * _px(true), 2)
+        scale = photo_scale(true.width)
+        focal = rng.normal(0, _FOCAL_ERROR_PX * scale)
+        cx, cy = rng.normal(0, _PRINCIPAL_ERROR_PX * scale, 2)
         terms = [true.distortion[0] + rng.normal(0, _K1_ERROR), *true.distortion[1:]]
         matrix = replace(true, fx=true.fx + focal, fy=true.fy + focal, cx=true.cx + cx, cy=true.cy + cy).opencv_matrix()
         return Lens.from_opencv(_six_digits(matrix), _six_digits(np.array(terms)), (true.width, true.height))

@@ -10,7 +10,7 @@ import numpy as np
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
-from polarsim.photo import PositionCamera
+from polarsim.photo import PositionCamera, photo_scale
 from polarsim.run_files.rigs import LocalisedRig
 
 _STEPS = 30
@@ -30,7 +30,10 @@ class MatchedPoints:
 
 @dataclass(frozen=True)
 class CalibrationPriors:
-    """Standard deviations of a calibration on each axis: pose between the cameras and lenses."""
+    """Standard deviations of a calibration on each axis: pose between the cameras and lenses.
+
+    Lengths in pixels are those of photos of the reference width.
+    """
 
     rig_m: float
     rig_rad: float
@@ -38,11 +41,11 @@ class CalibrationPriors:
     centre_px: float
     k1: float
 
-    @property
-    def scale(self) -> np.ndarray:
-        """Standard deviations (14,) in the order of `changed_rig`."""
+    def scale(self, width: int) -> np.ndarray:
+        """Return the standard deviations (14,) in the order of `changed_rig`, for photos of a width, px."""
+        px = photo_scale(width)
         rig = [self.rig_rad] * 3 + [self.rig_m] * 3
-        lens = [self.focal_px, self.centre_px, self.centre_px, self.k1]
+        lens = [px * self.focal_px, px * self.centre_px, px * self.centre_px, self.k1]
         return np.array(rig + lens * 2)
 
 
@@ -59,10 +62,10 @@ class Priors:
     pose_rad: float
     calibration: CalibrationPriors = REPEATABILITY
 
-    def scale(self, positions: int, *, lenses: bool) -> np.ndarray:
+    def scale(self, positions: int, width: int, *, lenses: bool) -> np.ndarray:
         """Return the standard deviation of every unknown: poses, pose between the cameras, left lens, right lens."""
         pose = [self.pose_rad] * 3 + [self.pose_m] * 3
-        return np.concatenate([pose * positions, self.calibration.scale if lenses else []])
+        return np.concatenate([pose * positions, self.calibration.scale(width) if lenses else []])
 
 
 @dataclass(frozen=True)
@@ -88,7 +91,8 @@ def adjust(
     `independent`: maximum weight of a view, in windows: the errors of neighbouring windows are correlated.
     `lenses`: whether the calibration, which all positions share, is adjusted too.
     """
-    scale = priors.scale(len(localised), lenses=lenses)
+    width = next(iter(localised.values())).rig.left.width
+    scale = priors.scale(len(localised), width, lenses=lenses)
     unknowns = np.zeros(len(scale))
     slopes = _jacobians(localised, matched, scale)
     for _ in range(_STEPS):

@@ -21,6 +21,7 @@ from polarsim.geometry.aggregation import aggregate, minima
 from polarsim.geometry.contrast import blurred, texture
 from polarsim.geometry.lens import HALF_PIXEL, Lens
 from polarsim.geometry.stereo import StereoRig, rectified_left
+from polarsim.photo import photo_scale
 
 FLOOR = 0.03  # log units: contrast of grain and noise, below which a pattern has little weight
 DARK = 0.002  # share of the 99th percentile that is added to all pixels: limits the noise of shadows in logarithms
@@ -36,7 +37,8 @@ REACH_PX = 3  # distance from an edge in which disparities of both sides are tri
 MIN_STEP_PX = 3.0  # minimum step of disparities at an edge, at the finer scale
 CHOICE_PX = 0.8  # standard deviation of the window of correlations that are compared
 LEAD = 0.02  # minimum lead of the correlation of the other side
-SPECKLE_PX, SPECKLE_STEP_PX = 300, 1.0  # maximum area of a speckle in a photo of full size, and step at its outline
+SPECKLE_PX = 300  # maximum area of a speckle in a photo of the reference width
+SPECKLE_STEP_PX = 1.0  # minimum step of disparities at the outline of a speckle
 AT_LIMIT = 0.3  # correlation that a minimum at the limit of the candidates loses in this comparison
 
 
@@ -85,7 +87,7 @@ def measure_points(
         scale = level.scale
     lens = grid.lens.scaled(scale)
     known &= disparity > lens.fx * baseline / depths[1]
-    known = _without_speckles(disparity, known, scale)
+    known = _without_speckles(disparity, known, scale * photo_scale(rig.left.width))
     depth = np.where(known, lens.fx * baseline / np.where(known, disparity, 1.0), np.nan)
     points = grid.left_from_rectified.apply(lens.pixel_directions() * depth[..., None])
     return RangePoints(lens, points, logs)
@@ -211,7 +213,10 @@ def _refined(left: Sequence[np.ndarray], right: Sequence[np.ndarray], start: np.
 
 
 def _without_speckles(disparity: np.ndarray, known: np.ndarray, scale: float) -> np.ndarray:
-    """Return the known pixels (h, w) without small areas that steps separate from all others."""
+    """Return the known pixels (h, w) without small areas that steps separate from all others.
+
+    `scale`: of the disparities relative to a photo of the reference size.
+    """
     import cv2
 
     unit = SPECKLE_STEP_PX / 16

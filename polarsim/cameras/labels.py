@@ -12,7 +12,7 @@ from polarsim.errors import RegistrationError
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, yaw_pitch_roll
-from polarsim.photo import REFERENCE_WIDTH_PX
+from polarsim.photo import photo_scale
 
 MIN_BOXES = 3  # positions with fewer boxes or meshes are localised by the survey
 # Standard deviations of a tripod from its survey: position on each axis; yaw and pitch. They fit the real data.
@@ -21,8 +21,7 @@ ROLL_SD_DEG = 2.9  # prior on the roll of a tripod about level
 SURVEY_WEIGHT = 0.05  # sum of IoU that a unit of the prior's chi squared costs
 START_GATES_PX = (120.0, 80.0, 50.0, 35.0, 25.0, 25.0)  # of re-assignment in the first fit
 FINAL_GATES_PX = (60.0, 40.0, 30.0, 30.0)  # of re-assignment in the last fit
-# Standard deviations of a box edge, px; edges within 3 px of the image border are not measured. In the last fits
-# outliers have little weight.
+# In the last fits outliers have little weight.
 START_NOISE, FINAL_NOISE = EdgeNoise(6.0, 3.0), EdgeNoise(3.0, 3.0, "cauchy", loss_scale=2.0)
 MIN_FIT = 0.52  # sum of IoU over possible matches at which a pose needs no lead
 MIN_LED_FIT, MIN_LEAD = 0.4, 0.15  # minimum with a lead over the second best pose, and that lead
@@ -133,7 +132,7 @@ def survey_prior(surveyed: Pose | None) -> PosePrior:
 def _final_fits(
     starts: list[Pose], boxes: np.ndarray, outlines: Outlines, lens: Lens, prior: PosePrior
 ) -> list[BoxFit]:
-    thin, scale = outlines.thinned(START_DIRECTIONS), lens.width / REFERENCE_WIDTH_PX
+    thin, scale = outlines.thinned(START_DIRECTIONS), photo_scale(lens.width)
     start_gates, final_gates = ([scale * gate for gate in gates] for gates in (START_GATES_PX, FINAL_GATES_PX))
     fits = []
     for start in starts:

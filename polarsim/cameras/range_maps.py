@@ -30,7 +30,7 @@ from polarsim.geometry.features import match_features, sift_features
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig, epipolar_distances, rectified_left, triangulated_depth
-from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, Terrain, terrain_text
+from polarsim.photo import BLACK_LEVEL, WHITE_LEVEL, Terrain, photo_scale, terrain_text
 from polarsim.progress import track
 from polarsim.run_files.best_photos import BestPhotos, best_pictures
 from polarsim.run_files.inventory import read_inventory, write_inventory
@@ -48,7 +48,7 @@ MIN_CROSSINGS = 40  # minimum number of matched windows of two positions
 ROUNDS = ((0.010, 0.15), (0.008, 0.04))  # cell and maximum displacement of matched orthophotos, metres
 _CLIPPED = WHITE_LEVEL - 100  # grey values that may be clipped
 _FEATURE_SCALE, _MAX_FEATURES = 0.5, 4000
-_MAX_EPIPOLAR_PX = 6.0  # from the epipolar line of the uncorrected calibration
+_MAX_EPIPOLAR_PX = 6.0  # from the epipolar line of the uncorrected calibration, photos of the reference width
 _DEPTH_MARGINS_M = (0.2, 1.0)  # of matched features around the range of depths
 
 
@@ -159,7 +159,7 @@ def possible_matches(rig: StereoRig, pixels: StereoPixels, depths: tuple[float, 
     """
     depth = triangulated_depth(rig, pixels.left, pixels.right)
     likely = (depth > depths[0] - _DEPTH_MARGINS_M[0]) & (depth < depths[1] + _DEPTH_MARGINS_M[1])
-    likely &= epipolar_distances(rig, pixels.left, pixels.right) < _MAX_EPIPOLAR_PX
+    likely &= epipolar_distances(rig, pixels.left, pixels.right) < _MAX_EPIPOLAR_PX * photo_scale(rig.left.width)
     if likely.sum() < max(MIN_FEATURES, MIN_FEATURE_SHARE * len(likely)):
         likely[:] = False
     return StereoPixels(pixels.left[likely], pixels.right[likely])

@@ -15,13 +15,14 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import EDGES, Outlines
 from polarsim.geometry.poses import Pose, camera_pose, yaw_pitch_roll
+from polarsim.photo import photo_scale
 
 MIN_IN_VIEW = 0.5  # minimum share of a rock's box inside the photo
 
 
 @dataclass(frozen=True)
 class EdgeNoise:
-    """Noise model of box edges."""
+    """Noise model of box edges, for photos of the reference width."""
 
     edge_px: float  # standard deviation of an annotated edge
     border_px: float  # edges within this distance of the image border are not measured
@@ -109,13 +110,19 @@ class EdgeProblem:
     def measured(self) -> np.ndarray:
         """Return a mask (n, 4) of the edges that the image border does not cut."""
         far = np.array([self.lens.width, self.lens.height] * 2)
-        return (self.boxes > self.noise.border_px) & (self.boxes < far - self.noise.border_px)
+        border = self.noise.border_px * photo_scale(self.lens.width)
+        return (self.boxes > border) & (self.boxes < far - border)
+
+    @property
+    def edge_sd(self) -> float:
+        """Standard deviation of an edge, px of the photo."""
+        return self.noise.edge_px * photo_scale(self.lens.width)
 
     def residuals(self, unknowns: np.ndarray) -> np.ndarray:
         projected = self.outlines.project(Camera(pose_of_unknowns(unknowns), self.lens))
         edges = np.where(self.measured(), projected - self.boxes, 0.0)
         edges = np.nan_to_num(edges, nan=1e3, posinf=1e3, neginf=-1e3)
-        return np.concatenate([edges.ravel() / self.noise.edge_px, self.prior.residuals(unknowns)])
+        return np.concatenate([edges.ravel() / self.edge_sd, self.prior.residuals(unknowns)])
 
     def jacobian(self, unknowns: np.ndarray) -> np.ndarray:
         """Return the derivatives (4 n + 6, 6); an edge moves with the point that defines it."""
@@ -129,7 +136,7 @@ class EdgeProblem:
         axis = np.arange(EDGES) % 2  # left and right edges are u, top and bottom v
         edge_slope = slope[:, np.arange(EDGES), axis]  # (n, 4, 3)
         rows = np.einsum("nej,nejk->nek", edge_slope, moved_camera) * self.measured()[..., None]
-        return np.concatenate([np.nan_to_num(rows).reshape(-1, 6) / self.noise.edge_px, np.diag(1 / self.prior.sd)])
+        return np.concatenate([np.nan_to_num(rows).reshape(-1, 6) / self.edge_sd, np.diag(1 / self.prior.sd)])
 
     def covariance(self, pose: Pose) -> np.ndarray:
         """Return the formal covariance (6, 6), scaled by the robust spread of the edges if that is larger."""

@@ -16,7 +16,7 @@ import numpy as np
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, camera_pose, yaw_pitch_roll
-from polarsim.photo import REFERENCE_WIDTH_PX
+from polarsim.photo import photo_scale
 from polarsim.site_parts import Sandbox, Tripod
 
 DISTANCE_STEP, HEIGHT_STEP = 0.3, 0.2  # metres: grid of tried positions
@@ -90,7 +90,7 @@ def search_pose(
 
     The optical axes are near the terrain's centre; `surveyed` widens their range if its axis is not.
     """
-    normalised = _NormalisedBoxes.of(boxes, lens, SEARCH_SD_PX * lens.width / REFERENCE_WIDTH_PX)
+    normalised = _NormalisedBoxes.of(boxes, lens, SEARCH_SD_PX * photo_scale(lens.width))
     thin, off_origin = outlines.thinned(26), max(YAW_OFF_ORIGIN, _yaw_off_origin(surveyed) + YAW_MARGIN)
     hypotheses = [
         hypothesis for centre in centres for hypothesis in _hypotheses_at(centre, thin, normalised, off_origin)

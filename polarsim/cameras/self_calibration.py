@@ -57,7 +57,7 @@ def correct_calibration(
     `level_from_left`: start of the poses; positions without crossings keep their pose.
     """
     free = sorted({name for pair in crossings for name in pair})[1:]
-    of_rig = REPEATABILITY.scale
+    of_rig = REPEATABILITY.scale(rig.left.width)
     scale = np.concatenate([of_rig, *(POSE_SD for _ in free)])
 
     def unpacked(unknowns: np.ndarray) -> tuple[StereoRig, dict[str, Pose]]:

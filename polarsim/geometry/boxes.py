@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from polarsim.photo import REFERENCE_WIDTH_PX
+from polarsim.photo import photo_scale
 
 _MATCH_GATE_PX = 40.0  # of photos of the reference width: errors of poses cause less
 MAX_LOG_SIZE = 1.6  # maximum |log width ratio| + |log height ratio| of a pair
@@ -158,7 +158,7 @@ def box_of_mask(mask: np.ndarray) -> np.ndarray | None:
 
 def match_gate_px(width: int) -> float:
     """Return the usual maximum distance of a pair, centre to centre, px of a photo of a width, px."""
-    return _MATCH_GATE_PX * width / REFERENCE_WIDTH_PX
+    return _MATCH_GATE_PX * photo_scale(width)
 
 
 def match_by_position_and_size(

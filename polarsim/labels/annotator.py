@@ -94,7 +94,7 @@ def rover_light_terms(share: float, elsewhere: float, size_px: float, distance_m
 
     `share`, `elsewhere`: share of the annotations under Sun lamps that contain the rock: at the position of the photo,
     and at all different positions.
-    `size_px`: sqrt(width * height) of the label.
+    `size_px`: sqrt(width * height) of the label in a photo of the reference width.
     `distance_m`: distance from the camera to the rock.
     """
     small = min(np.log(max(size_px, 1.0) / LARGE_PX), 0.0)

@@ -13,9 +13,10 @@ from polarsim.geometry.polygons import thick_parts, without_thin_parts
 from polarsim.labels.bodies import TerrainCasters
 from polarsim.labels.brightness import Brightness
 from polarsim.labels.projection import sightlines
-from polarsim.photo import NO_ROCK
+from polarsim.photo import NO_ROCK, photo_scale
 from polarsim.run_files.walls import Walls
 
+# Lengths in pixels are those of photos of the reference width.
 THIN_PX = 4.0  # parts of a shadow thinner than this, such as rims at the foot of a mesh, do not extend its box
 ROCK_ELLIPSE = 0.8  # diameter relative to the rock box of the ellipse that annotators regard as rock, not shadow
 MARGIN = 0.25  # margin around a box in which the edge of a shadow is searched, relative to the sides of the box
@@ -25,7 +26,8 @@ DEEP = 0.6  # maximum brightness of a shadow relative to lit ground; occluded st
 LEVEL = 0.5  # level of the shadow edge between the brightness of shadow (0) and lit ground (1)
 REACH, REACH_PX = 0.06, 4.0  # maximum error of a cast shadow: relative to sqrt(width * height), plus pixels
 STREAK_PX = 5  # dark streaks thinner than this are relief of the ground
-SMOOTH_PX = 3  # side of the window over which brightness is averaged
+RIM_PX = 3  # width of the rim of a cast shadow that is not lit ground
+SMOOTH_PX = 3  # side of the window over which brightness is averaged, pixels of the photo: reduces noise
 MAX_AREA_RATIO = 2.5  # maximum ratio of the areas of the dark region and the cast shadow
 MIN_COVERED_SHARE = 0.15  # minimum share of a dark region covered by the cast shadow
 
@@ -74,6 +76,7 @@ def shadow_box(
     rock_box: np.ndarray | None,
     step: int,
     windows: Mapping[int, Window],
+    thin_px: float = THIN_PX,
     *,
     slivers: bool = True,
 ) -> np.ndarray | None:
@@ -81,7 +84,8 @@ def shadow_box(
 
     `shadow` (rows, columns): rock that casts the shadow at every `step`-th pixel.
     `rock_box` (4,) or None: label of the rock in the same photo. Shadow inside the ellipse of the rock is ignored.
-    `slivers`: whether to return boxes of shadows that are thinner than `THIN_PX` everywhere.
+    `thin_px`: parts of the shadow thinner than this do not extend the box, px of the photo.
+    `slivers`: whether to return boxes of shadows that are thinner than this everywhere.
     """
     if rock not in windows:
         return None
@@ -92,7 +96,7 @@ def shadow_box(
         half = np.maximum(rock_box[2:] - rock_box[:2], 1.0) / 2 * ROCK_ELLIPSE
         centre = (rock_box[2:] + rock_box[:2]) / 2
         mask = mask & ((((y - centre[1]) / half[1]) ** 2)[:, None] + ((x - centre[0]) / half[0]) ** 2 > 1)
-    core = (without_thin_parts if slivers else thick_parts)(mask, round(THIN_PX / step))
+    core = (without_thin_parts if slivers else thick_parts)(mask, round(thin_px / step))
     box = box_of_mask(without_small_components(core, connectivity=8))
     return None if box is None else (box + np.tile([left, top], 2)) * step
 
@@ -113,7 +117,8 @@ def fit_to_dark_region(
 
     longest = max(brightness.exposures_ms)
     height, width = brightness.rate.shape
-    part = pixel_window(box, np.maximum((box[2:] - box[:2]) * MARGIN, MARGIN_PX), width, height)
+    scale = photo_scale(width)
+    part = pixel_window(box, np.maximum((box[2:] - box[:2]) * MARGIN, MARGIN_PX * scale), width, height)
     y, x = (np.arange(side.start, side.stop) for side in part)
     if min(len(x), len(y)) < 4:
         return None
@@ -121,16 +126,16 @@ def fit_to_dark_region(
     cast, occluder = shadow[np.ix_(row, column)] == rock, shadow[np.ix_(row, column)]
     bare = (rocks[np.ix_(row, column)] < 0) & ((occluder == NO_ROCK) | cast)  # ground without other shadows
     rate = cv2.blur(brightness.rate[part], (SMOOTH_PX, SMOOTH_PX))
-    lit = bare & ~cv2.dilate(cast.astype(np.uint8), np.ones((7, 7), np.uint8)).astype(bool)
+    lit = bare & ~_dilated(cast, round(RIM_PX * scale))
     if cast.sum() < 12 or lit.sum() < 12:
         return None
     dark_level, lit_level = float(np.percentile(rate[cast], 25)), float(np.median(rate[lit]))
     clear = (lit_level - dark_level) * longest >= CLEAR * float(brightness.noise_dn(lit_level * longest))
     if not clear or dark_level > DEEP * lit_level:
         return None
-    reach = round(REACH_PX + REACH * float(np.sqrt(np.prod(box[2:] - box[:2]))))
-    in_reach = cv2.dilate(cast.astype(np.uint8), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)).astype(bool)
-    dark = without_thin_parts(in_reach & bare & (rate < dark_level + LEVEL * (lit_level - dark_level)), STREAK_PX)
+    in_reach = _dilated(cast, round(REACH_PX * scale + REACH * float(np.sqrt(np.prod(box[2:] - box[:2])))))
+    darker = in_reach & bare & (rate < dark_level + LEVEL * (lit_level - dark_level))
+    dark = without_thin_parts(darker, round(STREAK_PX * scale))
     count, parts, statistics, _ = cv2.connectedComponentsWithStats(dark.astype(np.uint8), connectivity=8)
     covered = np.bincount(parts[cast & dark], minlength=count)
     areas = statistics[:, cv2.CC_STAT_AREA]
@@ -142,3 +147,10 @@ def fit_to_dark_region(
     dark_box = box_of_mask(np.isin(parts, [part for part in selected if areas[part] >= SMALL_PART * largest]))
     assert dark_box is not None
     return dark_box + np.tile([x[0], y[0]], 2)
+
+
+def _dilated(mask: np.ndarray, reach: int) -> np.ndarray:
+    """Return a mask (h, w) dilated by a square, `reach` pixels to all sides."""
+    import cv2
+
+    return cv2.dilate(mask.astype(np.uint8), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)).astype(bool)

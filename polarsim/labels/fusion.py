@@ -18,7 +18,7 @@ from polarsim.labels.options import LabelsOptions
 from polarsim.labels.projection import ProjectedRock, at_border, move_rocks, project_rock
 from polarsim.labels.seeds import sort_by_camera
 from polarsim.labels.visibility import lit_rock_share
-from polarsim.photo import NO_SUN, ROCK, Azimuth, CameraSide
+from polarsim.photo import NO_SUN, ROCK, Azimuth, CameraSide, photo_scale
 
 # Fitted to the published labels; `benchmarks/transfers.py` measures the transfer to terrains left out of the fit.
 # A rock gets labels at azimuths without seeds if it is annotated in this share of the seeded azimuths that light it.
@@ -59,6 +59,10 @@ class PositionRocks:
     def view(self, camera: CameraSide) -> Camera:
         return self.localised.camera(camera)
 
+    def scale(self, camera: CameraSide) -> float:
+        """Return the `photo_scale` of the photos of a camera."""
+        return photo_scale(self.view(camera).lens.width)
+
     def labels(self, camera: CameraSide, azimuth: Azimuth) -> list[Label]:
         """Return rocks that are annotated, or would be annotated, under a lamp."""
         if not self.annotated:
@@ -67,7 +71,8 @@ class PositionRocks:
             boxes = self.annotated[camera, azimuth].rocks
             rows = [track.rows.get((camera, azimuth)) for track in self.tracks]
             annotated_rows = [(rock, row) for rock, row in zip(self.ids, rows, strict=True) if row is not None]
-            return [make_label(ROCK, rock, "seed", boxes[row]) for rock, row in annotated_rows]
+            width = self.view(camera).lens.width
+            return [make_label(ROCK, rock, "seed", boxes[row], width) for rock, row in annotated_rows]
         boxes = self.fused(camera, azimuth)
         if azimuth in self.azimuths:
             chosen = [
@@ -89,7 +94,7 @@ class PositionRocks:
         rock, suns = int(self.ids[row]), self.azimuths - {NO_SUN}
         share = len(self.tracks[row].azimuths & suns) / max(len(suns), 1)
         share_elsewhere = self._share_elsewhere(rock)
-        size = float(np.sqrt(area(clip(self.fused(camera)[row], *self.view(camera).size))))
+        size = float(np.sqrt(area(clip(self.fused(camera)[row], *self.view(camera).size)))) / self.scale(camera)
         distance = self.view(camera).lens.fx / self.px_per_m(camera, rock)
         return rover_light_terms(share, share if share_elsewhere is None else share_elsewhere, size, distance)
 
@@ -158,8 +163,9 @@ class PositionRocks:
         """Return a label moved from other photos: `translated` if the pose for the move is unverified, else `fused`."""
         annotated_here = any(side == camera for side, _ in self.annotated)
         source = "translated" if self.in_image and not annotated_here else "fused"
-        inside = clip(box, *self.view(camera).size)
-        return make_label(kind, rock, source, inside, share, pitch_known=self.localised.pitch_known)
+        size = self.view(camera).size
+        known = self.localised.pitch_known
+        return make_label(kind, rock, source, clip(box, *size), int(size[0]), share, pitch_known=known)
 
     def annotated_azimuths(self, rock: int) -> set[Azimuth]:
         """Return the azimuths at which a rock is annotated at this position."""
@@ -186,7 +192,7 @@ class PositionRocks:
         """Return the projection of a rock with the margin of annotators; None if the rock is not visible."""
         if (camera, rock) not in self._projections:
             projection = project_rock(self.world, self.view(camera), rock)
-            margin = np.array([-1, -1, 1, 1]) * ROCK_MARGIN_PX
+            margin = np.array([-1, -1, 1, 1]) * ROCK_MARGIN_PX * self.scale(camera)
             self._projections[camera, rock] = (
                 ProjectedRock(clip(projection.box + margin, *self.view(camera).size), projection.visible_share)
                 if projection
@@ -220,7 +226,7 @@ class PositionRocks:
             meshed = np.flatnonzero([box is not None for box in mesh_boxes])
             mesh = np.array([mesh_boxes[row] for row in meshed]).reshape(-1, 4)
             count, annotated = weight[meshed], total[meshed] / np.maximum(weight[meshed], 1)
-            mesh_weight = mesh_weights(annotated, count, mesh, MESH_WEIGHT)
+            mesh_weight = mesh_weights(annotated, count, mesh, MESH_WEIGHT, self.scale(camera))
             total[meshed] += mesh_weight * mesh
             weight[meshed] += mesh_weight
             self._fused_boxes[name] = total / weight
@@ -260,22 +266,24 @@ class PositionRocks:
         return move_rocks(self.world, self.view(source), self.view(target), boxes, rocks)
 
     def _projected_rocks(self, camera: CameraSide) -> list[Label]:
-        labels = []
+        labels, width = [], self.view(camera).lens.width
         for rock in sorted(self.world.bodies):
             projection = self.projected(camera, rock)
             if projection is None or projection.visible_share < MIN_VISIBLE_SHARE:
                 continue
-            if np.sqrt(area(projection.box)) >= self.options.min_rock_side_px:
-                labels.append(make_label(ROCK, rock, "projected", projection.box))
+            if np.sqrt(area(projection.box)) >= self.options.min_rock_side_px * photo_scale(width):
+                labels.append(make_label(ROCK, rock, "projected", projection.box, width))
         return labels
 
 
-def edge_sd_px(boxes: np.ndarray) -> np.ndarray:
-    """Return the standard deviation (n, 1) of the edges of annotated boxes (n, 4)."""
-    return np.asarray(EDGE_PX + EDGE_SHARE * np.sqrt(area(boxes)))[:, None]
+def edge_sd_px(boxes: np.ndarray, scale: float = 1.0) -> np.ndarray:
+    """Return the standard deviation (n, 1) of the edges of annotated boxes (n, 4) in photos of a `photo_scale`."""
+    return np.asarray(EDGE_PX * scale + EDGE_SHARE * np.sqrt(area(boxes)))[:, None]
 
 
-def mesh_weights(annotated: np.ndarray, count: np.ndarray, mesh: np.ndarray, weight: float) -> np.ndarray:
+def mesh_weights(
+    annotated: np.ndarray, count: np.ndarray, mesh: np.ndarray, weight: float, scale: float = 1.0
+) -> np.ndarray:
     """Return the weights (n, 4) of the edges of projected boxes `mesh` (n, 4) relative to one annotation.
 
     A mesh edge has the weight of `weight` annotations, reduced by the Cauchy weight function (Holland and Welsch,
@@ -283,11 +291,11 @@ def mesh_weights(annotated: np.ndarray, count: np.ndarray, mesh: np.ndarray, wei
     Edges without annotations have weight 1.
 
     `annotated`, `count` (n, 4): mean of the annotated edges, and number of annotations. `annotated` is ignored where
-    `count` is 0.
+    `count` is 0. `scale`: `photo_scale` of the photo.
     """
     unannotated = count == 0
     reference = np.where(unannotated, mesh, annotated)
-    off = (mesh - reference) / (CAUCHY * edge_sd_px(reference))
+    off = (mesh - reference) / (CAUCHY * edge_sd_px(reference, scale))
     # The variance of mesh minus mean is (1 / count + 1 / weight) times the variance of one annotation.
     share = np.divide(count * weight, count + weight, out=np.zeros_like(reference), where=~unannotated)
     return np.where(unannotated, 1.0, weight / (1 + off**2 * share))

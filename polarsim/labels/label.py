@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.geometry.boxes import area
+from polarsim.photo import photo_scale
 
 REFERENCE_PX = 50.0  # sqrt(area) of a common label
 # Coefficients of the log odds that a label has IoU >= 0.5 with the box of an annotator. Fitted by
@@ -36,7 +37,7 @@ def confidence(
 
     `share`: share of the annotated azimuths of the position in which the rock is annotated, among azimuths whose lamp
     lights the rock; 1 if not applicable.
-    `size_px`: sqrt(width * height) of the label.
+    `size_px`: sqrt(width * height) of the label in a photo of the reference width.
     `by_rover_light`: whether the rover light, not a Sun lamp, casts the shadow.
     `pitch_known`: whether the pitch of the camera is known. It determines the shift of translated labels.
     """
@@ -65,12 +66,16 @@ def make_label(
     rock: int,
     source: str,
     box: np.ndarray,
+    photo_width: int,
     share: float = 1.0,
     *,
     by_rover_light: bool = False,
     pitch_known: bool = True,
 ) -> Label:
-    """Return a label with its `confidence`. Boxes of seeds are not clipped to the photo, all others are."""
-    size = float(np.sqrt(area(box)))
+    """Return a label with its `confidence`. Boxes of seeds are not clipped to the photo, all others are.
+
+    `photo_width`: width of the photo, px.
+    """
+    size = float(np.sqrt(area(box))) / photo_scale(photo_width)
     probability = confidence(kind, source, share, size, by_rover_light=by_rover_light, pitch_known=pitch_known)
     return Label(kind, int(rock), source, round(probability, 3), box)

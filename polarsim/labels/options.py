@@ -57,7 +57,9 @@ class LabelsOptions(BaseModel, extra="forbid", frozen=True):
         "usual exposure of the site, 128 ms for POLAR.",
     )
     min_rock_side_px: float = Field(
-        12.0, gt=0, description="Minimum projected size of a labelled rock, square root of the area, px."
+        12.0,
+        gt=0,
+        description="Minimum projected size of a labelled rock, square root of the area, px at photo width 1936.",
     )
     ray_step_px: int = Field(
         2, ge=1, le=8, description="Step between sampled pixels of cast shadows, px; larger is faster and coarser."

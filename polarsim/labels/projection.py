@@ -11,6 +11,7 @@ from polarsim.geometry.boxes import box_centres, clip
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import Lens
 from polarsim.labels.bodies import TerrainCasters
+from polarsim.photo import photo_scale
 
 BORDER_PX = 2.0  # maximum distance to the image border of an edge that is cut by the border
 MIN_VERTICES = 3  # minimum number of visible vertices of a rock
@@ -47,7 +48,8 @@ def project_rock(world: TerrainCasters, view: Camera, rock: int) -> ProjectedRoc
 
 def at_border(boxes: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Return a mask (n, 4) of edges of boxes (n, 4) at the border of a photo (width, height)."""
-    return np.concatenate([boxes[:, :2] <= BORDER_PX, boxes[:, 2:] >= size - BORDER_PX], axis=1)
+    border = BORDER_PX * photo_scale(int(size[0]))
+    return np.concatenate([boxes[:, :2] <= border, boxes[:, 2:] >= size - border], axis=1)
 
 
 def move_rocks(

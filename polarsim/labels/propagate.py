@@ -146,16 +146,16 @@ def grid_labels(
     labels: dict[PhotoKey, list[Label]] = {key: [] for key in keys}
     for bracket, members in by_bracket(key for key in keys if key.position in positions).items():
         _, position, light, azimuth, camera = bracket
-        shared = positions[position].labels(camera, light, azimuth)
+        shared, width = positions[position].labels(camera, light, azimuth), inputs.site.images.width
         brightness = _first_known(bracket, photos if is_unlit(light, azimuth) else readable, olat_images)
         for key in members:
             if key in corrections:
-                labels[key] = seed_labels(corrections[key], shared)
+                labels[key] = seed_labels(corrections[key], shared, width)
                 continue
             labels[key] = visible_labels(shared, key, brightness, min_exposures, options)
             if key in drawings:
                 added = [label for label in labels[key] if label.source != "seed"]
-                labels[key] = seed_labels(drawings[key], shared) + added
+                labels[key] = seed_labels(drawings[key], shared, width) + added
     return labels
 
 

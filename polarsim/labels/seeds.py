@@ -201,7 +201,7 @@ def read_all_corrections(folder: Path, site: Site) -> dict[PhotoKey, AnnotatedBo
     return {key: AnnotatedBoxes.of(*corrections[key]) for key in sorted(corrections)}
 
 
-def seed_labels(annotated: AnnotatedBoxes, labels: Sequence[Label]) -> list[Label]:
+def seed_labels(annotated: AnnotatedBoxes, labels: Sequence[Label], photo_width: int) -> list[Label]:
     """Return annotated boxes as seed labels, with rock ids of the overlapping propagated labels of the bracket."""
     seeds = []
     for kind, boxes in ((ROCK, annotated.rocks), (SHADOW, annotated.shadows)):
@@ -210,7 +210,7 @@ def seed_labels(annotated: AnnotatedBoxes, labels: Sequence[Label]) -> list[Labe
         candidates = [label for label in labels if label.kind == kind]
         candidate_boxes = np.array([label.box for label in candidates]).reshape(-1, 4)
         rocks = matched_rocks(boxes, candidate_boxes, np.array([label.rock for label in candidates], int))
-        seeds += [make_label(kind, rock, "seed", box) for rock, box in zip(rocks, boxes, strict=True)]
+        seeds += [make_label(kind, rock, "seed", box, photo_width) for rock, box in zip(rocks, boxes, strict=True)]
     return seeds
 
 

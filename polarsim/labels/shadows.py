@@ -12,7 +12,7 @@ from polarsim.geometry.masks import Window, windows_of
 from polarsim.labels.association import match_ids
 from polarsim.labels.bodies import active_lamp
 from polarsim.labels.brightness import Brightness
-from polarsim.labels.casting import VisibleIds, fit_to_dark_region, shadow_box
+from polarsim.labels.casting import THIN_PX, VisibleIds, fit_to_dark_region, shadow_box
 from polarsim.labels.fusion import PositionRocks
 from polarsim.labels.label import Label, make_label
 from polarsim.labels.options import LabelsOptions
@@ -23,7 +23,7 @@ CAST_WEIGHT = 0.3  # weight of a cast shadow relative to an annotation in the ot
 MIN_SHADOW_PX = 12.0  # minimum size of a labelled cast shadow, sqrt(area)
 MIN_ROVER_SHADOW_PX = 35.0  # the same under the rover light, whose shadows are mostly hidden slivers
 SHADOW_GATE = 2.0  # matching gate of shadows, which are long, relative to the gate of rocks
-MAX_EDGE_SHARE, MAX_EDGE_PX = 0.3, 6.0  # maximum distance of matching edges: share of the side of the box; minimum, px
+MAX_EDGE_SHARE, MAX_EDGE_PX = 0.3, 6.0  # maximum distance of matching edges: share of the side of the box; minimum
 WALL_ID = NO_ROCK - 1  # id of the sandbox walls in images of occluders
 SAME_SHADOW_IOU = 0.2  # minimum IoU of the annotated and the cast box of a shadow to average them
 
@@ -36,20 +36,23 @@ class CastShadow:
     in_photo: bool
 
 
-def mean_shadow(annotated: np.ndarray, cut: np.ndarray, cast: CastShadow | None, cast_weight: float) -> np.ndarray:
+def mean_shadow(
+    annotated: np.ndarray, cut: np.ndarray, cast: CastShadow | None, cast_weight: float, scale: float = 1.0
+) -> np.ndarray:
     """Return the mean (4,) of an annotated box (4,) and a cast box, which averages out independent errors.
 
     Edges `cut` (4,) by the border of the annotated photo are taken from the cast box. Edges of a dark region far from
     the annotated edges are ignored, because dark ground can continue beyond the shadow.
 
     `cast_weight`: weight of a cast shadow. An annotated shadow and a shadow fitted to a photo have weight 1.
+    `scale`: `photo_scale` of the photo.
     """
     if cast is None or iou(annotated[None], cast.box[None])[0, 0] < SAME_SHADOW_IOU:
         return annotated
     weight = 1.0 if cast.in_photo else cast_weight
     mean = (annotated + weight * cast.box) / (1 + weight)
     if cast.in_photo:
-        max_distance = np.maximum(MAX_EDGE_SHARE * np.tile(annotated[2:] - annotated[:2], 2), MAX_EDGE_PX)
+        max_distance = np.maximum(MAX_EDGE_SHARE * np.tile(annotated[2:] - annotated[:2], 2), MAX_EDGE_PX * scale)
         mean = np.where(np.abs(cast.box - annotated) < max_distance, mean, annotated)
     return np.where(cut, cast.box, mean)
 
@@ -82,10 +85,11 @@ class PositionShadows:
             dark = {rock: shadow for rock, shadow in cast.items() if shadow.in_photo}
             inside = np.zeros(4, bool)
             boxes = [
-                mean_shadow(box, inside, dark.get(int(rock)), CAST_WEIGHT)
+                mean_shadow(box, inside, dark.get(int(rock)), CAST_WEIGHT, self.rocks.scale(camera))
                 for rock, box in zip(occluders, annotated_here, strict=True)
             ]
-            return [make_label(SHADOW, rock, "seed", box) for rock, box in zip(occluders, boxes, strict=True)]
+            width = self.rocks.view(camera).lens.width
+            return [make_label(SHADOW, rock, "seed", box, width) for rock, box in zip(occluders, boxes, strict=True)]
         other: CameraSide = "R" if camera == "L" else "L"
         annotated = self.annotated(other, azimuth)
         if annotated is None:
@@ -93,7 +97,7 @@ class PositionShadows:
         occluders = self.occluders(other, annotated, light, azimuth)
         moved = move_flat(self.world, self.rocks.view(other), self.rocks.view(camera), annotated)
         boxes = [
-            mean_shadow(box, cut, cast.get(int(rock)), CAST_WEIGHT)
+            mean_shadow(box, cut, cast.get(int(rock)), CAST_WEIGHT, self.rocks.scale(camera))
             for rock, box, cut in zip(occluders, moved, at_border(annotated, self.rocks.view(other).size), strict=True)
         ]
         return [self.rocks.moved_label(SHADOW, rock, camera, box) for rock, box in zip(occluders, boxes, strict=True)]
@@ -113,11 +117,11 @@ class PositionShadows:
 
     def _cast_labels(self, camera: CameraSide, azimuth: Azimuth, cast: Mapping[int, CastShadow]) -> list[Label]:
         by_rover_light = azimuth == NO_SUN
-        min_px = MIN_ROVER_SHADOW_PX if by_rover_light else MIN_SHADOW_PX
+        min_px = (MIN_ROVER_SHADOW_PX if by_rover_light else MIN_SHADOW_PX) * self.rocks.scale(camera)
         large = {rock: shadow.box for rock, shadow in cast.items() if np.sqrt(area(shadow.box)) >= min_px}
         size = self.rocks.view(camera).size
         return [
-            make_label(SHADOW, rock, "cast", clip(box, *size), by_rover_light=by_rover_light)
+            make_label(SHADOW, rock, "cast", clip(box, *size), int(size[0]), by_rover_light=by_rover_light)
             for rock, box in large.items()
         ]
 
@@ -146,6 +150,7 @@ class PositionShadows:
         photo, walls and lamps are too uncertain.
         """
         step, lamp_position = self.options.ray_step_px, active_lamp(self.world, self.rocks.localised, light, azimuth)
+        thin = THIN_PX * self.rocks.scale(camera)
         assert lamp_position is not None
         ids, shadow, windows = self._visible_shadows(camera, lamp_position)
         if brightness is not None:
@@ -154,7 +159,7 @@ class PositionShadows:
         shadows = {}
         for rock, rock_box in sorted(rock_boxes.items()):
             slivers = azimuth != NO_SUN or rock_box is None  # annotators omit slivers under the rover light
-            box = shadow_box(shadow, rock, rock_box, step, windows, slivers=slivers)
+            box = shadow_box(shadow, rock, rock_box, step, windows, thin, slivers=slivers)
             if box is None:
                 continue
             dark = (

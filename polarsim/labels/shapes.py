@@ -13,10 +13,11 @@ from polarsim.geometry.lens import HALF_PIXEL
 from polarsim.geometry.masks import windows_of, without_small_components
 from polarsim.geometry.polygons import outlines
 from polarsim.labels.casting import VisibleIds
+from polarsim.photo import photo_scale
 
 MIN_BOX_IOU = 0.2  # minimum IoU of the box of a shape with the box of the label to use the shape
 SIMPLIFY_PX = 0.6  # maximum distance of a removed corner from the simplified outline
-SMALL_REGION = 400  # minimum area of a polygon of ground or background, px
+SMALL_REGION = 400  # minimum area of a polygon of ground or background, px of a photo of the reference width
 THIN_PX = 2  # minimum width of such a polygon
 
 
@@ -138,13 +139,14 @@ def _pixel_centres(box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def backdrop(ids: VisibleIds) -> list[tuple[str, np.ndarray]]:
-    """Return rings (n, 2) of background and ground. The ground includes rocks and shadows."""
+    """Return rings (n, 2) of background and ground, which includes rocks and shadows; `ids` has a ray per pixel."""
     import cv2
 
     ground = np.zeros(ids.shape, np.uint8)
     hit = ids.hit.astype(np.uint8)
     lines, _ = cv2.findContours(hit, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    cv2.drawContours(ground, [line for line in lines if cv2.contourArea(line) >= SMALL_REGION], -1, 1, cv2.FILLED)
+    smallest = SMALL_REGION * photo_scale(ids.shape[1]) ** 2
+    cv2.drawContours(ground, [line for line in lines if cv2.contourArea(line) >= smallest], -1, 1, cv2.FILLED)
     rings = [
         (name, ring)
         for name, mask in (("background", ground == 0), ("ground", ground == 1))

@@ -9,13 +9,13 @@ import numpy as np
 from polarsim.geometry.boxes import area, box_around_points, iou, largest_iou, match_by_iou
 from polarsim.geometry.polygons import signed_area
 from polarsim.lint.rules import Defect
-from polarsim.photo import BOX_CLASSES, POLYGON_CLASSES, REFERENCE_SIZE_PX, ROCK, SHADOW, PhotoKey
+from polarsim.photo import BOX_CLASSES, POLYGON_CLASSES, REFERENCE_SIZE_PX, ROCK, SHADOW, PhotoKey, photo_scale
 
 Boxes = tuple[np.ndarray, np.ndarray]  # class numbers (n,), boxes (n, 4) in pixels
 Size = tuple[int, int]  # width and height of the photo, pixels
 
 DUPLICATE_IOU, NEAR_DUPLICATE_IOU = 0.9999, 0.7  # minimum IoU of duplicates, and of near-duplicates
-SLIVER_PX = 6.0  # minimum side of a box
+SLIVER_PX = 6.0  # minimum side of a box, px of a photo of the reference width
 GIANT_SIDE, GIANT_AREA = 0.6, 0.2  # maximum shares of the photo
 OUTSIDE_PX = 0.02  # rounding error of six decimals
 MISSING_SHADOWS, EXTRA_SHADOWS = 4, 3  # minimum number of shadows fewer, or more, than rocks
@@ -45,7 +45,7 @@ def box_defects(classes: np.ndarray, boxes: np.ndarray, size: Size) -> Iterator[
         "rock_on_shadow": ~alike & (overlap > NEAR_DUPLICATE_IOU),
     }
     singles = {
-        "sliver": (extent < SLIVER_PX).any(axis=1),
+        "sliver": (extent < SLIVER_PX * photo_scale(size[0])).any(axis=1),
         "giant": (extent > GIANT_SIDE * photo).any(axis=1) | (area(boxes) > GIANT_AREA * photo.prod()),
         "out_of_photo": ((boxes[:, :2] < -OUTSIDE_PX) | (boxes[:, 2:] > photo + OUTSIDE_PX)).any(axis=1),
     }

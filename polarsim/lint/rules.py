@@ -52,7 +52,7 @@ RULES: dict[str, Rule] = {
     "near_duplicate": Rule("B202", "warning", "boxes of a class at the same place (IoU over 0.7)", "keeps the first"),
     "rock_on_shadow": Rule("B203", "warning", "rock and shadow at the same place (IoU over 0.7)"),
     "out_of_photo": Rule("B204", "error", "extends outside the photo", "clips it at the border"),
-    "sliver": Rule("B205", "note", "side shorter than 6 px"),
+    "sliver": Rule("B205", "note", "side shorter than 6 px at photo width 1936"),
     "giant": Rule("B206", "warning", "over 60 % of a side or 20 % of the area of the photo"),
     # Exposures of one exposure bracket
     "rock_missing": Rule("E301", "warning", "rock of most exposures is missing", _MODAL),

@@ -15,12 +15,13 @@ from polarsim.geometry.poses import Pose
 from polarsim.lint.files import ROCK_CLASS, SHADOW_CLASS, Boxes
 from polarsim.lint.rules import Defect
 from polarsim.lint.siblings import Defects, modals, of_class
-from polarsim.photo import NO_SUN, Bracket, CameraSide, PhotoKey, Terrain
+from polarsim.photo import NO_SUN, Bracket, CameraSide, PhotoKey, Terrain, photo_scale
 from polarsim.run_files.survey import surveyed_pose
 from polarsim.site import Site
 
 MIN_BOXES_OF_A_VIEW = 3  # minimum number of boxes that identify a view
 MIN_VIEW_LEAD, MIN_VIEW_IOU = 0.25, 0.4  # minimum lead of another view in mean IoU, and minimum mean IoU
+# Lengths in pixels are those of photos of the reference width.
 OFFSETS_PX = np.arange(-320, 1, 4)  # tried offsets from left to right at the photo's centre
 # Start of the fit: change of the offset per row, and vertical offset, of the release's rig. The fit finds those of
 # other rigs, if more than half of the boxes start within `NEAR_PX`.
@@ -39,7 +40,7 @@ def view_defects(files: Mapping[PhotoKey, Boxes], site: Site) -> Defects:
     """Yield defects of a terrain that need several views, or the positions of cameras and lamps."""
     yield from _other_views(files)
     yield from _other_azimuths(files)
-    yield from _off_epipolar(files, site.images.height)
+    yield from _off_epipolar(files, site.images.size)
     yield from _sunward_shadows(files, site)
 
 
@@ -97,36 +98,39 @@ def _fit(boxes: np.ndarray, known: np.ndarray) -> float:
     return float(overlap[match_by_summed_iou(overlap)].sum() / max(1, len(boxes)))
 
 
-def _off_epipolar(files: Mapping[PhotoKey, Boxes], height: int) -> Defects:
+def _off_epipolar(files: Mapping[PhotoKey, Boxes], size: tuple[int, int]) -> Defects:
     """Yield right files with rocks above or below their position predicted from the left file."""
-    rocks = of_class(files, ROCK_CLASS)
+    rocks, scale = of_class(files, ROCK_CLASS), photo_scale(size[0])
     sets = modals(rocks)
     for station in sorted({key.station for key in rocks}):
         consensus = {
             camera: consensus_boxes([boxes for name, boxes in sets.items() if _view(name) == (*station, camera)])
             for camera in get_args(CameraSide)
         }
-        plane = _right_from_left(consensus["L"], consensus["R"], height)
+        plane = _right_from_left(consensus["L"], consensus["R"], size)
         if plane is None:
             continue
         for key in sorted(key for key in rocks if (key.station, key.camera) == (station, "R")):
             if key.other_camera in rocks:
-                rows = _off_line(_moved(rocks[key.other_camera], plane), rocks[key])
+                rows = _off_line(_moved(rocks[key.other_camera], plane), rocks[key], scale)
                 if rows:
                     yield key, Defect("off_epipolar", f"{len(rows)} rocks, first box {rows[0] + 1} of the rocks")
 
 
-def _right_from_left(left: np.ndarray, right: np.ndarray, height: int) -> np.ndarray | None:
+def _right_from_left(left: np.ndarray, right: np.ndarray, size: tuple[int, int]) -> np.ndarray | None:
     """Fit the offset (3, 2) of a box's centre as a plane over the left photo; None with too few pairs."""
     if min(len(left), len(right)) < MIN_PAIRS:
         return None
-    starts = [np.array([[a - SLOPE * height / 2, DROP_PX], [0, 0], [SLOPE, 0]]) for a in OFFSETS_PX]
+    scale, middle = photo_scale(size[0]), size[1] / 2
+    starts = [
+        np.array([[scale * offset - SLOPE * middle, scale * DROP_PX], [0, 0], [SLOPE, 0]]) for offset in OFFSETS_PX
+    ]
     plane = max(starts, key=lambda start: _fit(_moved(left, start), right))
     for _ in range(PLANE_FITS):
         moved = _moved(left, plane)
         overlap = iou(moved, right)
         rows, columns = match_by_summed_iou(overlap)
-        near = np.linalg.norm(box_centres(moved[rows]) - box_centres(right[columns]), axis=1) < NEAR_PX
+        near = np.linalg.norm(box_centres(moved[rows]) - box_centres(right[columns]), axis=1) < scale * NEAR_PX
         rows, columns = rows[near], columns[near]
         if len(rows) < MIN_PAIRS:
             return None
@@ -144,7 +148,7 @@ def _moved(boxes: np.ndarray, plane: np.ndarray) -> np.ndarray:
     return np.asarray(boxes + np.tile(_terms(boxes) @ plane, 2))
 
 
-def _off_line(expected: np.ndarray, right: np.ndarray) -> list[int]:
+def _off_line(expected: np.ndarray, right: np.ndarray, scale: float) -> list[int]:
     """Return rows of unmatched right boxes with the size and column of an unmatched expected box."""
     overlap = iou(expected, right)
     free = overlap.max(axis=1, initial=0.0) == 0
@@ -155,7 +159,10 @@ def _off_line(expected: np.ndarray, right: np.ndarray) -> list[int]:
             np.maximum(right[row, 2:] - right[row, :2], 1) / np.maximum(expected[:, 2:] - expected[:, :2], 1)
         )
         fits = (
-            free & (np.abs(across) < ACROSS_PX) & (np.abs(down) > OFF_PX) & (np.abs(sides) < MAX_LOG_SIDES).all(axis=1)
+            free
+            & (np.abs(across) < scale * ACROSS_PX)
+            & (np.abs(down) > scale * OFF_PX)
+            & (np.abs(sides) < MAX_LOG_SIDES).all(axis=1)
         )
         near = np.abs(down) < 4 * (expected[:, 3] - expected[:, 1])
         if (fits & near).any():

@@ -23,7 +23,7 @@ from polarsim.geometry.casters import make_caster
 from polarsim.geometry.contrast import blurred, local_contrast
 from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.geometry.rays import Caster
-from polarsim.photo import PhotoKey
+from polarsim.photo import PhotoKey, photo_scale
 from polarsim.relief.feet import MAX_CUT_M, foot_cells, foot_offset, foot_offsets
 from polarsim.relief.heights import INVENTED, MEASURED, HeightMap, PhotoView
 from polarsim.relief.pairs import Group
@@ -52,7 +52,8 @@ SPECKLE_M2 = 0.05  # measured areas up to this size that are separated by steps 
 # 0.14 for 12 on 11, and 0.37 for 1 on 3, whose heights contradict the feet of the rocks.
 MIN_SHARE = 0.25
 GROUND_DROP = 0.01  # metres by which the ground is lowered as an occluder of its own cells
-PIXEL_M = 0.0017  # size of a pixel on the ground, across the line of sight: of POLAR's photos, 3.5 m / 2,070 px
+# Size of a pixel of photos of the reference width on the ground, across the line of sight: POLAR's, 3.5 m / 2,070 px.
+PIXEL_M = 0.0017
 SD_SCALE = 0.5  # standard deviation by `_deviation`, in units of the formula; fitted to the analog's terrain 3
 
 
@@ -204,7 +205,8 @@ def _correlations(
     grid: FloorGrid, base: np.ndarray, level: Level, scene: SweptScene, others: Mesh, bare: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return correlation and contrast (rows, columns, k) of all pairs at each candidate height."""
-    points, views = cell_points(grid, base), reduced(scene.views, 3 * PIXEL_M / level.cell_m)
+    pixel_m = PIXEL_M / photo_scale(scene.views[0].camera.lens.width)
+    points, views = cell_points(grid, base), reduced(scene.views, 3 * pixel_m / level.cell_m)
     solid = join_meshes([scene.rocks, others])
     caster = make_caster(solid.vertices, solid.faces)
     cameras = {view.key.view: view.camera for view in views}

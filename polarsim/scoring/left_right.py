@@ -17,14 +17,15 @@ from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.patches import MatchingOptions, StereoMatches, cast_stereo, match_stereo_windows
 from polarsim.geometry.rays import Caster
 from polarsim.geometry.stereo import StereoRig
-from polarsim.photo import PhotoKey
+from polarsim.photo import PhotoKey, photo_scale
 from polarsim.run_files.best_photos import BestPhotos, read_resized
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.scoring.cameras import agreed_boxes
 from polarsim.scoring.metrics import Metric, metrics_of
 from polarsim.scoring.score import PhotoLabels
 
-SCALE = 0.5  # scale of the compared photos: less noise and a larger search range
+# Scale of compared photos of the reference width: less noise and a larger search range. Others get the same width.
+SCALE = 0.5
 WINDOW = MatchingOptions(half=10, search=8, step=16, likeness=0.7, noise=0.4)  # pixels of the reduced photos
 MIN_MATCHED_WINDOWS = 50  # for offsets
 MIN_SEARCHED_WINDOWS = 100  # for the share of matched windows
@@ -39,13 +40,14 @@ def photos_of_both(localised: Mapping[str, LocalisedRig], surface: Caster, pictu
         left, right = (pictures.get((position, camera), {}) for camera in "LR")
         azimuths = sorted(set(left) & set(right))
         if azimuths and not rig.unproven:
-            small = replace(rig.rig, left=rig.rig.left.scaled(SCALE), right=rig.rig.right.scaled(SCALE))
+            scale = _scale(rig.rig)
+            small = replace(rig.rig, left=rig.rig.left.scaled(scale), right=rig.rig.right.scaled(scale))
             visible = cast_stereo(surface, rig.sandbox_from_left, small)
             ties = [
                 match_stereo_windows(
                     visible,
-                    read_resized(left[azimuth], rig.rig.left, SCALE),
-                    read_resized(right[azimuth], rig.rig.right, SCALE),
+                    read_resized(left[azimuth], rig.rig.left, scale),
+                    read_resized(right[azimuth], rig.rig.right, scale),
                     WINDOW,
                 )
                 for azimuth in azimuths
@@ -54,15 +56,20 @@ def photos_of_both(localised: Mapping[str, LocalisedRig], surface: Caster, pictu
     return metrics
 
 
+def _scale(rig: StereoRig) -> float:
+    """Return the scale of the compared photos of a rig."""
+    return min(1.0, SCALE / photo_scale(rig.left.width))
+
+
 def tie_metrics(subject: str, rig: StereoRig, ties: list[StereoMatches]) -> list[Metric]:
-    """Return the metrics of the matched windows of stereo pairs of a position, in photos reduced by `SCALE`."""
+    """Return the metrics of the matched windows of stereo pairs of a position, in reduced photos."""
     searched, matched = sum(pair.tried for pair in ties), sum(len(pair.right) for pair in ties)
     if searched < MIN_SEARCHED_WINDOWS:
         return []
     metrics = [Metric(subject, "windows_found", matched / searched, "1", searched, "photos")]
     if matched < MIN_MATCHED_WINDOWS:
         return metrics
-    offset = np.concatenate([pair.right - pair.expected for pair in ties]) / SCALE
+    offset = np.concatenate([pair.right - pair.expected for pair in ties]) / _scale(rig)
     points = np.concatenate([pair.points_left for pair in ties])
     lines = _epipolar_directions(rig, points)
     across = lines[:, 0] * offset[:, 1] - lines[:, 1] * offset[:, 0]

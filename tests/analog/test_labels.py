@@ -70,6 +70,18 @@ def test_annotated_boxes_are_integers_with_the_scatter_of_the_published_labels()
     np.testing.assert_allclose(off.mean(axis=0), 0, atol=0.6)
 
 
+def test_errors_of_annotations_are_proportional_to_the_size_of_the_photo():
+    def off(scale):
+        rng, photo = np.random.default_rng(1), BRIGHT.repeat(scale, axis=0).repeat(scale, axis=1)
+        region = square(1, 500 * scale, 500 * scale, 65 * scale)
+        boxes = [annotate_rock(region, photo, rng) for _ in range(20)]
+        return np.array(
+            [np.full(4, np.nan) if box is None else box / scale - np.array(region.box) / scale for box in boxes]
+        )
+
+    np.testing.assert_allclose(off(2), off(1), atol=1)  # edges are rounded to pixels
+
+
 def test_small_and_dark_rocks_are_missed_more_often():
     rng = np.random.default_rng(2)
     dark = np.full((1216, 1936), 20, np.uint16)

@@ -104,3 +104,25 @@ def test_what_windows_do_not_tell_does_not_matter():
     metres, degrees = errors(found.localised, TRUE)
     assert metres < 1e-5
     assert degrees < 1e-4
+
+
+def test_photos_of_twice_the_size_have_the_same_adjustment():
+    """Errors of calibrations are proportional to the size: 3 px of a principal point are 6 px."""
+    seen = sightings(TRUE, np.random.default_rng(3))
+    wrong = {position: replace(rig, rig=off_centre(rig.rig)) for position, rig in TRUE.items()}
+    large = {position: replace(rig, rig=scaled(rig.rig, 2.0)) for position, rig in wrong.items()}
+    seen_large = {
+        view: MatchedPoints(points.points, 2 * points.pixels, points.whitening / 2) for view, points in seen.items()
+    }
+    one = adjust(wrong, seen, PRIORS, INDEPENDENT, lenses=True).localised["A"]
+    other = adjust(large, seen_large, PRIORS, INDEPENDENT, lenses=True).localised["A"]
+    np.testing.assert_allclose(other.sandbox_from_left.matrix, one.sandbox_from_left.matrix, atol=1e-9)
+    assert other.rig.left.cx == pytest.approx(2 * one.rig.left.cx, abs=1e-5)
+
+
+def off_centre(rig):
+    return replace(rig, left=replace(rig.left, cx=rig.left.cx + 3))
+
+
+def scaled(rig, factor):
+    return replace(rig, left=rig.left.scaled(factor), right=rig.right.scaled(factor))

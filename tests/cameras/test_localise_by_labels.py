@@ -106,6 +106,17 @@ def test_the_jacobian_is_that_of_the_residuals(labelled, outlines, true_poses):
     np.testing.assert_allclose(problem.jacobian(at), numeric, rtol=1e-4, atol=1e-2)
 
 
+def test_edges_have_the_same_residuals_in_photos_of_half_the_size(labelled, outlines, true_poses):
+    seen = np.isfinite(labelled.boxes["C"]).all(axis=1)
+    part = outlines_of({rock: labelled.meshes[rock] for rock in outlines.rocks[seen]}, 0.0, 0.0)
+    boxes, prior = labelled.seen("C") + 1, survey_prior(surveyed_pose("C"))
+    full = EdgeProblem(part, boxes, LENS, prior, EdgeNoise(3, 3))
+    half = EdgeProblem(part, boxes / 2, LENS.scaled(0.5), prior, EdgeNoise(3, 3))
+    at = unknowns_of(true_poses["C"])
+    np.testing.assert_allclose(half.residuals(at), full.residuals(at), atol=1e-9)
+    np.testing.assert_allclose(half.jacobian(at), full.jacobian(at), atol=1e-7)
+
+
 def test_an_unlocalised_position_gets_the_mean_offset_of_localised_positions():
     translation = np.array([0.1, -0.2, 0.3])
     localised = {p: Pose(surveyed_pose(p).rotation, surveyed_pose(p).translation + translation) for p in "AC"}

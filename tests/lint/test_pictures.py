@@ -34,7 +34,7 @@ def found(root):
     [
         (BOX + "0 0.5 0.5 0.2\n", "malformed", 2),
         (BOX + BOX, "duplicate", 2),
-        (BOX + "1 0.2 0.2 0.01 0.1\n", "sliver", 2),  # 3 px of 320
+        (BOX + "1 0.2 0.2 0.003 0.1\n", "sliver", 2),  # 0.96 px of 320, the limit is 6 px of 1936
         (BOX + "1 0.98 0.2 0.1 0.1\n", "out_of_photo", 2),
     ],
 )

@@ -124,6 +124,20 @@ def test_epipolar_violations_are_reported(files):
     assert (str(key), "off_epipolar") in names(changed(files, key, classes, moved))
 
 
+def test_epipolar_violations_are_found_in_larger_photos(files):
+    site = polar()
+    images = site.images.model_copy(update={"width": 3 * 968, "height": 3 * 608})
+    cameras = site.cameras.model_copy(update={"calibration": None})
+    site = site.model_copy(update={"images": images, "cameras": cameras})
+    large = {key: (classes, 1.5 * boxes) for key, (classes, boxes) in files.items()}
+    assert not [defect for _, defect in view_defects(large, site) if defect.name == "off_epipolar"]
+    key = PhotoKey.parse("03_A_off_180_R_0256")
+    classes, boxes = large[key]
+    drop = 1.5 * (boxes[2, 3] - boxes[2, 1])
+    large[key] = classes, boxes + np.where(np.arange(16)[:, None] == 2, [0, drop, 0, drop], 0)
+    assert [name for name, defect in view_defects(large, site) if defect.name == "off_epipolar"] == [key]
+
+
 def test_a_shadow_on_the_suns_side_is_found_with_its_row(files):
     classes, boxes = files[KEY]
     boxes = boxes.copy()
