@@ -18,6 +18,7 @@ ELECTRONS_PER_DN = 8.0  # of 12 bits
 _READ_NOISE_ELECTRONS = 7.0  # standard deviation
 _FULL_WELL_ELECTRONS = 33000.0
 _PIXEL_GAIN = 0.006  # standard deviation of the sensitivity of pixels
+_ZERO_FROM = 104.0  # exp(-x) of single precision is zero for larger x
 
 
 def blur_and_vignette(image: np.ndarray) -> np.ndarray:
@@ -70,10 +71,13 @@ def lamp_glare(lamp: DiscLamp, camera: Camera, brightness: float, rng: np.random
 
 
 def _blob(out: np.ndarray, centre: np.ndarray, size: float, strength: float, power: float) -> None:
-    row = np.arange(out.shape[0], dtype=np.float32)[:, None] - centre[1]
-    column = np.arange(out.shape[1], dtype=np.float32) - centre[0]
+    reach = size * _ZERO_FROM ** (0.5 / power)
+    low = np.clip(np.floor(centre - reach), 0, out.shape[::-1]).astype(int)
+    high = np.clip(np.ceil(centre + reach), low, out.shape[::-1]).astype(int)
+    row = np.arange(low[1], high[1], dtype=np.float32)[:, None] - centre[1]
+    column = np.arange(low[0], high[0], dtype=np.float32) - centre[0]
     distance2 = (row**2 + column**2) / np.float32(size**2)
-    out += np.float32(strength) * np.exp(-(distance2**power))
+    out[low[1] : high[1], low[0] : high[0]] += np.float32(strength) * np.exp(-(distance2**power))
 
 
 def expose_raw(
