@@ -1,4 +1,4 @@
-"""Parts of a site: tripods, lamps, images, cameras, sandbox, terrains, files. `site` combines them.
+"""Parts of a site: tripods, lamps, images, cameras, sandbox, terrains. `site` combines them.
 
 Lengths are metres in the sandbox frame unless a name says otherwise.
 """
@@ -6,14 +6,14 @@ Lengths are metres in the sandbox frame unless a name says otherwise.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import cos, radians, sin
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, BeforeValidator, Field, PositiveFloat, PositiveInt, field_validator, model_validator
+from pydantic import BaseModel, BeforeValidator, Field, PositiveFloat, PositiveInt, model_validator
 
-from polarsim.photo import CameraSide, Light, Terrain, parse_terrain, terrain_text
+from polarsim.photo import CameraSide, Light, Terrain, parse_terrain
 
 Point = tuple[float, float, float]  # x, y, z
 Side = Literal["-x", "+x", "-y", "+y"]  # of the sandbox
@@ -24,12 +24,9 @@ FAR_M = 1000.0  # distance at which a directional lamp is placed; over 6 m its d
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9-]*")  # a name that is safe in photo keys and paths
 MAX_EXPOSURE_MS = 99999  # photo keys have at most five digits
 _NO_VALUE = ("na", "nan", "none", "null")  # names that readers of CSV files replace by missing values
-_NAMED = ("terrain", "terrain_name", "position", "light", "azimuth", "camera", "exposure_ms")  # fields of file names
-_SPELLED = ("terrain", "position", "light", "azimuth", "camera")
-FIELD = re.compile(r"{([^{}/]*)}")  # of a pattern of file names
 
 
-def _text(value: object) -> object:
+def text_of_name(value: object) -> object:
     """Convert a name that YAML reads as a number to text; raise ValueError for a boolean."""
     if isinstance(value, bool):
         raise ValueError("YAML reads on, off, yes, no as booleans: put the name in quotes")
@@ -39,7 +36,7 @@ def _text(value: object) -> object:
 
 
 def _name(value: object) -> object:
-    value = _text(value)
+    value = text_of_name(value)
     if isinstance(value, str) and not NAME.fullmatch(value):
         raise ValueError(f"{value!r}, expected a name of letters, digits and dashes")
     if isinstance(value, str) and value.lower() in _NO_VALUE:
@@ -53,6 +50,12 @@ def _terrain(value: object) -> object:
 
 Name = Annotated[str, BeforeValidator(_name)]
 TerrainName = Annotated[Terrain, BeforeValidator(_terrain)]
+
+
+def one_of(names: Iterable[object]) -> str:
+    """Return names for messages: `a, b or c`."""
+    *others, last = map(str, names)
+    return f"{', '.join(others)} or {last}" if others else last
 
 
 class Part(BaseModel, extra="forbid", frozen=True, allow_inf_nan=False):
@@ -206,7 +209,7 @@ class Missing(Part):
     """Photos that do not exist: all that match every stated field."""
 
     positions: tuple[Name, ...] | None = Field(None, description="Positions of these photos; null: all.")
-    lights: tuple[Annotated[Light, BeforeValidator(_text)], ...] | None = Field(
+    lights: tuple[Annotated[Light, BeforeValidator(text_of_name)], ...] | None = Field(
         None, description="States of the rig's lamp, 'on' or 'off'; null: both."
     )
     azimuths: tuple[Name, ...] | None = Field(None, description="Lamps of these photos, or 'no'; null: all.")
@@ -226,65 +229,6 @@ class TerrainOptions(Part):
     missing: tuple[Missing, ...] = Field((), description="Photos that do not exist.")
     sandbox: Sandbox | None = Field(None, description="Another sandbox; null: the site's.")
     surveyed: bool = Field(True, description="Tripods and lamps of the site apply to this terrain.")
-
-
-class Files(Part):
-    """Names of the files below `source.root`, with fields in braces.
-
-    Fields: {terrain} {terrain_name} {position} {light} {azimuth} {camera} {exposure_ms} {any}. `exposure_ms` matches an
-    integer, `exposure_ms:4` one of at least four digits, `any` any text without a slash. Other fields match names
-    of the site, or their `spelling`. {png|tif} matches one of several texts. Suffixes match in upper and lower case.
-    """
-
-    photos: str = Field(description="Path of a photo: {terrain}/{position}/{azimuth}/{camera}_{exposure_ms}.png.")
-    clouds: str | None = Field(None, description="Path of a scan of a position; null: no scans.")
-    range_maps: str | None = Field(None, description="Path of a range map on the rectified left image; null: none.")
-    calibration: str | None = Field(None, description="Path of a terrain's calibration; null: cameras.calibration.")
-    spelling: Mapping[str, Mapping[str, str]] = Field(
-        {}, description="Texts of names in paths that differ: azimuth: {'45': sun45, 'no': dark}, camera: {L: left}."
-    )
-    cloud_frame: Literal["left", "rectified"] = Field(
-        "left",
-        description="Frame of the clouds: left camera (x right, y down, z forward), or rectified left camera.",
-    )
-    cloud_unit: Literal["mm", "m"] = Field("m", description="Unit of the clouds.")
-
-    @field_validator("photos", "clouds", "range_maps", "calibration")
-    @classmethod
-    def _known_fields(cls, pattern: str | None) -> str | None:
-        if pattern is None:
-            return None
-        for field in FIELD.findall(pattern):
-            if "|" not in field and field.partition(":")[0] not in (*_NAMED, "any"):
-                raise ValueError(
-                    f"{{{field}}} is no field, expected {', '.join(f'{{{name}}}' for name in _NAMED)}, {{any}}"
-                )
-            if ":" in field and not re.fullmatch(r"exposure_ms:\d", field):
-                raise ValueError(f"{{{field}}}: only exposure_ms may have a number of digits, {{exposure_ms:4}}")
-        if re.search("[{}]", FIELD.sub("", pattern)):
-            raise ValueError("a brace is not closed")
-        if pattern.startswith("/") or ".." in pattern.split("/") or "\\" in pattern:
-            raise ValueError("expected a path below source.root, with slashes between folders")
-        return pattern
-
-    @field_validator("spelling", mode="before")
-    @classmethod
-    def _texts_of_names(cls, value: object) -> object:
-        if not isinstance(value, Mapping):
-            return value
-        spelled = {}
-        for field, texts in value.items():
-            if field not in _SPELLED:
-                raise ValueError(f"{field!r}, expected {', '.join(_SPELLED)}")
-            if not isinstance(texts, Mapping):
-                raise ValueError(f"{field}: expected a text for each name")
-            of = {str(_text(name)): str(_text(text)) for name, text in texts.items()}
-            if field == "terrain":
-                of = {terrain_text(parse_terrain(name)): text for name, text in of.items()}
-            if len(set(of.values())) < len(of):
-                raise ValueError(f"{field}: two names have the same text")
-            spelled[field] = of
-        return spelled
 
 
 class AnalogSite(Part):

@@ -15,6 +15,7 @@ FLOORS = (  # from bottom to top: a package or module imports only lower floors
     {"errors", "digest", "progress", "public", "randomness", "user_path"},
     {"extras", "intervals", "kernels", "photo", "schemas"},
     {"site_parts"},
+    {"site_file_names"},
     {"site"},
     {"geometry", "grid", "photo_format", "tone"},
     {"formats"},

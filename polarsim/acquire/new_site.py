@@ -16,7 +16,7 @@ from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import nasa, png
 from polarsim.formats.calibrations import read_stated
 from polarsim.formats.files import existing_folder, suffix_counts, write_text
-from polarsim.site_parts import FIELD
+from polarsim.site_file_names import FIELD
 
 _MAX_SAMPLES = 24  # number of images of which pixels are read
 _BITS = (8, 10, 12, 14, 16)

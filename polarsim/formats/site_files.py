@@ -17,7 +17,7 @@ from polarsim.errors import FormatError
 from polarsim.formats.site_paths import spelled_text
 from polarsim.photo import PhotoKey, Terrain, parse_terrain, terrain_text
 from polarsim.site import Site
-from polarsim.site_parts import FIELD
+from polarsim.site_file_names import FIELD
 
 log = logging.getLogger("polarsim")
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from polarsim.photo import PhotoKey, Terrain, terrain_text
 from polarsim.site import Site
-from polarsim.site_parts import FIELD
+from polarsim.site_file_names import FIELD
 
 
 def format_path(site: Site, pattern: str, terrain: Terrain, fields: Mapping[str, Any], anys: Sequence[str] = ()) -> str:

@@ -37,7 +37,8 @@ from polarsim.run_files.scans import read_scan
 from polarsim.run_files.scene import PHOTOS, SCANNED
 from polarsim.run_files.walls import Walls, write_walls
 from polarsim.site import Site
-from polarsim.site_parts import Files, Sandbox
+from polarsim.site_file_names import Files
+from polarsim.site_parts import Sandbox
 
 log = logging.getLogger("polarsim")
 FOOT_HEIGHT = 0.006  # height above the ground at which a rock begins, metres

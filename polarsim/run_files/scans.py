@@ -13,7 +13,7 @@ from polarsim.formats import nasa
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.stereo import StereoRig, rectified_left
 from polarsim.run_files.inventory import Inventory
-from polarsim.site_parts import Files
+from polarsim.site_file_names import Files
 
 GRAZING_JUMP = 8.0  # maximum range difference of neighbours over their spacing: grazing angles of more than 7 degrees
 NOISE_JUMP = 0.010  # metres; range difference of neighbours due to noise (2 mm, 5 sigma)

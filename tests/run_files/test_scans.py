@@ -10,7 +10,7 @@ from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig, rectified_left
 from polarsim.run_files.inventory import Inventory
 from polarsim.run_files.scans import interpolate, read_scan, surface_of_cloud, trusted_pixels
-from polarsim.site_parts import Files
+from polarsim.site_file_names import Files
 from tests.support.other_site import other_rig
 
 LENS = Lens(500, 500, 100, 60, width=200, height=120)
