@@ -191,7 +191,7 @@ def brdf(
     import numpy as np
 
     from polarsim.render.goniometer import parameters_of, phase_deg, reflectance_at, reflectance_panels
-    from polarsim.render.options import HAPKE_SETS
+    from polarsim.render.parameters import HAPKE_SETS
 
     angles = (np.array([incidence]), np.array([emergence]), np.array([azimuth]))
     value = reflectance_at(parameters_of(model, soil), *angles)[0]

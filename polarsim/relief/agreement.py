@@ -17,7 +17,7 @@ from polarsim.geometry.rays import Caster
 from polarsim.relief.equations import Problem, solve_step
 from polarsim.relief.heights import PhotoView
 from polarsim.relief.observations import ShadingObservation, log_model, observe, quad_points, rays_of, slopes_of
-from polarsim.render.options import Parameters
+from polarsim.render.parameters import Parameters
 
 MAX_OFFSET = 0.12  # metres: of the shadows of rocks, by errors of poses and of the ground
 REACH = 0.5  # metres: to other places

@@ -17,7 +17,7 @@ from polarsim.relief.heights import PhotoView
 from polarsim.relief.multigrid import quad_differences
 from polarsim.relief.views import orthophoto, unobstructed
 from polarsim.render import brdf_numba
-from polarsim.render.options import Parameters
+from polarsim.render.parameters import Parameters
 from polarsim.rocks.heights import FloorGrid
 
 RESIDUAL_SD = 0.15  # of the logarithm of a photo

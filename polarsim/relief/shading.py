@@ -30,7 +30,7 @@ from polarsim.relief.equations import Problem, solve_step
 from polarsim.relief.heights import INFERRED, INVENTED, MEASURED, HeightMap, PhotoView
 from polarsim.relief.observations import observe
 from polarsim.relief.repose import limit_slopes
-from polarsim.render.options import Parameters
+from polarsim.render.parameters import Parameters
 from polarsim.rocks.heights import FloorGrid
 
 LEVELS = (4, 2, 1)  # cell sizes of the solutions, in cells of the map

@@ -12,7 +12,7 @@ import math
 
 import numpy as np
 
-from polarsim.render.options import (
+from polarsim.render.parameters import (
     HapkeChronoParameters,
     HapkeParameters,
     LambertParameters,

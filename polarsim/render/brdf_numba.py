@@ -17,7 +17,7 @@ from numba.extending import intrinsic
 
 from polarsim.kernels import njit
 from polarsim.render import brdf
-from polarsim.render.options import HapkeChronoParameters, HapkeParameters, Parameters, PrincipledParameters
+from polarsim.render.parameters import HapkeChronoParameters, HapkeParameters, Parameters, PrincipledParameters
 
 _f = np.float32  # integers and Python floats would promote a float32 expression to float64
 _0, _HALF, _1, _2, _4, _PI = _f(0), _f(0.5), _f(1), _f(2), _f(4), _f(np.pi)

@@ -12,7 +12,7 @@ import numpy as np
 from polarsim.geometry.taichi_device import on_taichi_thread, ti
 from polarsim.geometry.taichi_walk import VALUES, VECTORS
 from polarsim.render.brdf import GRAZING
-from polarsim.render.options import (
+from polarsim.render.parameters import (
     HapkeChronoParameters,
     HapkeParameters,
     LambertParameters,

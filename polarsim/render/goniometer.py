@@ -15,7 +15,8 @@ from polarsim.errors import RenderError
 from polarsim.formats.tables import write_csv
 from polarsim.render.brdf import reflectance
 from polarsim.render.hits import between_deg
-from polarsim.render.options import HAPKE_SETS, MODELS, HapkeChronoParameters, Model, Parameters, RenderOptions
+from polarsim.render.options import MODELS, Model, RenderOptions
+from polarsim.render.parameters import HAPKE_SETS, HapkeChronoParameters, Parameters
 
 STEP_DEG = 0.25  # angular step of the curves
 WIDEST_DEG = 89.0

@@ -10,7 +10,8 @@ import numpy as np
 
 from polarsim.render import brdf
 from polarsim.render.hits import Hits
-from polarsim.render.options import CHRONO, MODELS, Model, Parameters, RenderOptions
+from polarsim.render.options import CHRONO, MODELS, Model, RenderOptions
+from polarsim.render.parameters import Parameters
 from polarsim.render.surfaces import Surfaces
 from polarsim.run_files.instances import BACKGROUND, BODY, GROUND, ROCK_IDS
 

@@ -14,7 +14,8 @@ from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import Lamp
 from polarsim.render.olat import render_view
 from polarsim.render.optics import apply_lens
-from polarsim.render.options import HapkeParameters, Material, PrincipledParameters, RenderOptions
+from polarsim.render.options import RenderOptions
+from polarsim.render.parameters import HapkeParameters, Material, PrincipledParameters
 from polarsim.render.sensor import expose
 from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files import class_masks

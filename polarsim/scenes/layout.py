@@ -15,7 +15,8 @@ from polarsim.geometry.camera import Camera
 from polarsim.geometry.heightfields import crater, gaussian_waves, grid_mesh, rough_waves, smooth_noise, sum_noise
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
-from polarsim.render.options import HapkeParameters, Material, Model, PrincipledParameters, RenderOptions
+from polarsim.render.options import Model, RenderOptions
+from polarsim.render.parameters import HapkeParameters, Material, PrincipledParameters
 from polarsim.rocks.solids import decimate_mesh
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.run_files.walls import level_walls

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from polarsim.render import brdf, brdf_numba, goniometer
-from polarsim.render.options import (
+from polarsim.render.parameters import (
     HAPKE_SETS,
     HapkeChronoParameters,
     HapkeParameters,

@@ -7,7 +7,8 @@ from pydantic import ValidationError
 from polarsim.geometry.camera import Camera
 from polarsim.render.lamps import Lamp, Spotlight
 from polarsim.render.olat import render_view, renders_on_device
-from polarsim.render.options import Material, RenderOptions
+from polarsim.render.options import RenderOptions
+from polarsim.render.parameters import Material
 from polarsim.render.surfaces import build_surfaces
 
 DEVICE = {"engine": "taichi"}

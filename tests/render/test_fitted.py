@@ -18,7 +18,8 @@ from polarsim.render.fitting.fit import fit_materials
 from polarsim.render.fitting.light import fit_light
 from polarsim.render.gain import with_fit, with_fitted_intensities
 from polarsim.render.lamps import ROVER, Lamp
-from polarsim.render.options import OF_FITTED, FittingOptions, LambertParameters, RenderOptions
+from polarsim.render.options import OF_FITTED, FittingOptions, RenderOptions
+from polarsim.render.parameters import LambertParameters
 from polarsim.run_files.light_fields import FittedField, read_light_fields, write_light_fields
 from polarsim.run_files.materials import FittedMaterial, FittedMaterials, read_materials, write_materials
 from polarsim.run_files.scene import read_terrain

@@ -13,7 +13,8 @@ from polarsim.render.goniometer import (
     reflectance_at,
     write_reflectance,
 )
-from polarsim.render.options import HAPKE_SETS, MODELS, RenderOptions
+from polarsim.render.options import MODELS, RenderOptions
+from polarsim.render.parameters import HAPKE_SETS
 from polarsim.report.figures.brdf import draw_brdf
 
 

@@ -12,7 +12,8 @@ from polarsim.render.hits import Hits, cast_strip
 from polarsim.render.indirect import scattered
 from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp
 from polarsim.render.olat import render_view
-from polarsim.render.options import CHRONO, LambertParameters, Material, RenderOptions
+from polarsim.render.options import CHRONO, RenderOptions
+from polarsim.render.parameters import LambertParameters, Material
 from polarsim.render.scene import Scene, Shot
 from polarsim.render.surfaces import Surfaces, build_surfaces
 from polarsim.run_files.instances import BACKGROUND, GROUND

@@ -8,7 +8,8 @@ from polarsim.geometry.camera import Camera
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import Lamp
 from polarsim.render.olat import render_view
-from polarsim.render.options import LambertParameters, Material, RenderOptions
+from polarsim.render.options import RenderOptions
+from polarsim.render.parameters import LambertParameters, Material
 from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.instances import BACKGROUND, GROUND, ROCK_IDS
 

@@ -10,7 +10,8 @@ from polarsim.photo import NO_ROCK
 from polarsim.render import brdf
 from polarsim.render.lamps import Lamp
 from polarsim.render.olat import render_view
-from polarsim.render.options import PrincipledParameters, RenderOptions
+from polarsim.render.options import RenderOptions
+from polarsim.render.parameters import PrincipledParameters
 from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.scene import TerrainMesh
 from tests.support.mitsuba_scene import bsdf, mitsuba_scene, render, variant

@@ -12,7 +12,8 @@ from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp, lamps_of_rig, lamps_
 from polarsim.render.maps import compute_maps
 from polarsim.render.materials import hemispherical_albedo
 from polarsim.render.olat import reflectance_engine, render_view
-from polarsim.render.options import CHRONO, HAPKE_SETS, LambertParameters, RenderOptions
+from polarsim.render.options import CHRONO, RenderOptions
+from polarsim.render.parameters import HAPKE_SETS, LambertParameters
 from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.site import polar

@@ -7,7 +7,7 @@ import pytest
 from polarsim.annotate.overlay import OverlayStyle, draw_labels
 from polarsim.formats.tables import label_table
 from polarsim.photo import COLOURS
-from polarsim.render.options import HAPKE_SETS
+from polarsim.render.parameters import HAPKE_SETS
 from polarsim.report.figures.brdf import line_style
 from polarsim.report.figures.canvas import FIGURE_WIDTH, name_positions, note, page
 from polarsim.report.figures.detections import _with_boxes

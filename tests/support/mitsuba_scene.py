@@ -17,7 +17,7 @@ import numpy as np
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp
-from polarsim.render.options import LambertParameters, Parameters, PrincipledParameters
+from polarsim.render.parameters import LambertParameters, Parameters, PrincipledParameters
 from polarsim.render.surfaces import Surfaces
 from polarsim.run_files.instances import BACKGROUND
 

@@ -17,7 +17,8 @@ from polarsim.render.lamps import REFERENCE_DISTANCE, Lamp
 from polarsim.render.lighting import lighting
 from polarsim.render.materials import Reflectance, hemispherical_albedo
 from polarsim.render.optics import vignette
-from polarsim.render.options import CHRONO, Model, Parameters, RenderOptions
+from polarsim.render.options import CHRONO, Model, RenderOptions
+from polarsim.render.parameters import Parameters
 from polarsim.render.surfaces import Surfaces
 from polarsim.run_files.instances import GROUND, ROCK_IDS
 from polarsim.run_files.walls import Origin, Walls

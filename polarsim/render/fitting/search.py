@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from polarsim.render.fitting.samples import FitSamples, Setting
-from polarsim.render.options import Parameters
+from polarsim.render.parameters import Parameters
 
 CELL = 0.06  # metres
 _MAX_SAMPLES = 250_000

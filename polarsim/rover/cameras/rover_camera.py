@@ -18,7 +18,8 @@ from polarsim.render.gain import gain_of
 from polarsim.render.lamps import Lamp
 from polarsim.render.olat import NO_LAMP, Rendering, render_view
 from polarsim.render.optics import apply_lens, apply_lens_to_olat_images
-from polarsim.render.options import Material, Model, RenderOptions
+from polarsim.render.options import Model, RenderOptions
+from polarsim.render.parameters import Material
 from polarsim.render.sensor import expose, noise_generator
 from polarsim.render.views.stars import Sky, build_sky, star_radiance
 from polarsim.rover.cameras.bodywork import Bodywork, body_of, links_at
