@@ -13,6 +13,7 @@ import typer
 from polarsim.arguments import join_wrapped
 from polarsim.cli import app
 from polarsim.formats import coco, obj, png, rle, yolo
+from polarsim.formats.coco_annotations import Annotation
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import camera_pose
 from polarsim.photo import GREY_VALUES, PhotoKey
@@ -93,7 +94,7 @@ def test_masks_show_rocks_above_ground_in_any_order(polarsim, tmp_path):
 
 def test_outline_turns_masks_into_polygons(polarsim, tmp_path):
     mask = rle.encode_rle(np.ones((150, 200)), polar().images.size, 100, 100)
-    labels = [coco.Annotation("rock", 4, np.array([100.0, 100, 300, 250]), mask)]
+    labels = [Annotation("rock", 4, np.array([100.0, 100, 300, 250]), mask)]
     coco.write_coco(tmp_path / "in.json", {PhotoKey.parse("01_A_off_30_L_0256"): labels}, polar(), polar().images.size)
     done = polarsim("outline", tmp_path / "in.json", tmp_path / "out.json")
     assert done.returncode == 0, done.stderr

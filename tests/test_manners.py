@@ -10,6 +10,7 @@ import typer
 import polarsim as package
 from polarsim.cli import app
 from polarsim.formats import coco, obj, png, rle, yolo
+from polarsim.formats.coco_annotations import Annotation
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import PhotoKey
 from polarsim.site import polar
@@ -36,7 +37,7 @@ def here(tmp_path, monkeypatch):
     mask = rle.encode_rle(np.ones((15, 20)), polar().images.size, 100, 100)
     coco.write_coco(
         Path("labels.json"),
-        {PhotoKey.parse(KEY): [coco.Annotation("rock", 4, np.array([100.0, 100, 120, 115]), mask)]},
+        {PhotoKey.parse(KEY): [Annotation("rock", 4, np.array([100.0, 100, 120, 115]), mask)]},
         polar(),
         polar().images.size,
     )

@@ -15,6 +15,7 @@ import typer
 from polarsim.cli import app
 from polarsim.extras import EXTRA_OF
 from polarsim.formats import coco, obj, png, rle, yolo
+from polarsim.formats.coco_annotations import Annotation
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import PhotoKey
 from polarsim.site import polar
@@ -151,7 +152,7 @@ def work():
             folder / f"polygons/{KEY}.txt", [(2, np.array([[10.0, 10], [30, 10], [30, 25]]))], size=polar().images.size
         )
         mask = rle.encode_rle(np.ones((15, 20)), polar().images.size, 100, 100)
-        annotation = coco.Annotation("rock", 4, np.array([100.0, 100, 120, 115]), mask)
+        annotation = Annotation("rock", 4, np.array([100.0, 100, 120, 115]), mask)
         coco.write_coco(folder / "coco.json", {PhotoKey.parse(KEY): [annotation]}, polar(), polar().images.size)
         (folder / "views.yaml").write_text(VIEWS)
         (folder / "Snakefile").write_text("")

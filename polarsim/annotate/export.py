@@ -14,6 +14,7 @@ import pandas as pd
 from polarsim.annotate.show import rows_of
 from polarsim.errors import ConfigError, LabelError
 from polarsim.formats import class_lists, coco, png, release, yolo
+from polarsim.formats.coco_annotations import Annotation
 from polarsim.formats.files import check_new_folder, write_json, write_text, writing_folder
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.geometry.boxes import clip
@@ -122,9 +123,9 @@ def _write_cvat(folder: Path, labels: pd.DataFrame, keys: Sequence[PhotoKey], si
     write_json(folder / "labels.json", cvat_labels())
 
 
-def _boxed(row: dict[Hashable, Any], size: tuple[int, int]) -> coco.Annotation:
+def _boxed(row: dict[Hashable, Any], size: tuple[int, int]) -> Annotation:
     box = clip(np.array([row[edge] for edge in ("x0", "y0", "x1", "y1")], float), *size)
-    return coco.Annotation(row["kind"], int(row["rock"]), box, None, row["source"], round(float(row["confidence"]), 4))
+    return Annotation(row["kind"], int(row["rock"]), box, None, row["source"], round(float(row["confidence"]), 4))
 
 
 def cvat_labels() -> list[dict[str, Any]]:

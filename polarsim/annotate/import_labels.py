@@ -30,6 +30,7 @@ from polarsim.annotate.export_files import (
 from polarsim.annotate.label_studio import is_predicted, read_label_studio
 from polarsim.errors import ConfigError, FormatError, with_part
 from polarsim.formats import class_lists, coco, yolo
+from polarsim.formats.coco_annotations import MAX_OVERHANG
 from polarsim.formats.files import check_new_folder, writing_folder
 from polarsim.formats.readers import reader, reading
 from polarsim.geometry.boxes import clip
@@ -183,7 +184,7 @@ def _check(box: np.ndarray, size: tuple[int, int]) -> None:
         raise FormatError("no area inside the photo")
     if box.max() <= 1:
         raise FormatError("expected pixels: are these shares of the image size?")
-    if (box[:2] < -coco.MAX_OVERHANG * photo).any() or (box[2:] > (1 + coco.MAX_OVERHANG) * photo).any():
+    if (box[:2] < -MAX_OVERHANG * photo).any() or (box[2:] > (1 + MAX_OVERHANG) * photo).any():
         raise FormatError("far outside the photo")
 
 

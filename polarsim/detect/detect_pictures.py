@@ -23,6 +23,7 @@ from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import inference_widths_of, predict_images
 from polarsim.errors import DetectError, PolarsimError, with_path
 from polarsim.formats import coco, png, tables, yolo
+from polarsim.formats.coco_annotations import Annotation
 from polarsim.formats.files import relative_to, write_bytes, writing_folder
 from polarsim.formats.yaml_files import describe_error
 from polarsim.geometry.images import resize_longer_side
@@ -83,7 +84,7 @@ def detect_in_images(
     has_calibration = all(trained[path].calibration for path in weights)
     unlike: list[str] = []
     rows: list[tuple[object, ...]] = []
-    annotated: list[tuple[dict[str, object], list[coco.Annotation]]] = []
+    annotated: list[tuple[dict[str, object], list[Annotation]]] = []
     with writing_folder(out) as folder:
         for name in ("labels", *(["masks"] if masks else []), *(["pictures"] if draw else [])):
             (folder / name).mkdir()
@@ -132,9 +133,7 @@ def detect_in_images(
                 "id": len(annotated) + 1, "file_name": relative_to(path, out), "width": size[0], "height": size[1],
                 "calibrated": calibrated, "detector": detector,
             }  # fmt: skip
-            annotations = [
-                coco.Annotation(BOX_CLASSES[int(r[5])], NO_ROCK, r[:4], confidence=round(r[4], 4)) for r in found
-            ]
+            annotations = [Annotation(BOX_CLASSES[int(r[5])], NO_ROCK, r[:4], confidence=round(r[4], 4)) for r in found]
             annotated.append((image, annotations))
         if not annotated:
             raise DetectError(f"none of {len(paths)} images can be read", path=pictures[0])

@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import coco, png, tables, yolo
+from polarsim.formats.coco_annotations import Annotation
 from polarsim.formats.files import writing_folder
 from polarsim.formats.mask_sheet import tile_of_mask, write_mask_sheet
 from polarsim.formats.rle import Rle
@@ -190,7 +191,7 @@ def draw_masks(
     suns = lamps.read_suns(cameras, localised, site, terrain)
     scene = read_terrain(meshes, terrain, site.sandbox_of(terrain), cameras=cameras)
     world, bare = build_worlds(scene, localised, suns, site.rig_lamp)
-    annotated: dict[PhotoKey, list[coco.Annotation]] = {}
+    annotated: dict[PhotoKey, list[Annotation]] = {}
     tiles: dict[str, np.ndarray] = {}
     with writing_folder(polygons) as polygon_folder, writing_folder(masks) as mask_folder:
         selected = sorted((key for key in keys if key.position in localised), key=lambda key: (key.view, key))
@@ -212,7 +213,7 @@ def draw_masks(
 
 def _draw_bracket(
     outlines: ViewOutlines, rows_of: Mapping[PhotoKey, pd.DataFrame], polygon_folder: Path, mask_folder: Path
-) -> tuple[BracketOutlines, dict[PhotoKey, list[coco.Annotation]]]:
+) -> tuple[BracketOutlines, dict[PhotoKey, list[Annotation]]]:
     """Write the polygons and grey map of an exposure bracket; return the outlines and each photo's annotations."""
     light, azimuth = next((key.light, key.azimuth) for key in rows_of)
     # Most labels, then longest exposure.
@@ -237,14 +238,14 @@ def _unseen(fullest: pd.DataFrame, rows: pd.DataFrame) -> pd.DataFrame:
 
 def _annotations(
     rows: pd.DataFrame, things: Sequence[LabelShapeKey], boxes: np.ndarray, drawing: BracketOutlines
-) -> list[coco.Annotation]:
+) -> list[Annotation]:
     """Return the annotations of a photo, without labels that are fully hidden."""
     annotations = []
     labels = zip(things, boxes, rows["source"].tolist(), rows["confidence"].tolist(), strict=True)
     for thing, box, source, confidence in labels:
         if thing in drawing.masks:
             kind, rock, _ = thing
-            annotations.append(coco.Annotation(kind, rock, box, drawing.masks[thing], source, confidence))
+            annotations.append(Annotation(kind, rock, box, drawing.masks[thing], source, confidence))
     return annotations
 
 

@@ -20,7 +20,8 @@ from polarsim.detect.options import DetectOptions
 from polarsim.detect.split import read_split
 from polarsim.errors import ConfigError, FormatError
 from polarsim.formats import tables
-from polarsim.formats.coco import Annotation, read_coco
+from polarsim.formats.coco import read_coco
+from polarsim.formats.coco_annotations import Annotation
 from polarsim.formats.readers import reader
 from polarsim.geometry.camera import Camera
 from polarsim.photo import NO_ROCK, PhotoKey, Terrain, terrain_text

@@ -19,7 +19,7 @@ from polarsim.detect.stereo.rectify import Rectification, rectify
 from polarsim.detect.stereo.truth import DepthTruth, depth_truth
 from polarsim.detect.tone import to_8_bits
 from polarsim.formats import png
-from polarsim.formats.coco import Annotation
+from polarsim.formats.coco_annotations import Annotation
 from polarsim.geometry.boxes import box_around_points
 from polarsim.geometry.lens import HALF_PIXEL, Lens
 from polarsim.geometry.poses import Pose

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 from scipy import ndimage
 
-from polarsim.formats import coco, png, rle, tables, yolo
+from polarsim.formats import png, rle, tables, yolo
+from polarsim.formats.coco_annotations import Amodal, Annotation
 from polarsim.geometry.boxes import box_around_points, box_of_mask, pixel_window
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL
@@ -62,8 +63,8 @@ def box_of_parts(mask: np.ndarray, min_px: int, min_part_px: int) -> np.ndarray 
 
 
 def annotate_ids(
-    ids: np.ndarray, options: RenderOptions, occluded: Mapping[int, coco.Amodal] | None = None
-) -> list[coco.Annotation]:
+    ids: np.ndarray, options: RenderOptions, occluded: Mapping[int, Amodal] | None = None
+) -> list[Annotation]:
     """Return the labels of `boxes_of_ids` with masks: the visible pixels of the object inside the box.
 
     `occluded`: amodal masks of partly occluded rocks (`amodal_masks`); if given, all other rocks are fully visible.
@@ -75,12 +76,12 @@ def annotate_ids(
         mask = rle.encode_rle(ids[top:bottom, left:right] == number, ids.shape[::-1], left, top)
         amodal = None
         if occluded is not None and kind == ROCK:
-            amodal = occluded.get(rock, coco.Amodal(mask, box))
-        annotations.append(coco.Annotation(kind, rock, box, mask, SOURCE_RENDERED, amodal=amodal))
+            amodal = occluded.get(rock, Amodal(mask, box))
+        annotations.append(Annotation(kind, rock, box, mask, SOURCE_RENDERED, amodal=amodal))
     return annotations
 
 
-def amodal_masks(ids: np.ndarray, hidden: Mapping[int, np.ndarray], options: RenderOptions) -> dict[int, coco.Amodal]:
+def amodal_masks(ids: np.ndarray, hidden: Mapping[int, np.ndarray], options: RenderOptions) -> dict[int, Amodal]:
     """Return the amodal masks of the partly occluded rocks of an id map (h, w), by rock.
 
     `hidden`: flat numbers (n,) of the occluded pixels of each rock (`occluded_pixels`).
@@ -97,11 +98,11 @@ def amodal_masks(ids: np.ndarray, hidden: Mapping[int, np.ndarray], options: Ren
         if box is not None:
             x0, y0, x1, y1 = box.astype(int).tolist()
             runs = rle.encode_rle(mask[y0:y1, x0:x1], ids.shape[::-1], left + x0, top + y0)
-            amodal[rock] = coco.Amodal(runs, box + np.tile([left, top], 2))
+            amodal[rock] = Amodal(runs, box + np.tile([left, top], 2))
     return amodal
 
 
-def annotate_view(surfaces: Surfaces, camera: Camera, ids: np.ndarray, options: RenderOptions) -> list[coco.Annotation]:
+def annotate_view(surfaces: Surfaces, camera: Camera, ids: np.ndarray, options: RenderOptions) -> list[Annotation]:
     """Return the labels of an id map (h, w) of a view, with amodal masks."""
     return annotate_ids(ids, options, amodal_masks(ids, occluded_pixels(surfaces, camera, ids), options))
 
@@ -114,7 +115,7 @@ def label_view(
     boxes: Path,
     instances: Path,
     options: RenderOptions,
-) -> dict[PhotoKey, list[coco.Annotation]]:
+) -> dict[PhotoKey, list[Annotation]]:
     """Write and return the labels of the twins of a view, equal for all models and exposures of a bracket.
 
     `ids`: `Rendering.ids` of the view. `boxes`: folder for `KEY.txt`; the file is empty if no lamp is on, because the
@@ -125,7 +126,7 @@ def label_view(
     for name, id_map in ids.items():
         shadows = id_map * (id_map >= SHADOW_IDS)  # the rocks of a view are equal under every lamp
         by_lamp[name] = rocks + annotate_ids(shadows, options)
-    labels: dict[PhotoKey, list[coco.Annotation]] = {}
+    labels: dict[PhotoKey, list[Annotation]] = {}
     for bracket in by_bracket(keys).values():
         lamps = lamps_on(bracket[0])
         of_bracket = by_lamp[lamps[0]] if lamps else []
@@ -138,7 +139,7 @@ def label_view(
     return labels
 
 
-def label_row(key: PhotoKey, label: coco.Annotation) -> dict[str, object]:
+def label_row(key: PhotoKey, label: Annotation) -> dict[str, object]:
     """Return a row of the label table."""
     corners = dict(zip(("x0", "y0", "x1", "y1"), label.box.tolist(), strict=True))
     named = {"kind": label.kind, "rock": label.rock, "source": label.source, "confidence": label.confidence}

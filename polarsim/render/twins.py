@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from polarsim.formats import coco, tables
+from polarsim.formats.coco_annotations import Annotation
 from polarsim.photo import PhotoKey, PositionCamera, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.render.gain import calibration_photos, with_fit
@@ -184,7 +185,7 @@ def render_twins(
     ]
     for folder in (labels.boxes, labels.instances):  # the folders must exist even if no key is written
         folder.mkdir(parents=True, exist_ok=True)
-    all_labels: dict[PhotoKey, list[coco.Annotation]] = {}
+    all_labels: dict[PhotoKey, list[Annotation]] = {}
     for view in track(
         sorted(views, key=lambda view: (view not in first, view)), f"twins of terrain {terrain_text(terrain)}"
     ):
@@ -218,7 +219,7 @@ def render_twins(
 def _write_labels(
     site: Site,
     labels: LabelPaths,
-    all_labels: Mapping[PhotoKey, Sequence[coco.Annotation]],
+    all_labels: Mapping[PhotoKey, Sequence[Annotation]],
     size: tuple[int, int],
     images: Mapping[PhotoKey, Path],
 ) -> None:

@@ -11,7 +11,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from polarsim.formats import release, yolo
-from polarsim.formats.coco import Annotation, read_coco
+from polarsim.formats.coco import read_coco
+from polarsim.formats.coco_annotations import Annotation
 from polarsim.geometry.polygons import rasterised
 from polarsim.photo import BOX_CLASSES, POLYGON_CLASSES, CameraSide, PhotoKey, Terrain
 from polarsim.scoring.labels import box_metrics, read_sound_boxes

@@ -4,6 +4,7 @@ import numpy as np
 
 from polarsim.annotate.export import cvat_labels
 from polarsim.formats import coco
+from polarsim.formats.coco_annotations import Annotation
 from polarsim.photo import PhotoKey
 from polarsim.site import polar
 
@@ -12,7 +13,7 @@ SIZE = POLAR.images.size
 
 
 def test_every_attribute_is_declared_because_cvat_drops_undeclared_attributes(tmp_path):
-    box = coco.Annotation("rock", 7, np.array([100.0, 200, 150, 230]), None, "fused", 0.8)
+    box = Annotation("rock", 7, np.array([100.0, 200, 150, 230]), None, "fused", 0.8)
     coco.write_coco(tmp_path / "boxes.json", {PhotoKey.parse("01_A_off_30_L_0256"): [box]}, POLAR, SIZE)
     written = json.loads((tmp_path / "boxes.json").read_text())["annotations"][0]
     assert written["attributes"] == {"rock": 7, "confidence": 0.8, "label_source": "fused"}

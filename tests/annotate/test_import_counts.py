@@ -12,6 +12,7 @@ from polarsim.annotate.import_labels import import_labels
 from polarsim.annotate.label_studio import decode_brush
 from polarsim.errors import FormatError
 from polarsim.formats import coco, yolo
+from polarsim.formats.coco_annotations import Annotation
 from polarsim.formats.files import write_json
 from polarsim.formats.tables import key_columns, label_table
 from polarsim.photo import BOX_CLASSES, PhotoKey
@@ -477,7 +478,7 @@ def test_a_folder_of_two_formats_or_of_none_is_an_error_with_the_files(tmp_path)
 def test_exports_of_polarsim_read_back(tmp_path, tool):
     drawn = [("rock", [0, 0, 40, 9]), ("shadow", [1800, 1100, 1930, 1216]), ("rock", [701, 303, 705, 311])]
     if tool == "cvat":
-        labels = [coco.Annotation(kind, number, np.array(box, float)) for number, (kind, box) in enumerate(drawn)]
+        labels = [Annotation(kind, number, np.array(box, float)) for number, (kind, box) in enumerate(drawn)]
         coco.write_coco(tmp_path / "set/annotations/instances_default.json", {KEY: labels, OTHER: []}, polar(), SIZE)
         write_json(tmp_path / "set/labels.json", cvat_labels())
     else:
@@ -496,7 +497,7 @@ def test_exports_of_polarsim_read_back(tmp_path, tool):
 @pytest.mark.parametrize("size", [(WIDTH, HEIGHT), (968, 608)])
 def test_detections_read_back_from_coco_and_label_files(tmp_path, size):
     box = np.array([100, 100, 150, 130], float)
-    found = coco.Annotation("shadow", -1, box, confidence=0.7312)
+    found = Annotation("shadow", -1, box, confidence=0.7312)
     image = {"id": 1, "file_name": f"../photos/{KEY}.png", "width": size[0], "height": size[1]}
     coco.write_coco_images(tmp_path / "found/coco.json", [(image, [found])], "Found by a detector")
     yolo.write_boxes(tmp_path / f"found/labels/{KEY}.txt", np.array([1]), box[None], size, np.array([0.7312]))

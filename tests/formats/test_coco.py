@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from polarsim.errors import FormatError
 from polarsim.formats import coco, rle
-from polarsim.formats.coco import Amodal, Annotation
+from polarsim.formats.coco_annotations import Amodal, Annotation
 from polarsim.photo import NO_ROCK, ROCK, SHADOW, PhotoKey
 from polarsim.site import polar
 from tests.support.other_site import CONTENT, one_camera, other_site

@@ -42,6 +42,7 @@ from polarsim.formats import (
     yolo,
 )
 from polarsim.formats.calibrations import read_calibration
+from polarsim.formats.coco_annotations import Annotation
 from polarsim.formats.yaml_files import read_model
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, camera_pose
@@ -179,7 +180,7 @@ def valid_lens(rig: Any) -> None:
     assert np.allclose(np.linalg.det(rig.left_from_right.rotation), 1)
 
 
-def valid_coco(photos: dict[PhotoKey, list[coco.Annotation]]) -> None:
+def valid_coco(photos: dict[PhotoKey, list[Annotation]]) -> None:
     for labels in photos.values():
         for label in labels:
             assert (label.box[2:] > label.box[:2]).all()
@@ -254,7 +255,7 @@ MASK = rle.encode_rle(np.ones((15, 20)), SIZE, 100, 100)
 read_coco = partial(coco.read_coco, size=SIZE, key_of=polar().key_of_picture)
 write_polygons = partial(coco.write_coco, site=polar(), size=SIZE, simplify_px=0.5)
 BOXES = np.array([[100.0, 200, 150, 230], [60, 210, 105, 230]])
-LABELS = {KEY: [coco.Annotation("rock", 4, BOXES[0], MASK), coco.Annotation("shadow", 4, BOXES[1])]}
+LABELS = {KEY: [Annotation("rock", 4, BOXES[0], MASK), Annotation("shadow", 4, BOXES[1])]}
 ROW = {"kind": "rock", "rock": 4, "source": "seed", "confidence": 1.0, "x0": 1.0, "y0": 2.0, "x1": 3.0, "y1": 4.0}
 TABLE = tables.label_table([tables.key_columns(KEY) | ROW] * 3)
 LOCALISED = rigs.LocalisedRig(default_rig(), camera_pose(np.array([3.6, -0.4, 1.5]), np.pi, 0.44, -0.01), "scans")

@@ -6,7 +6,8 @@ import pytest
 
 from polarsim.errors import FormatError, LabelError
 from polarsim.formats import obj, png, tables, yolo
-from polarsim.formats.coco import Annotation, write_coco
+from polarsim.formats.coco import write_coco
+from polarsim.formats.coco_annotations import Annotation
 from polarsim.geometry.boxes import box_centres, iou
 from polarsim.geometry.poses import Pose
 from polarsim.labels.association import associate_rocks

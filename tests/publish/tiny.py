@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import coco, obj, png, rle
+from polarsim.formats.coco_annotations import Amodal, Annotation
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, write_csv, write_parquet
 from polarsim.geometry.boxes import box_of_mask
 from polarsim.geometry.meshes import Mesh
@@ -39,7 +40,7 @@ def rock_mask(x: int, y: int, radius: int) -> np.ndarray:
     return (squared_distance <= radius**2) & (squared_distance > 4)
 
 
-def photo_labels(key: PhotoKey) -> list[coco.Annotation]:
+def photo_labels(key: PhotoKey) -> list[Annotation]:
     """Return five labels: two rocks with ids, one of them partly occluded, their shadows, and a rock without id."""
     shift = 6 if key.camera == "R" else 0
     near, far = rock_mask(150 - shift, 170, 30), rock_mask(185 - shift, 150, 25)
@@ -54,8 +55,8 @@ def photo_labels(key: PhotoKey) -> list[coco.Annotation]:
         box = box_of_mask(mask)
         amodal = None
         if amodal_mask is not None:
-            amodal = coco.Amodal(rle.encode_rle(amodal_mask, size=SIZE), box_of_mask(amodal_mask))
-        labels.append(coco.Annotation(kind, rock, box, rle.encode_rle(mask, size=SIZE), "fused", 0.75, amodal))
+            amodal = Amodal(rle.encode_rle(amodal_mask, size=SIZE), box_of_mask(amodal_mask))
+        labels.append(Annotation(kind, rock, box, rle.encode_rle(mask, size=SIZE), "fused", 0.75, amodal))
     return labels
 
 

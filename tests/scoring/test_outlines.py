@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from polarsim.formats import coco, rle, yolo
+from polarsim.formats.coco_annotations import Annotation
 from polarsim.formats.release import label_folder, polygon_folder
 from polarsim.formats.tables import read_csv
 from polarsim.photo import PhotoKey
@@ -25,9 +26,7 @@ def ring(box):
 
 def annotation(kind, box, rock=4):
     left, top, right, bottom = box.astype(int)
-    return coco.Annotation(
-        kind, rock, box, rle.encode_rle(np.ones((bottom - top, right - left), bool), SIZE, left, top)
-    )
+    return Annotation(kind, rock, box, rle.encode_rle(np.ones((bottom - top, right - left), bool), SIZE, left, top))
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ import pandas as pd
 import yaml
 
 from polarsim.formats import coco, obj, png, rle, yolo
+from polarsim.formats.coco_annotations import Annotation
 from polarsim.formats.tables import key_columns, label_table, typed, write_parquet
 from polarsim.geometry.stereo import StereoRig
 from polarsim.photo import BOX_CLASSES, PhotoKey
@@ -69,7 +70,7 @@ def make_run(root: Path, site: Site) -> Path:
         yolo.write_boxes(run / f"labels/boxes/{FOLDER}/{key}.txt", classes, np.array(list(boxes.values())), SIZE)
         rings = [(2 if kind == "rock" else 3, _ring(box)) for (kind, _), box in boxes.items()]
         yolo.write_polygons(run / f"labels/polygons/{FOLDER}/{key}.txt", rings, SIZE)
-        annotated[key] = [coco.Annotation(kind, rock, box, _mask(box), "fused") for (kind, rock), box in boxes.items()]
+        annotated[key] = [Annotation(kind, rock, box, _mask(box), "fused") for (kind, rock), box in boxes.items()]
         ids = np.ones(SIZE[::-1], np.uint16)
         for (kind, rock), box in boxes.items():
             ids[_window(box)] = (1000 if kind == "rock" else 2000) + rock

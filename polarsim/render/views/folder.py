@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats import coco, png, tables, yolo
+from polarsim.formats.coco_annotations import Annotation
 from polarsim.formats.files import relative_to, write_json, write_text, writing
 from polarsim.geometry.poses import yaw_pitch_roll
 from polarsim.photo import BLACK_LEVEL, BOX_CLASSES, COLOURS, ROCK, SHADOW
@@ -25,7 +26,7 @@ _WIDTH, _MAX_TILE_WIDTH, _GAP = 4000, 480, 2  # px: width of the sheet, maximum 
 _EVERY = 5  # every fifth viewpoint is for validation
 _MIN_NAMED_WIDTH = 300  # px: tiles narrower than this have no caption
 _OF_ONE_TERRAIN = ("terrain", "sources", "noise_seed")  # sidecar keys of images of a terrain that views lack
-Entry = tuple[PlannedImage, float, list[coco.Annotation]]  # image, exposure time in ms, labels
+Entry = tuple[PlannedImage, float, list[Annotation]]  # image, exposure time in ms, labels
 
 
 class Sheet:
@@ -41,7 +42,7 @@ class Sheet:
         self._tone = tone
         self._pixels = np.full((rows * (self._high + _GAP), self._columns * (self._wide + _GAP), 3), 255, np.uint8)
 
-    def add(self, name: str, picture: np.ndarray, labels: Sequence[coco.Annotation]) -> None:
+    def add(self, name: str, picture: np.ndarray, labels: Sequence[Annotation]) -> None:
         """Draw an image (h, w), 12-bit uint16 or uint8, with label boxes into the tile of the image."""
         import cv2
 
@@ -86,9 +87,7 @@ class ViewsFolder:
     tone: Tone
     sheet: Sheet
 
-    def write(
-        self, picture: PlannedImage, grey: np.ndarray, exposure_ms: float, labels: Sequence[coco.Annotation]
-    ) -> None:
+    def write(self, picture: PlannedImage, grey: np.ndarray, exposure_ms: float, labels: Sequence[Annotation]) -> None:
         """Write an image (h, w) uint16, the boxes and the sidecar."""
         pixels = self.tone(grey)[..., 0] if self.preview else grey
         png.write_png(self.out / f"images/{picture.name}.png", pixels)
@@ -168,7 +167,7 @@ def _light(picture: PlannedImage) -> str:
     return picture.light.name
 
 
-def _index_row(picture: PlannedImage, exposure_ms: float, labels: list[coco.Annotation]) -> dict[str, object]:
+def _index_row(picture: PlannedImage, exposure_ms: float, labels: list[Annotation]) -> dict[str, object]:
     pose = picture.camera.world_from_camera
     angles = zip(("yaw_deg", "pitch_deg", "roll_deg"), np.degrees(yaw_pitch_roll(pose)).tolist(), strict=True)
     return {

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.formats import coco, png
+from polarsim.formats import png
+from polarsim.formats.coco_annotations import Annotation
 from polarsim.formats.files import check_new_folder, writing_folder
 from polarsim.photo import BLACK_LEVEL
 from polarsim.progress import track
@@ -26,7 +27,7 @@ from polarsim.render.views.stars import Sky, build_sky, sky_images
 
 _IMAGES = 24  # maximum OLAT images in memory
 _EXPOSURES_MS = (1.0, 8192.0)  # limits of automatic exposures
-LabelsByMap = dict[str, list[coco.Annotation]]  # by the name of the instance map
+LabelsByMap = dict[str, list[Annotation]]  # by the name of the instance map
 
 
 def render_views(

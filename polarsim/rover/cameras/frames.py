@@ -20,6 +20,7 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from polarsim.formats import coco, png, tables, yolo
+from polarsim.formats.coco_annotations import Annotation
 from polarsim.geometry.poses import Pose
 from polarsim.photo import BOX_CLASSES
 from polarsim.progress import track
@@ -36,7 +37,7 @@ from polarsim.rover.world.surface import World
 
 log = logging.getLogger("polarsim.rover")
 POSES = "poses.parquet"  # written last
-Labels = Mapping[int, Sequence[coco.Annotation]]  # by frame; `rock` is the number in the world's table
+Labels = Mapping[int, Sequence[Annotation]]  # by frame; `rock` is the number in the world's table
 
 
 def render_frames(
@@ -55,7 +56,7 @@ def render_frames(
     suite = CameraSuite(read_trace(folder), vehicle, options, render, seed=seed)
     made_with = _identity(folder, vehicle, options, render, seed)
     views = [view for view in options.views if not is_current(folder / view / POSES, made_with)]
-    labels: dict[str, dict[str, dict[int, list[coco.Annotation]]]] = {
+    labels: dict[str, dict[str, dict[int, list[Annotation]]]] = {
         view: {sun: {} for sun in suite.suns} for view in views
     }
     with ExitStack() as stack:
@@ -88,13 +89,13 @@ def _write_pictures(
     list(pool.map(write, suite.options.pictures))
 
 
-def write_label_file(path: Path, labels: Sequence[coco.Annotation], size: tuple[int, int]) -> None:
+def write_label_file(path: Path, labels: Sequence[Annotation], size: tuple[int, int]) -> None:
     """Write the YOLO boxes of an image of `size` (width, height)."""
     classes = np.array([BOX_CLASSES.index(label.kind) for label in labels], int)
     yolo.write_boxes(path, classes, np.array([label.box for label in labels], float), size)
 
 
-def labels_of(suite: CameraSuite, rendering: Rendering, sun: str) -> list[coco.Annotation]:
+def labels_of(suite: CameraSuite, rendering: Rendering, sun: str) -> list[Annotation]:
     """Return the labels of an image; indices of the world's table of rocks become rock numbers."""
     numbers = suite.trace.world.rocks["rock"].to_numpy()
     annotations = annotate_ids(rendering.ids[sun], suite.rover_camera.render_options)
