@@ -15,6 +15,7 @@ from polarsim.acquire.site_draft import ImageForm, Scans, draft_text
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import nasa, png
 from polarsim.formats.calibrations import read_stated
+from polarsim.formats.clouds import CLOUD_SUFFIXES, read_cloud
 from polarsim.formats.files import existing_folder, suffix_counts, write_text
 from polarsim.site_file_names import FIELD
 
@@ -100,8 +101,8 @@ def image_form(folder: Path, names: Sequence[str]) -> ImageForm:
 def find_scans(folder: Path, names: Sequence[str], fields: PathFields, form: ImageForm) -> Scans:
     """Return the patterns of scans and calibrations among the files that are no photos, and errors of skipped files."""
     scans, size, skipped = Scans(), (form.width, form.height), list[PolarsimError]()
-    clouds = [name for name in names if name.lower().endswith(nasa.CLOUD_SUFFIXES)]
-    if found := _readable(clouds, fields, lambda name: nasa.read_cloud(folder / name, "m"), skipped):
+    clouds = [name for name in names if name.lower().endswith(CLOUD_SUFFIXES)]
+    if found := _readable(clouds, fields, lambda name: read_cloud(folder / name, "m"), skipped):
         pattern, cloud = found
         far = float(np.median(np.linalg.norm(cloud, axis=1))) > _FAR
         scans = replace(scans, clouds=pattern, unit="mm" if far else "m")

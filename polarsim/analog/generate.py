@@ -19,6 +19,7 @@ from polarsim.analog.truth import AlbedoMap, write_truth
 from polarsim.errors import ConfigError
 from polarsim.formats import nasa, obj, tables
 from polarsim.formats.calibrations import read_calibration
+from polarsim.formats.clouds import write_cloud
 from polarsim.formats.files import write_json, writing_folder
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.poses import Pose, camera_pose, yaw_pitch_roll
@@ -106,7 +107,7 @@ def _write_scans(
         valid = np.isfinite(scan.points[..., 0])
         if cloud := raw.cloud(position):
             points = frames[site.files.cloud_frame].apply(scan.points[valid])
-            nasa.write_cloud(cloud, points, scan.intensity[valid], site.files.cloud_unit)
+            write_cloud(cloud, points, scan.intensity[valid], site.files.cloud_unit)
         _write_map(raw.range_map(position), surfaces[-1:], grid, frames["rectified"], threads)
     for position in (position for position in site.tripods if position in poses and position not in chosen):
         rng = generator(options.seed, "scan", made.terrain, position)

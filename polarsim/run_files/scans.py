@@ -10,6 +10,7 @@ from scipy.spatial import Delaunay
 
 from polarsim.errors import FormatError, with_path
 from polarsim.formats import nasa
+from polarsim.formats.clouds import read_cloud
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.stereo import StereoRig, rectified_left
 from polarsim.run_files.inventory import Inventory
@@ -61,7 +62,7 @@ def read_scan(
 
 def _read_cloud(path: Path, unit: Literal["mm", "m"]) -> np.ndarray:
     """Read the points (n, 3) of a cloud, metres; raise an error if most are too near or too far for a sandbox."""
-    cloud = nasa.read_cloud(path, unit)
+    cloud = read_cloud(path, unit)
     median = float(np.median(np.linalg.norm(cloud, axis=1)))
     if not _DISTANCES_M[0] <= median <= _DISTANCES_M[1]:
         raise FormatError(f"the median distance of the points is {median:.3g} m: check files.cloud_unit", path=path)

@@ -11,6 +11,7 @@ from polarsim.acquire.options import SeedOptions, SourceOptions
 from polarsim.acquire.seeds import find_labels
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import nasa, png
+from polarsim.formats.clouds import write_cloud
 from polarsim.formats.tables import read_parquet
 from polarsim.geometry.stereo import rectified_left
 from polarsim.grid import GridOptions
@@ -79,7 +80,7 @@ def polar(tmp_path):
     write(root / "Terrain11_FreshCrater/stereo.calibration", REAL_CALIBRATION)
     points = np.full((4, 6, 3), 2.0)
     nasa.write_range_map(root / "GroundTruth_RectifiedRangeMaps/Terrain11/PosA_org-XYZ.tif", points)
-    nasa.write_cloud(root / "Terrain11_FreshCrater/PosC.xyz", points[0], np.ones(6))
+    write_cloud(root / "Terrain11_FreshCrater/PosC.xyz", points[0], np.ones(6))
     return SourceOptions(kind="files", root=root)
 
 

@@ -9,6 +9,7 @@ from polarsim.analog.options import AnalogOptions
 from polarsim.errors import ConfigError
 from polarsim.formats import nasa, obj, png, site_files, tables, yolo
 from polarsim.formats.calibrations import read_calibration
+from polarsim.formats.clouds import read_cloud
 from polarsim.geometry.boxes import iou
 from polarsim.geometry.stereo import rectified_left
 from polarsim.photo import PhotoKey
@@ -89,7 +90,7 @@ def test_range_maps_agree_with_the_true_ground_and_cameras(made, position):
 
 def test_cloud_and_range_map_of_a_position_share_a_frame(made):
     maps, clouds = find_scans(made)
-    cloud = nasa.read_cloud(clouds["A"])
+    cloud = read_cloud(clouds["A"])
     grid = rectified_left(read_calibration(site_files.find_calibration(polar(), made, TERRAIN), polar())).lens
     pixels = np.floor(grid.project(cloud))
     inside = (pixels >= 0).all(axis=1) & (pixels < [1936, 1216]).all(axis=1)

@@ -12,8 +12,9 @@ from polarsim.analog.sandbox import HALL_FLOOR
 from polarsim.analog.stations import make_stations
 from polarsim.analog.terrain import build_terrain
 from polarsim.errors import ConfigError
-from polarsim.formats import nasa, obj, yolo
+from polarsim.formats import obj, yolo
 from polarsim.formats.calibrations import read_calibration
+from polarsim.formats.clouds import read_cloud
 from polarsim.geometry.poses import yaw_pitch_roll
 from polarsim.run_files.rigs import read_localised
 from polarsim.site import polar
@@ -74,7 +75,7 @@ def test_clouds_are_in_the_frame_and_unit_of_the_site(made):
     assert np.median(inside[:, 2]) == pytest.approx(0, abs=0.03)
     walls = sandbox[(np.abs(sandbox[:, 0] + 1.5) < 0.1) & (np.abs(sandbox[:, 1]) < 2.5)]
     assert np.percentile(walls[:, 2], 99) == pytest.approx(0.21, abs=0.03)
-    assert nasa.read_cloud(made / "yard-a/gate.xyz").shape[1] == 3
+    assert read_cloud(made / "yard-a/gate.xyz").shape[1] == 3
 
 
 def test_the_calibration_fits_the_site_and_seeds_are_in_its_photos(made):

@@ -15,7 +15,8 @@ from polarsim.cameras.search import SearchRanges
 from polarsim.cameras.search_area import SearchArea
 from polarsim.cameras.shading import cast_view, surface_of
 from polarsim.errors import RegistrationError
-from polarsim.formats import nasa, obj, png
+from polarsim.formats import obj, png
+from polarsim.formats.clouds import write_cloud
 from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.geometry.poses import angle_between, camera_pose, yaw_pitch_roll
@@ -69,7 +70,7 @@ def yard(ground, tmp_path_factory):
         points = range_map(scene, pose, grid.lens.scaled(0.8), rng, 0.0015)  # shows the far wall
         points = points[np.isfinite(points).all(axis=-1)]
         clouds[position] = str(folder / f"{position}.xyz")
-        nasa.write_cloud(clouds[position], points, np.ones(len(points)), "m")
+        write_cloud(clouds[position], points, np.ones(len(points)), "m")
     write_inventory(folder / "inventory.json", Inventory(TERRAIN, "files", clouds=clouds))
     write_rig(folder / "calibration.json", RIG, "test")
     return folder

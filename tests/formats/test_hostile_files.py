@@ -42,6 +42,7 @@ from polarsim.formats import (
     yolo,
 )
 from polarsim.formats.calibrations import read_calibration
+from polarsim.formats.clouds import read_cloud, write_cloud
 from polarsim.formats.coco_annotations import Annotation
 from polarsim.formats.yaml_files import read_model
 from polarsim.geometry.meshes import Mesh
@@ -302,13 +303,13 @@ CASES = {
         valid_lens,
     ),
     "cloud": Case(
-        written("a.xyz", nasa.write_cloud, POINTS[0], np.arange(16)),
-        nasa.read_cloud,
+        written("a.xyz", write_cloud, POINTS[0], np.arange(16)),
+        read_cloud,
         lambda found: shaped(len(found), 3)(found),
     ),
     "cloud in PLY": Case(
         written("a.ply", ply.write_ply, ply.Cloud(POINTS[0], POINTS[0])),
-        nasa.read_cloud,
+        read_cloud,
         lambda found: shaped(len(found), 3)(found),
     ),
     "COCO": Case(written("a.json", coco.write_coco, LABELS, polar(), SIZE), read_coco, valid_coco),

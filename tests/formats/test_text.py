@@ -10,6 +10,7 @@ import pytest
 from polarsim.errors import PolarsimError
 from polarsim.formats import class_lists, nasa, obj, tables, yolo
 from polarsim.formats.calibrations import read_calibration
+from polarsim.formats.clouds import read_cloud
 from polarsim.formats.files import read_json
 from polarsim.formats.yaml_files import read_yaml
 from polarsim.rocks.overrides import read_overrides
@@ -41,7 +42,7 @@ READERS = {  # file name, text, reader
         lambda p: class_lists.class_names(p.parent),
     ),
     "mesh": ("a.obj", lambda _: "o Würfel\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", obj.read_obj),
-    "cloud": ("a.xyz", lambda _: "# Höhe\n1 2 3\n4 5 6\n", nasa.read_cloud),
+    "cloud": ("a.xyz", lambda _: "# Höhe\n1 2 3\n4 5 6\n", read_cloud),
     "calibration": ("stereo.calibration", calibration, lambda path: read_calibration(path, polar())),
     "yaml": ("a.yaml", lambda _: "# größer\nname: Würfel\nsize: [1, 2]\n", read_yaml),
     "overrides": ("a.yaml", lambda _: "# größer\n- {rock: 900, at: [1, 2]}\n", read_overrides),

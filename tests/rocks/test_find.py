@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from polarsim.formats import nasa, obj, ply
+from polarsim.formats import obj, ply
+from polarsim.formats.clouds import write_cloud
 from polarsim.geometry.stereo import rectified_left
 from polarsim.geometry.topology import hull_faces, is_watertight
 from polarsim.rocks import find
@@ -44,7 +45,7 @@ def write_scene(folder, scene, tripods, reduction=0.5):
         points = scene.range_map(sandbox_from_rectified, grid.lens.scaled(reduction), 0.002, rng).reshape(-1, 3)
         points = points[np.isfinite(points).all(axis=1)]
         clouds[position] = str(folder / f"Pos{position}.xyz")
-        nasa.write_cloud(clouds[position], points, np.zeros(len(points)))
+        write_cloud(clouds[position], points, np.zeros(len(points)))
     (folder / "seeds").mkdir()
     write_inventory(folder / "inventory.json", Inventory(1, "files", clouds=clouds))
 

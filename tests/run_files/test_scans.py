@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from polarsim.errors import FormatError
-from polarsim.formats import nasa
+from polarsim.formats.clouds import write_cloud
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig, rectified_left
@@ -86,7 +86,7 @@ def test_clouds_of_a_site_are_read_in_their_unit_and_frame(tmp_path, rng):
     points = 2.5 * rig.left.directions(pixels)
     for frame, unit in (("left", "m"), ("rectified", "mm")):
         stored = points if frame == "left" else grid.left_from_rectified.inverse().apply(points)
-        nasa.write_cloud(tmp_path / "a.xyz", stored, np.zeros(len(stored)), unit)
+        write_cloud(tmp_path / "a.xyz", stored, np.zeros(len(stored)), unit)
         inventory = Inventory("yard-a", "files", clouds={"gate": str(tmp_path / "a.xyz")})
         files = Files(photos="{terrain}.png", cloud_frame=frame, cloud_unit=unit)
         found = read_scan(inventory, "gate", rig, files)
@@ -98,7 +98,7 @@ def test_clouds_of_a_site_are_read_in_their_unit_and_frame(tmp_path, rng):
 
 def test_a_cloud_in_the_upright_frame_of_a_scanner_is_an_error(tmp_path, rng):
     sand = np.column_stack([rng.uniform(1, 8, 20_000), rng.uniform(-2, 2, 20_000), np.full(20_000, -1.5)])
-    nasa.write_cloud(tmp_path / "a.xyz", sand, np.zeros(len(sand)), "m")
+    write_cloud(tmp_path / "a.xyz", sand, np.zeros(len(sand)), "m")
     inventory = Inventory("yard-a", "files", clouds={"gate": str(tmp_path / "a.xyz")})
     files = Files(photos="{terrain}.png", cloud_frame="left", cloud_unit="m")
     with pytest.raises(FormatError, match="cloud_frame") as raised:
@@ -109,7 +109,7 @@ def test_a_cloud_in_the_upright_frame_of_a_scanner_is_an_error(tmp_path, rng):
 def test_a_scan_of_a_single_camera_is_in_the_frame_of_the_camera(tmp_path, rng):
     lens = other_rig().left
     points = 2.0 * lens.directions(rng.uniform([60, 60], [580, 420], (40_000, 2)))
-    nasa.write_cloud(tmp_path / "a.xyz", points, np.zeros(len(points)), "m")
+    write_cloud(tmp_path / "a.xyz", points, np.zeros(len(points)), "m")
     inventory = Inventory("yard-a", "files", clouds={"gate": str(tmp_path / "a.xyz")})
     found = read_scan(inventory, "gate", StereoRig.single(lens), Files(photos="{terrain}.png", cloud_frame="left"))
     np.testing.assert_allclose(found[:, 2], 2.0, atol=2e-3)
