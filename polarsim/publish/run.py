@@ -16,7 +16,8 @@ from polarsim.progress import progress_bar
 from polarsim.publish import terms
 from polarsim.publish.bundle import Bundle, check_space
 from polarsim.publish.card import write_card
-from polarsim.publish.catalogue import Catalogue, read_catalogue
+from polarsim.publish.catalogue import Catalogue
+from polarsim.publish.catalogue_reader import read_catalogue
 from polarsim.publish.forms import FORMS, NO_IMAGES, Form
 from polarsim.publish.options import PublishOptions
 from polarsim.publish.subset import limit_size, parse_size, parse_subset, select

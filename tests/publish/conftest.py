@@ -5,7 +5,8 @@ import pytest
 
 from polarsim.formats.tables import write_parquet
 from polarsim.geometry.trajectories import POSE_COLUMNS
-from polarsim.publish.catalogue import Catalogue, read_catalogue
+from polarsim.publish.catalogue import Catalogue
+from polarsim.publish.catalogue_reader import read_catalogue
 from polarsim.publish.run import publish_forms
 from tests.publish.tiny import make_run
 

@@ -21,7 +21,7 @@ from polarsim.formats.tables import write_csv
 from polarsim.publish import bundle as bundles
 from polarsim.publish import run as running
 from polarsim.publish.bundle import check_space
-from polarsim.publish.catalogue import read_catalogue
+from polarsim.publish.catalogue_reader import read_catalogue
 from polarsim.publish.options import PublishOptions
 from polarsim.publish.run import FORMS, form_summary, publish_forms, publish_run
 from polarsim.publish.subset import limit_size, parse_size, parse_subset, select
