@@ -20,7 +20,8 @@ from polarsim.rover.soil.nodes import make_soil_ground
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.soil.shapes import Bodies, Wheel
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
-from polarsim.rover.world.hulls import rock_parts, shape_table, under_rocks
+from polarsim.rover.world.hulls import rock_parts, shape_table
+from polarsim.rover.world.mesh_heights import under_rocks
 from polarsim.rover.world.surface import World
 
 SPIN = 2  # index among a wheel's joints: lift, steer, spin

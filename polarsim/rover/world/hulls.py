@@ -1,4 +1,4 @@
-"""Convex parts of rocks for MuJoCo's collision detection, and the soil nodes under rocks.
+"""Convex parts of rocks for MuJoCo's collision detection.
 
 A convex hull fills hollows. `convex_parts` cuts a rock until the surface of the parts deviates from the mesh by at most
 `DEVIATION_M` where the rover can reach it (on top, at the sides, and on moderate overhangs), and then joins adjacent
@@ -28,7 +28,6 @@ MAX_PARTS = 256  # maximum number of convex parts of a rock
 STEP_M = 0.008  # maximum distance of the mesh's points at which deviations are measured
 OVERHANG = -0.7  # minimum vertical component of the normal of a surface that the rover can reach
 MIN_VOLUME_M3 = 1e-8  # m3, a cube of 2 mm; minimum volume of a rock
-ABOVE = 1.0  # m above a surface at which vertical rays start
 _STEPS = 50  # maximum number of these points along a rock; their distance is larger on rocks above 0.4 m
 _OFF_M = 1e-4  # smaller distances count as 0
 _ENOUGH = 0.85  # a cut with at most this share of the deviation is accepted without trying other axes
@@ -284,27 +283,3 @@ def require_volume(points: np.ndarray) -> ConvexHull:
     if hull.volume < MIN_VOLUME_M3:
         raise RoverError(f"a rock's mesh of {1e9 * hull.volume:.3g} mm3 has no volume")
     return hull
-
-
-def top_at(vertices: np.ndarray, triangles: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return (n,) heights of the highest surface at points (x, y); -inf if there is none."""
-    start = float(vertices[:, 2].max()) + ABOVE
-    origins = np.stack([x, y, np.full(len(x), start)], axis=1)
-    directions = np.broadcast_to([0.0, 0.0, -1.0], origins.shape)
-    distance, _ = EmbreeCaster(vertices, triangles).nearest(origins, directions)
-    return np.asarray(start - distance, float)
-
-
-def under_rocks(world: World) -> np.ndarray:
-    """Return (rows, columns) bool: nodes with rock above the ground, where the rock carries the load."""
-    under = np.zeros(world.level.shape, bool)
-    for row in world.rocks_on_grid.to_dict("records"):
-        vertices, faces = world.rock_mesh(int(row["rock"]))
-        low, high = vertices.min(axis=0), vertices.max(axis=0)
-        columns = slice(*np.searchsorted(world.x, [low[0], high[0]]))
-        rows = slice(*np.searchsorted(world.y, [low[1], high[1]]))
-        y, x = np.meshgrid(world.y[rows], world.x[columns], indexing="ij")
-        if x.size:
-            top = top_at(vertices, faces, x.ravel(), y.ravel()).reshape(x.shape)
-            under[rows, columns] |= top > world.level[rows, columns]
-    return under

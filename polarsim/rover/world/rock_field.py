@@ -23,7 +23,7 @@ from polarsim.geometry.outlines import spread_directions
 from polarsim.geometry.topology import hull_faces, remove_unused_vertices
 from polarsim.photo import Terrain
 from polarsim.randomness import generator
-from polarsim.rover.world.hulls import top_at
+from polarsim.rover.world.mesh_heights import top_at
 from polarsim.rover.world.stitch import TerrainSolids
 from polarsim.rover.world.surface import outward
 

@@ -22,7 +22,8 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.topology import remove_unused_vertices
 from polarsim.photo import Terrain
 from polarsim.randomness import generator
-from polarsim.rover.world.hulls import require_volume, top_at
+from polarsim.rover.world.hulls import require_volume
+from polarsim.rover.world.mesh_heights import top_at
 from polarsim.rover.world.options import LENGTH_M, WorldOptions
 from polarsim.rover.world.surface import PlacedRock, World, bare_world, outward, with_rocks
 

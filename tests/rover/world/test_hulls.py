@@ -5,7 +5,8 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull, KDTree
 
-from polarsim.rover.world.hulls import DEVIATION_M, convex_parts, rock_parts, shape_table, under_rocks
+from polarsim.rover.world.hulls import DEVIATION_M, convex_parts, rock_parts, shape_table
+from polarsim.rover.world.mesh_heights import under_rocks
 from polarsim.rover.world.stitch import TerrainSolids, stitch
 from tests.rover.made_world import SMALL, ball, plane
 
