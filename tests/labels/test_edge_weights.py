@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from polarsim.labels.fusion import edge_sd_px, mesh_weights
+from polarsim.labels.edge_weights import edge_sd_px, mesh_weights
 
 ANNOTATED = np.array([[300.0, 200.0, 360.0, 250.0]])
 counts = st.integers(1, 8)
