@@ -199,8 +199,9 @@ def test_estimated_paths_are_drawn_with_a_key_and_each_source_of_the_pose_has_a_
     dashed = [line for line in paths.lines if line.get_linestyle() == "--"]
     assert [line.get_ydata()[-1] for line in dashed] == [0.5]
     (error,) = errors.lines
-    assert [error.get_xdata()[-1], error.get_ydata()[-1]] == pytest.approx([6.0, 500.0])  # m driven, mm
-    assert error.get_ydata()[0] == 1.0  # the error of 0 at the start is drawn at the lower limit
+    np.testing.assert_allclose(error.get_xdata(), np.arange(7) + 0.5)  # m driven; the end is the start of a metre
+    at = np.minimum(np.arange(7) + 0.9, 6)  # last pose of each metre
+    np.testing.assert_allclose(error.get_ydata(), 500 * at / 6)  # mm
     assert error.get_marker() == "o"  # Sun 1
     key = "path as estimated by the rover"
     assert key in [text.get_text() for text in sheets[-1].legends[0].get_texts()]

@@ -21,7 +21,7 @@ _MAP_SHARE, _ERRORS_SHARE = 0.45, 0.25  # heights of the panels over the width o
 _TRUE = {"linewidth": 4.0, "alpha": 0.4, "solid_capstyle": "butt"}
 _ESTIMATED = {"linewidth": 1.4, "linestyle": "--"}
 _MIN_ERROR_MM = 1.0  # of the logarithmic axis
-_MARKS = 8  # per line of errors
+_MARKS = 0.12  # distance of the marks of a path, share of the diagonal of the map
 
 
 def draw_paths(*, folders: Sequence[Path], figure: Path, origin: dict[str, str]) -> None:
@@ -41,8 +41,8 @@ def draw_paths(*, folders: Sequence[Path], figure: Path, origin: dict[str, str])
         axis, *others = sheet.subplots(len(shares), height_ratios=shares, squeeze=False)[:, 0]
         _draw_rocks(axis, drives[0] / "world")
         for folder, path in paths.items():
-            colour = colours[mode_and_pose(folder)[0]]
-            axis.plot(path["x_m"], path["y_m"], color=colour, **_TRUE)
+            colour, marker = colours[mode_and_pose(folder)[0]], SUN_MARKERS[_sun_of(folder)]
+            axis.plot(path["x_m"], path["y_m"], color=colour, marker=marker, markevery=_MARKS, **_TRUE)
             if folder in estimated:
                 axis.plot(path["estimated_x_m"], path["estimated_y_m"], color=colour, **_ESTIMATED)
         keys = [legend_line(color=colours[mode], linewidth=3, label=mode) for mode in modes]
@@ -74,16 +74,19 @@ def read_paths(folder: Path) -> pd.DataFrame:
 
 
 def _draw_errors(axis: Any, paths: Mapping[Path, pd.DataFrame], colours: Mapping[str, str]) -> list[Any]:
-    """Draw the error of the position along each drive; return legend entries of Suns and of odometry."""
+    """Draw the largest error of the position in each metre of a drive; return legend entries of Suns and of odometry.
+
+    Between two pictures, wheels and IMU alone change the estimate: single errors are a dense zigzag.
+    """
     suns, with_odometry = set(), False
     for folder, path in paths.items():
-        (mode, pose), sun = mode_and_pose(folder), [*light_of(folder), ANY][0]
+        (mode, pose), sun = mode_and_pose(folder), _sun_of(folder)
         suns.add(sun)
         with_odometry |= pose == ODOMETRY
+        largest = path.groupby(np.floor(path["along_m"]))["error_mm"].max().clip(lower=_MIN_ERROR_MM)
         axis.plot(
-            path["along_m"], path["error_mm"].clip(lower=_MIN_ERROR_MM), color=colours[mode], linewidth=1.4,
-            linestyle=":" if pose == ODOMETRY else "-", marker=SUN_MARKERS[sun], markersize=7,
-            markevery=max(len(path) // _MARKS, 1),
+            largest.index + 0.5, largest, color=colours[mode], linewidth=1.4,
+            linestyle=":" if pose == ODOMETRY else "-", marker=SUN_MARKERS[sun], markersize=6,
         )  # fmt: skip
     axis.set_yscale("log")
     axis.set_xlim(left=0)
@@ -91,10 +94,15 @@ def _draw_errors(axis: Any, paths: Mapping[Path, pd.DataFrame], colours: Mapping
     axis.yaxis.set_major_formatter("{x:g}")
     axis.grid(axis="y", color=LINE)
     axis.set_xlabel("distance driven, m")
-    axis.set_ylabel("position error, mm")
+    axis.set_ylabel("largest position error\nin each metre, mm")
     marks = {"color": FAINT, "linestyle": ""}
     keys = [legend_line(marker=SUN_MARKERS[sun], label=sun_title(sun), **marks) for sun in sorted(suns - {ANY})]
     return keys + ([legend_line(color=FAINT, linestyle=":", label="odometry")] if with_odometry else [])
+
+
+def _sun_of(folder: Path) -> str:
+    """Return the Sun of a drive, or `any` if the drive does not depend on it."""
+    return [*light_of(folder), ANY][0]
 
 
 def _draw_rocks(axis: Any, world: Path) -> None:
