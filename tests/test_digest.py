@@ -13,7 +13,7 @@ from polarsim import digest
 
 FLOORS = (  # from bottom to top: a package or module imports only lower floors
     {"errors", "digest", "progress", "public", "randomness", "user_path"},
-    {"extras", "intervals", "kernels", "photo", "schemas"},
+    {"extras", "intervals", "kernels", "photo", "schemas", "wording"},
     {"site_parts"},
     {"site_file_names"},
     {"site"},

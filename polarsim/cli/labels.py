@@ -36,7 +36,8 @@ def validate(
         Path | None,
         typer.Option(
             callback=writes_folder,
-            help="New folder for repaired label files and changes.csv. ROOT is not modified.",
+            help="New folder for repaired label files and changes.csv. ROOT is not modified and must contain "
+            "Labels/TerrainNN/KEY.txt.",
         ),
     ] = None,
     workers: Annotated[int, typer.Option(min=1, help="Number of processes, one terrain each.")] = 2,

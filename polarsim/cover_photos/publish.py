@@ -21,6 +21,7 @@ from polarsim.formats import tables
 from polarsim.formats.files import write_text
 from polarsim.photo import BOX_CLASSES, REFERENCE_WIDTH_PX
 from polarsim.schemas.covers import COVER_SCORES, FINE_TUNED, SINGLE
+from polarsim.wording import counted
 
 
 def publish_detector(
@@ -127,7 +128,7 @@ Default detector of `polarsim detect PICTURES --out FOLDER`.
 - **Licence**: BSD-3-Clause, as the code. The meshes of the release are CC0.
 
 mAP@0.5 on {images} published cover photos, by {folds} detectors with equal training, each tested on terrains excluded
-from its training ({seeds} seed{"s" if seeds > 1 else ""}; 95 % bootstrap intervals over photos). The published detector
+from its training ({counted(seeds, "seed")}; 95 % bootstrap intervals over photos). The published detector
 was trained on the rocks of all these terrains and cannot be tested on them.
 
 | terrain | labels | seed | count | mAP@0.5 | interval |

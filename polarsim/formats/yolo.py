@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,8 +15,20 @@ from polarsim.formats.files import lines_of, write_text
 from polarsim.formats.readers import not_a_number, reader
 from polarsim.geometry.boxes import box_around_points
 from polarsim.photo import BOX_CLASSES, POLYGON_CLASSES, ROCK, PhotoKey, Terrain
+from polarsim.wording import counted
 
+Line = TypeVar("Line")
 _MAX_OFFSET = 0.6  # maximum distance of a polygon from the image centre, as a share of the image width or height
+
+
+class MalformedLinesError(FormatError):
+    """Malformed lines of a label file; position and reason are those of the first line."""
+
+    def __init__(self, lines: Sequence[FormatError]) -> None:
+        first, *others = lines
+        more = f"; {counted(len(others), 'more malformed line')}" if others else ""
+        super().__init__(first.reason + more, first.path, first.line)
+        self.lines = tuple(lines)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,18 +78,28 @@ def read_shapes(path: str | Path, size: tuple[int, int]) -> list[LabelLine]:
     A line is `class x y width height` (a box), a box with a confidence of 0 to 1 (a detection), or a class and x and y
     of at least three points (a polygon). Seven fields with an integer at the end could be a triangle or a tracked
     detection, `class x y width height confidence id`. They are accepted as a triangle only if the file also has a
-    larger polygon. `size` is the width and height of the photo, px.
+    larger polygon. `size` is the width and height of the photo, px. Raises `MalformedLinesError`.
     """
+    return _convert_lines(path, size, lambda shape: shape)
+
+
+def _convert_lines(path: str | Path, size: tuple[int, int], convert: Callable[[LabelLine], Line]) -> list[Line]:
+    """Return every line of a label file converted by a function; raise a `MalformedLinesError` with all errors."""
     lines = fields_of(path)
     outlined = any(len(fields) > 7 for _, fields in lines)
-    shapes = []
+    converted, errors = [], []
     for number, fields in lines:
         try:
             corners, confidence = _corners(fields, size, outlined)
+            shape = LabelLine(Path(path), number, fields[0], corners, confidence, len(fields) > 6, len(fields))
+            converted.append(convert(shape))
+        except FormatError as error:
+            errors.append(error)
         except ValueError as error:
-            raise FormatError(str(error), path, number) from error
-        shapes.append(LabelLine(Path(path), number, fields[0], corners, confidence, len(fields) > 6, len(fields)))
-    return shapes
+            errors.append(FormatError(str(error), path, number))
+    if errors:
+        raise MalformedLinesError(errors)
+    return converted
 
 
 def _corners(fields: list[str], size: tuple[int, int], outlined: bool) -> tuple[np.ndarray, float | None]:
@@ -123,8 +146,9 @@ def _value(field: str) -> float:
         raise ValueError(not_a_number(field)) from error
 
 
-def _arrays(classes: Iterable[int], shapes: Iterable[LabelLine]) -> tuple[np.ndarray, np.ndarray]:
-    return np.array(list(classes), int), np.array([shape.box for shape in shapes], float).reshape(-1, 4)
+def _arrays(boxes: Iterable[tuple[int, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    boxes = list(boxes)
+    return np.array([number for number, _ in boxes], int), np.array([box for _, box in boxes], float).reshape(-1, 4)
 
 
 def read_boxes(
@@ -139,12 +163,14 @@ def read_boxes(
     `names` are the names of the class numbers in the file. `detections` accepts a confidence as sixth field; `polygons`
     accepts polygons and returns the boxes around them.
     """
-    shapes = read_shapes(path, size)
-    for shape in shapes:
+
+    def convert(shape: LabelLine) -> tuple[int, np.ndarray]:
         if (shape.fields == 6 and not detections) or (shape.is_polygon and not polygons):
             sixth = " (the sixth is the confidence of a detection)" if shape.fields == 6 else ""
             raise shape.error(f"{shape.fields} fields{sixth}, expected 5: class x y width height")
-    return _arrays((_box_class(shape, names) for shape in shapes), shapes)
+        return _box_class(shape, names), shape.box
+
+    return _arrays(_convert_lines(path, size, convert))
 
 
 def _box_class(shape: LabelLine, names: tuple[str, ...]) -> int:
@@ -181,23 +207,27 @@ def read_detections(path: str | Path, size: tuple[int, int]) -> tuple[np.ndarray
 
     The confidence is NaN if a line has no sixth field.
     """
-    shapes = read_shapes(path, size)
-    for shape in shapes:
+
+    def convert(shape: LabelLine) -> tuple[int, np.ndarray, float]:
         if shape.is_polygon:
             raise shape.error(f"{shape.fields} fields, expected class x y width height [confidence]")
-    confidences = [np.nan if shape.confidence is None else shape.confidence for shape in shapes]
-    return *_arrays((shape.number for shape in shapes), shapes), np.array(confidences, float)
+        return shape.number, shape.box, np.nan if shape.confidence is None else shape.confidence
+
+    lines = _convert_lines(path, size, convert)
+    return *_arrays((number, box) for number, box, _ in lines), np.array([line[2] for line in lines], float)
 
 
 def read_polygons(
     path: str | Path, size: tuple[int, int], names: tuple[str, ...] = POLYGON_CLASSES
 ) -> list[tuple[int, np.ndarray]]:
     """Read the class, an index in `names`, and the vertices (n, 2) in pixels of each polygon, in file order."""
-    shapes = read_shapes(path, size)
-    for shape in shapes:
+
+    def convert(shape: LabelLine) -> tuple[int, np.ndarray]:
         if not shape.is_polygon:
             raise shape.error(f"{shape.fields} fields (a box), expected a polygon: a class and at least 3 points")
-    return [(shape.class_in(names), shape.corners) for shape in shapes]
+        return shape.class_in(names), shape.corners
+
+    return _convert_lines(path, size, convert)
 
 
 def read_boxes_or_polygons(

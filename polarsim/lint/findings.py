@@ -11,11 +11,13 @@ from typing import Any, TypeVar
 import pandas as pd
 
 from polarsim.errors import PolarsimError
-from polarsim.formats.yolo import fields_of
+from polarsim.formats.yolo import MalformedLinesError, fields_of
 from polarsim.lint.rules import RULES, Defect, Severity
 from polarsim.photo import PhotoKey
+from polarsim.wording import counted
 
 Content = TypeVar("Content")
+MAX_LINES = 20  # maximum number of findings of malformed lines per file; a last finding has the number of others
 _JSON_COLUMNS = ("code", "severity", "defect", "file", "line", "meaning", "detail", "repair")
 
 
@@ -110,15 +112,22 @@ class Findings:
         self.gathered.append(Finding(file, line, defect.name, defect.detail, defect.rows, defect.lacking))
 
     def read(self, path: Path, reader: Callable[[Path], Content], name: str) -> Content | None:
-        """Return the content of a file, or add a finding and return None."""
+        """Return the content of a file, or add a finding, for malformed lines one each, and return None."""
         try:
             return reader(path)
+        except MalformedLinesError as error:
+            defects = [(line.line or 0, line.reason) for line in error.lines[:MAX_LINES]]
+            if others := error.lines[MAX_LINES:]:
+                defects.append(
+                    (others[0].line or 0, f"{counted(len(others), 'more line')}, the last is line {others[-1].line}")
+                )
         except PolarsimError as error:
             here = error.path in (None, path)
-            line, detail = (error.line or 0, error.reason) if here else (0, str(error))
+            defects = [(error.line or 0, error.reason) if here else (0, str(error))]
         except OSError as error:
-            line, detail = 0, str(error)
-        self.gathered.append(Finding(path.relative_to(self.root).as_posix(), line, name, detail))
+            defects = [(0, str(error))]
+        file = path.relative_to(self.root).as_posix()
+        self.gathered.extend(Finding(file, line, name, detail) for line, detail in defects)
         return None
 
     def read_all(self, files: Mapping[PhotoKey, Path], reader: Callable[[Path], Content]) -> dict[PhotoKey, Content]:

@@ -221,7 +221,8 @@ def _drop_malformed(path: Path, reader: Callable[[Path], Any]) -> None:
             reader(path)
         except FormatError as error:
             lines = [] if error.line is None else text_of(path).split("\n")
-            kept = [line for number, line in enumerate(lines, 1) if number != error.line]
+            malformed = {one.line for one in (error.lines if isinstance(error, yolo.MalformedLinesError) else [error])}
+            kept = [line for number, line in enumerate(lines, 1) if number not in malformed]
             if error.line is not None and kept == lines:  # the line does not exist: prevents an endless loop
                 raise
             path.write_text("\n".join(kept), encoding="utf-8")

@@ -12,6 +12,7 @@ from polarsim.formats.tables import read_csv
 from polarsim.photo import ROCK
 from polarsim.report import paper
 from polarsim.schemas.evaluation import IN_PLACE
+from polarsim.wording import counted
 
 MAX_HEADLINES = 5
 Tables = Mapping[str, Path]
@@ -110,7 +111,7 @@ def _evaluation(tables: Tables) -> Iterator[Headline]:
 def _counts(rows: pd.DataFrame) -> str:
     terrains = rows["terrain"].nunique()
     counts = f"{len(rows)} values, " if len(rows) > terrains else ""
-    return f"{counts}{terrains} terrain{'s' if terrains > 1 else ''}"
+    return f"{counts}{counted(terrains, 'terrain')}"
 
 
 def _interval(row: pd.Series, name: str, decimals: int) -> str:

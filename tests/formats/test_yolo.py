@@ -64,6 +64,18 @@ def test_an_invalid_line_is_an_error_with_file_line_and_reason(tmp_path, line):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(("number", "rest"), [(1, ""), (2, "1 more malformed line"), (7, "6 more malformed lines")])
+def test_an_error_counts_further_malformed_lines(tmp_path, number, rest):
+    path = tmp_path / "a.txt"
+    path.write_text("0 0.5 0.5 0.1 0.1\n" + "0 0.5 0.5\n5 0.5 0.5 0.1 0.1\n" * 4)
+    path.write_text("".join(path.read_text().splitlines(keepends=True)[: 1 + number]))
+    with pytest.raises(yolo.MalformedLinesError) as caught:
+        yolo.read_boxes(path, size=SIZE)
+    assert [line.line for line in caught.value.lines] == list(range(2, 2 + number))
+    assert caught.value.line == 2
+    assert str(caught.value).partition("; ")[2] == rest
+
+
 @pytest.mark.parametrize("content", [b"\xff\xfe0 0.5", "0 0.5 0.5 0.1 0.１".encode(), b"0 0.5 0.5 0.1 0.1_0"])
 def test_bytes_that_are_no_text_or_no_digits_are_errors(tmp_path, content):
     (tmp_path / "a.txt").write_bytes(content)

@@ -3,6 +3,7 @@ import json
 import pytest
 
 from polarsim.errors import FormatError
+from polarsim.lint.findings import MAX_LINES
 from polarsim.lint.folders import lint_release
 from polarsim.lint.rules import RULES
 
@@ -87,6 +88,28 @@ def test_defects_have_their_line(tmp_path):
     lines = {finding.defect: finding.line for finding in report.findings}
     assert lines["duplicate"] == 3
     assert lines["malformed"] == 2
+
+
+MALFORMED_BOXES = ("0 0.5 0.5 0.1", "a,b", "2 0.5 0.5 0.1 0.1", "0 0.5 0.5 0.1 0.1 0.9", "0 9 9 1 1", "0 x 0 0.1 1")
+MALFORMED_POLYGONS = ("1 0.1 0.1", "9 0.1 0.1 0.2 0.1 0.2 0.2", "1 nan 0.1 0.2 0.1 0.2 0.2", "0 0.5 0.5 0.1 0.1")
+
+
+@pytest.mark.parametrize(
+    ("folder", "valid", "malformed"), [(LABELS, BOX, MALFORMED_BOXES), (POLYGONS, GROUND_AND_ROCK, MALFORMED_POLYGONS)]
+)
+@pytest.mark.parametrize("number", [1, 2, MAX_LINES, MAX_LINES + 1, MAX_LINES + 2, 1000])
+def test_every_malformed_line_is_reported_up_to_a_maximum(tmp_path, folder, valid, malformed, number):
+    name = f"{folder}/11_A_off_30_L_0512.txt"
+    lines = [malformed[index % len(malformed)] + "\n" for index in range(number)]
+    first = len(valid.splitlines()) + 2  # after a blank line
+    report = lint_release(make(sound(tmp_path), {name: valid + "\n" + "".join(lines) + valid}))
+    found = [finding for finding in report.findings if finding.defect == "malformed"]
+    assert [(finding.file, finding.line) for finding in found] == [
+        (name, first + index) for index in range(min(number, MAX_LINES + 1))
+    ]
+    if number > MAX_LINES:
+        assert f"{number - MAX_LINES} " in found[-1].detail
+        assert f"line {first + number - 1}" in found[-1].detail
 
 
 def test_a_copy_is_compared_with_its_regular_file(tmp_path):

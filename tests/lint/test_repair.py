@@ -80,6 +80,8 @@ def test_malformed_lines_and_boxes_outside_the_photo_are_removed(root):
     path(root, 1024).write_text("0 0.5 0.5 0.1\n" + text + "rock 1 2 3 4\n")
     out, _ = repaired(root)
     assert path(out, 1024).read_text() == text
+    lines = tables.read_csv(out / REPAIR_TABLE, ["line", "code"]).query("code == 'F110'")["line"]
+    assert list(lines) == [1, len(text.splitlines()) + 2]
 
 
 @pytest.mark.parametrize("told", ["4: something of 17 at 2:1", "none of this file, 1: 0", ""])
@@ -93,7 +95,7 @@ def test_repairs_do_not_depend_on_the_wording_of_messages(root, monkeypatch, tol
     before, _ = repaired(root)
     monkeypatch.setattr(PolarsimError, "__str__", lambda error: told)
     report, after = lint_folder(root, set(RULES)), root.with_name("reworded")
-    assert [one.line for one in report.findings if one.defect == "malformed"] == [1, 2]
+    assert [one.line for one in report.findings if one.defect == "malformed"] == [1, len(text.splitlines()) + 2, 2]
     write_repaired(root, report.findings, after)
     assert path(after, 1024).read_text() == text
     assert files_of(after) == files_of(before)
