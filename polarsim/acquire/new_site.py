@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from polarsim.formats.calibrations import read_stated
 from polarsim.formats.clouds import CLOUD_SUFFIXES, read_cloud
 from polarsim.formats.files import existing_folder, suffix_counts, write_text
 from polarsim.site_file_names import FIELD
+from polarsim.wording import counted
 
 _MAX_SAMPLES = 24  # number of images of which pixels are read
 _BITS = (8, 10, 12, 14, 16)
@@ -26,6 +28,7 @@ _DARK_SHARE, _BLACK_SHARE = 0.05, 0.25  # of the largest value: median of a phot
 _CALIBRATION = re.compile(r"(?i).*\.(calibration|ya?ml)|(.*/)?cameras\.txt")
 _FAR = 100.0  # median distance of a cloud above which the unit is millimetres
 _RANGE_SUFFIXES = (".tif", ".tiff")
+_MAX_FORMS = 4  # number of different sizes or depths of images that are listed
 _MAX_DAMAGED = 3  # number of files of a pattern that are tried
 _MAX_REASONS = 5  # number of skipped files whose reasons are listed
 
@@ -53,7 +56,7 @@ def write_draft(folder: Path, out: Path) -> list[str]:
         *_skipped(scans.skipped),
         *_unused([name for name in all_images if name not in used]),
         *fields.notes,
-        f"{out}: replace FILL_IN, then: polarsim check-site {out} --root {folder}",
+        f"{out}: replace FILL_IN, then: {shlex.join(['polarsim', 'check-site', str(out), '--root', str(folder)])}",
     ]
 
 
@@ -73,12 +76,8 @@ def image_form(folder: Path, names: Sequence[str]) -> ImageForm:
     """Return the format of images, from a sample; images of several sizes or depths are an error."""
     step = max(1, len(names) // _MAX_SAMPLES)
     sample = {name: png.read_png(folder / name) for name in names[::step]}
-    for what, values in (
-        ("sizes", {(pixels.shape[1], pixels.shape[0]) for pixels in sample.values()}),
-        ("types of values", {str(pixels.dtype) for pixels in sample.values()}),
-    ):
-        if len(values) > 1:
-            raise FormatError(f"images have {len(values)} {what}: {sorted(values)}", path=folder)
+    _require_equal(folder, {name: f"{pixels.shape[1]} x {pixels.shape[0]} pixels" for name, pixels in sample.items()})
+    _require_equal(folder, {name: f"{8 * pixels.itemsize} bits" for name, pixels in sample.items()})
     first = next(iter(sample.values()))
     largest = max(int(pixels.max()) for pixels in sample.values())
     bits = 8 if first.dtype == np.uint8 else next(bits for bits in _BITS[1:] if largest < 2**bits)
@@ -96,6 +95,21 @@ def image_form(folder: Path, names: Sequence[str]) -> ImageForm:
         colour=any(pixels.ndim == 3 for pixels in sample.values()),
         jpeg=names[0].lower().endswith((".jpg", ".jpeg")),
     )
+
+
+def _require_equal(folder: Path, forms: Mapping[str, str]) -> None:
+    """Raise a `FormatError` with names of files if the images of a sample have several forms, by name."""
+    names_of: dict[str, list[str]] = {}
+    for name, form in forms.items():
+        names_of.setdefault(form, []).append(name)
+    if len(names_of) > 1:
+        common = sorted(names_of.items(), key=lambda item: -len(item[1]))[:_MAX_FORMS]
+        listed = ", ".join(f"{form} ({counted(len(names), 'image')}, such as {names[0]})" for form, names in common)
+        raise FormatError(
+            f"{counted(len(forms), 'examined image')} of {len(names_of)} forms: {listed}; move images of other forms "
+            "to another folder, or convert all to the same form",
+            path=folder,
+        )
 
 
 def find_scans(folder: Path, names: Sequence[str], fields: PathFields, form: ImageForm) -> Scans:

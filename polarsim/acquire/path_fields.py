@@ -13,11 +13,15 @@ from dataclasses import dataclass, field
 from itertools import takewhile
 
 from polarsim.photo import NO_SUN, terrain_text
+from polarsim.wording import counted
 
 _SEPARATORS = re.compile(r"([_\-. ]+)")
 _MAX_NAMES = 80  # of a field; words with more values are counters or time stamps
 _MAX_EXPOSURES = 40
 _COUNTER_SHARE, _FEW = 0.45, 4  # a counter has more values than this share of the photos
+_COUNTER_DIGITS = 4  # minimum number of digits of a counter with few values, as in the DCF standard of cameras
+_FIELDS = ("terrain", "position", "azimuth", "light", "camera", "exposure_ms")
+_EXAMPLE = "scene1/north/lamp45/L_0040.jpg"
 _MIN_ANGLE = 30  # of the largest azimuth in names that are not marked as lamps, degrees
 _CAMERAS = [("l", "r"), ("left", "right"), ("port", "starboard")]
 _NUMBERED_CAMERAS = [("0", "1"), ("1", "2")]
@@ -51,6 +55,11 @@ class PathFields:
     exposures_ms: dict[str, list[int]]  # azimuth -> exposures
     notes: list[str] = field(default_factory=list)
 
+    @property
+    def are_stated(self) -> bool:
+        """Whether the paths state any field, or there is a single photo."""
+        return bool(self.names or self.exposures_ms) or "{any}" not in self.pattern
+
 
 def find_fields(paths: Sequence[str]) -> PathFields:
     """Return the fields of paths with equal numbers of folders and equal suffix."""
@@ -60,11 +69,28 @@ def find_fields(paths: Sequence[str]) -> PathFields:
         if number:
             layout.append("/")
         layout += _words(list(texts), -1 if number == len(columns) - 1 else number)
-    notes = _assign(layout)
+    notes = [*_assign(layout), *_repeated_keys(layout, paths)]
     words = [part for part in layout if isinstance(part, _Word)]
     names = {word.named: _names(word) for word in words if word.named not in ("", "any", "exposure_ms")}
     pattern = "".join(part if isinstance(part, str) else _written(part) for part in layout)
     return PathFields(pattern, names, _exposures(words, names), notes)
+
+
+def _repeated_keys(layout: Sequence[str | _Word], paths: Sequence[str]) -> list[str]:
+    """Return a note if photos have the same text in all fields, so that no pattern can distinguish them."""
+    named = {part.named: part for part in layout if isinstance(part, _Word) and part.named != "any"}
+    paths_of_key: dict[tuple[str, ...], list[str]] = {}
+    for number, path in enumerate(paths):
+        paths_of_key.setdefault(tuple(word.texts[number] for word in named.values()), []).append(path)
+    if len(paths_of_key) == len(paths):
+        return []
+    first, second, *_ = next(same for same in paths_of_key.values() if len(same) > 1)
+    missing = ", ".join(name for name in _FIELDS if name not in named)
+    return [
+        f"{len(paths)} photos have {counted(len(paths_of_key), 'different key')}: {first} and {second} have the same "
+        f"{' and '.join(named) or 'path without numbers'}. Write the missing fields in which they differ ({missing}) "
+        f"into folders or names, such as {_EXAMPLE}, and repeat new-site"
+    ]
 
 
 def _words(texts: list[str], folder: int) -> list[str | _Word]:
@@ -109,7 +135,7 @@ def _assign(layout: list[str | _Word]) -> list[str]:
     """
     words = [part for part in layout if isinstance(part, _Word)]
     for word in words:
-        if len(word.values) > min(_MAX_NAMES, max(_COUNTER_SHARE * len(word.texts), _FEW)):
+        if len(word.values) > min(_MAX_NAMES, max(_COUNTER_SHARE * len(word.texts), _FEW)) or _is_counter(word):
             word.named = "any"
     for number, word in enumerate(words):
         if not word.named and any(not other.named and _determines(other, word) for other in words[:number]):
@@ -141,6 +167,14 @@ def _assign(layout: list[str | _Word]) -> list[str]:
         f"the part {'/'.join(word.values[:3])} of the names was not understood: several photos may have the same key"
         for word in rest
     ]
+
+
+def _is_counter(word: _Word) -> bool:
+    """Return whether a word has consecutive numbers of several digits, one per file, as cameras name their files."""
+    if word.folder != -1 or not all(text.isdecimal() and len(text) >= _COUNTER_DIGITS for text in word.texts):
+        return False
+    numbers = sorted(map(int, word.texts))
+    return numbers == list(range(numbers[0], numbers[0] + len(numbers)))
 
 
 def _joined(layout: list[str | _Word], first: _Word, second: _Word) -> bool:

@@ -74,6 +74,10 @@ def _marked(key: str, text: str) -> str:
     return f"{key}: {json.dumps(f'{FILL_IN}: {text}')}"
 
 
+def _text(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
+
+
 def _quoted(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z][A-Za-z0-9-]*", name) and name.lower() not in _WORDS else f'"{name}"'
 
@@ -139,14 +143,18 @@ def _cameras(fields: PathFields, scans: Scans) -> list[str]:
 
 
 def _files(fields: PathFields, scans: Scans) -> list[str]:
-    lines = ["files: # below source.root", f"  photos: {json.dumps(fields.pattern)}"]
+    lines = ["files: # below source.root"]
+    if fields.are_stated:
+        lines.append(f"  photos: {_text(fields.pattern)}")
+    else:
+        lines.append(_marked("  photos", "pattern with fields, such as {terrain}/{azimuth}/{exposure_ms}.png"))
     for key, pattern in (
         ("clouds", scans.clouds),
         ("range_maps", scans.range_maps),
         ("calibration", scans.calibration),
     ):
         if pattern:
-            lines.append(f"  {key}: {json.dumps(pattern)}")
+            lines.append(f"  {key}: {_text(pattern)}")
     if scans.clouds:
         lines.append("  cloud_frame: left # of the left camera (x right, y down, z forward), or: rectified; check it")
         lines.append(f"  cloud_unit: {scans.unit}")
@@ -158,7 +166,7 @@ def _files(fields: PathFields, scans: Scans) -> list[str]:
         lines.append("  spelling: # texts in paths")
         for field, names in spelled.items():
             if names:
-                pairs = ", ".join(f"{json.dumps(name)}: {json.dumps(text)}" for name, text in names.items())
+                pairs = ", ".join(f"{_text(name)}: {_text(text)}" for name, text in names.items())
                 lines.append(f"    {field}: {{{pairs}}}")
     return lines
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -212,7 +213,8 @@ def _render_demo(out: Path, scale: float, threads: int) -> None:
 
     count, sheet = render_demo(out, tone=_same_white(), scale=scale, threads=threads)
     typer.echo(f"{sheet}: {count} images of one scene with labels; image files: {out / 'views/images'}")
-    typer.echo(f"next:  polarsim render {out / 'meshes'} mine.png --sun 60 5 --preview   (your own Sun)")
+    meshes = shlex.quote(str(out / "meshes"))
+    typer.echo(f"next:  polarsim render {meshes} mine.png --sun 60 5 --preview   (your own Sun)")
     typer.echo("       make demo   (the whole pipeline: photos, meshes, labels, twins, detectors)")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -174,7 +175,7 @@ def explore(
     chosen = Run.at(run_folder(results, run))
     if out:
         count = write_site(chosen, out, width)
-        typer.echo(f"{count} files in {out}; view: python -m http.server -d {out} -b 127.0.0.1")
+        typer.echo(f"{count} files in {out}; view: python -m http.server -d {shlex.quote(str(out))} -b 127.0.0.1")
         return
     import os
     import webbrowser

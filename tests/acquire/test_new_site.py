@@ -1,5 +1,6 @@
 """A draft of a site file from a folder of photos, scans and calibrations."""
 
+import shlex
 from zlib import crc32
 
 import cv2
@@ -67,6 +68,9 @@ def test_the_fields_of_names_are_recognised(site, pattern, azimuths):
         ([f"a{t}_s{s}_cam{c}_{e}.pgm" for t in "12" for s in "345" for c in "01" for e in (5, 50)],
          {"terrain", "position", "camera", "exposure_ms"}),
         ([f"IMG_{1000 + n}.png" for n in range(30)], set()),
+        ([f"IMG_{n:04d}.JPG" for n in range(2)], set()),
+        ([f"DSC{n:05d}.JPG" for n in (7, 8, 9)], set()),
+        ([f"scene{n}.jpg" for n in (1, 2)], {"exposure_ms"}),
     ],
 )  # fmt: skip
 def test_small_folders_are_recognised(names, fields):
@@ -77,6 +81,56 @@ def test_small_folders_are_recognised(names, fields):
         if f"{{{name}" in found.pattern
     }
     assert stated == fields
+
+
+@pytest.mark.parametrize(
+    ("names", "keys", "missing"),
+    [
+        ([f"IMG_{n:04d}.JPG" for n in range(2)], "1 different key:", ["terrain", "camera", "exposure_ms"]),
+        ([f"IMG_{n:04d}.JPG" for n in range(12)], "1 different key:", ["terrain", "camera", "exposure_ms"]),
+        ([f"pos{p}/{p}{n:03d}.png" for p in "12" for n in range(10)], "2 different keys:", ["azimuth", "camera"]),
+        ([f"a/{e}.png" for e in (10, 20, 40)], None, []),
+        (["one.png"], None, []),
+    ],
+)
+def test_photos_that_names_do_not_distinguish_are_reported(names, keys, missing):
+    notes = find_fields(names).notes
+    if keys is None:
+        assert notes == []
+        return
+    (note,) = notes
+    assert f"{len(names)} photos have {keys} {names[0]} and {names[1]}" in note
+    assert all(field in note.partition("missing")[2] for field in missing)
+
+
+def test_a_folder_of_numbered_photos_lacks_a_pattern(polarsim, tmp_path):
+    (tmp_path / "raw").mkdir()
+    for number in range(3):
+        png.write_png(tmp_path / f"raw/IMG_{number:04d}.png", np.zeros((30, 40), np.uint8))
+    result = polarsim("new-site", tmp_path / "raw", "--out", tmp_path / "site.yaml")
+    assert result.returncode == 0
+    assert "IMG_0000.png and IMG_0001.png" in result.stdout
+    checked = polarsim("check-site", tmp_path / "site.yaml")
+    assert checked.returncode == 1
+    assert "files.photos" in checked.stdout
+
+
+def test_names_with_blanks_and_letters_of_other_scripts_are_written_as_they_are(polarsim, tmp_path):
+    folder, out = tmp_path / "my photos", tmp_path / "my $site's.yaml"
+    for name in ("Süd", "Nörd", "西"):
+        for exposure in (10, 20):
+            path = folder / f"Bühne {name}/{exposure}.png"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            png.write_png(path, np.zeros((30, 40), np.uint8))
+    result = polarsim("new-site", folder, "--out", out)
+    assert result.returncode == 0, result.stderr
+    command = shlex.split(result.stdout.splitlines()[-1].partition("then: ")[2])
+    assert command == ["polarsim", "check-site", str(out), "--root", str(folder)]
+    text = out.read_text(encoding="utf-8")
+    assert "\\u" not in text
+    draft = yaml.safe_load(text)["files"]
+    assert draft["photos"] == "Bühne {terrain}/{exposure_ms}.png"
+    assert sorted(draft["spelling"]["terrain"].values()) == ["Nörd", "Süd", "西"]
 
 
 def make(root, site):
@@ -158,4 +212,6 @@ def test_a_folder_without_usable_images_is_a_one_line_error(polarsim, tmp_path, 
     result = polarsim("new-site", folder, "--out", out)
     assert result.returncode == 1
     assert len(result.stderr.strip().splitlines()) == 1
+    if content == "two sizes":
+        assert "40 x 30 pixels (1 image, such as 1.png), 60 x 30 pixels (1 image, such as 2.png)" in result.stderr
     assert out.read_text() == "name: mine\n" if content == "existing draft" else not out.exists()
