@@ -23,6 +23,7 @@ from polarsim.site import Site
 COCO, YOLO, CVAT, LABEL_STUDIO = EXPORT_FORMS = ("coco", "yolo", "cvat", "label-studio")
 _MAX_ASPECT_ERROR = 0.01  # maximum relative difference of the aspect ratio of a resized image
 _MAX_TEXT_MB = 500  # of all text files of an archive
+OTHER_SITE = "for photos of another site, set --site"
 _TEXTS = (".xml", ".json", ".txt", ".yaml", ".yml", ".names", ".data")
 _EXPECTED = (
     "expected CVAT for images 1.1 (annotations.xml), COCO (images, categories, annotations), Label Studio (a list of "
@@ -51,7 +52,7 @@ class ExportedImage:
 def scale_of(width: float, height: float, size: tuple[int, int]) -> float:
     """Return the scale from pixels of a resized image to pixels of a photo of a size; the aspect must be equal."""
     if not (width > 0 and height > 0) or abs(width / height * size[1] / size[0] - 1) > _MAX_ASPECT_ERROR:
-        raise FormatError(f"{width:g} x {height:g} px, expected the aspect of {size[0]} x {size[1]}")
+        raise FormatError(f"{width:g} x {height:g} px, expected the aspect of {size[0]} x {size[1]}; {OTHER_SITE}")
     return size[0] / width
 
 
@@ -100,7 +101,8 @@ def find_files(source: Path, site: Site, form: str | None = None) -> tuple[str, 
         detected = _form_of(path) if path.suffix.lower() in (".xml", ".json") else None
         if detected in EXPORT_FORMS and detected is not None:
             of_form.setdefault(detected, []).append(path)
-    if any(key_in(path.name, site) for path in files if path.suffix.lower() == ".txt"):
+    keyed, unkeyed = keyed_label_files(source, site)
+    if keyed:
         of_form[YOLO] = [source]
     if form is not None:
         of_form = {form: of_form[form]} if form in of_form else {}
@@ -108,8 +110,9 @@ def find_files(source: Path, site: Site, form: str | None = None) -> tuple[str, 
         several = " and ".join(f"{name} ({paths[0].relative_to(source)})" for name, paths in of_form.items())
         raise FormatError(f"files of several formats, {several}: give a file, or set --format", path=source)
     if not of_form:
+        hint = f"; {unkeyed[0].name} is no photo key of the site {site.name}: {OTHER_SITE}" if unkeyed else ""
         raise FormatError(
-            f"no {form or 'export'} in the folder: found {suffix_counts(source)}; {_EXPECTED}", path=source
+            f"no {form or 'export'} in the folder: found {suffix_counts(source)}; {_EXPECTED}{hint}", path=source
         )
     return next(iter(of_form.items()))
 

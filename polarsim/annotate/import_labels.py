@@ -19,6 +19,7 @@ from polarsim.annotate.export_files import (
     CVAT,
     EXPORT_FORMS,
     LABEL_STUDIO,
+    OTHER_SITE,
     YOLO,
     ExportedImage,
     ExportedShape,
@@ -119,7 +120,7 @@ def import_labels(
         for file in files:
             with reading(f"export of {form}", file):
                 for picture in IMPORTERS[form](file, site, done):
-                    key = coco.key_of_image(file, picture.name, site.key_of_picture)
+                    key = _key(file, picture.name, site)
                     if key in named:
                         raise FormatError(f"{key} has two images, {named[key]} and {picture.name}: remove an image")
                     named[key] = picture.name
@@ -145,6 +146,14 @@ def import_labels(
     done.photos, done.boxes = len(kept), sum(map(len, kept.values()))
     done.empty, done.unread = [] if keep_empty else sorted(empty), sorted(done.unread)
     return done
+
+
+def _key(file: Path, name: str, site: Site) -> PhotoKey:
+    try:
+        return coco.key_of_image(file, name, site.key_of_picture)
+    except FormatError as error:
+        error.reason += f"; {OTHER_SITE}"
+        raise
 
 
 def _classified(

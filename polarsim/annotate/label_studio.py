@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from polarsim.annotate.export_files import ExportedImage, ExportedShape, key_in, scale_of
+from polarsim.annotate.export_files import OTHER_SITE, ExportedImage, ExportedShape, key_in, scale_of
 from polarsim.errors import FormatError, with_part
 from polarsim.formats.files import read_json
 from polarsim.formats.readers import reading
@@ -59,7 +59,9 @@ def _name(task: Mapping[str, Any], site: Site) -> str:
     named = {field: key for field in order if (key := key_in(fields.get(field, ""), site))}
     if not named:
         examples = ", ".join(f"{field}: {value[:60]!r}" for field, value in list(fields.items())[:4])
-        raise FormatError(f"no field contains a photo key ({examples or 'no text field'})")
+        raise FormatError(
+            f"no field contains a photo key of the site {site.name} ({examples or 'no text field'}); {OTHER_SITE}"
+        )
     if len(set(named.values())) > 1:
         raise FormatError(f"fields {' and '.join(named)} have different photo keys, expected the same key")
     return fields[next(iter(named))]

@@ -48,6 +48,43 @@ def test_an_export_of_another_site_is_refused(run, tmp_path, site):
         import_labels(tmp_path / "other.json", tmp_path / "labels", site=site)
 
 
+@pytest.mark.parametrize("size", [(1936, 1216), (2448, 2048)])
+@pytest.mark.parametrize("form", ["yolo", "coco", "cvat", "label-studio"])
+def test_an_import_of_another_site_suggests_the_option(polarsim, tmp_path, form, size):
+    """Labels of the shipped site `yard`, of photos in its size and in that of the default site."""
+    source, (width, height) = tmp_path / "export", size
+    source.mkdir()
+    name = "yard-a_gate_off_45_L_0040"
+    if form == "yolo":
+        (source / f"{name}.txt").write_text("0 0.5 0.5 0.1 0.1\n")
+        (source / "classes.txt").write_text("rock\nshadow\n")
+    if form == "coco":
+        images = [{"id": 1, "file_name": f"{name}.png", "width": width, "height": height}]
+        rows = [{"id": 1, "image_id": 1, "category_id": 1, "bbox": [10, 10, 30, 30]}]
+        content = {"images": images, "categories": [{"id": 1, "name": "rock"}], "annotations": rows}
+        (source / "labels.json").write_text(json.dumps(content))
+    if form == "cvat":
+        box = '<box label="rock" xtl="10" ytl="10" xbr="40" ybr="40"/>'
+        image = f'<image id="0" name="{name}.png" width="{width}" height="{height}">{box}</image>'
+        (source / "annotations.xml").write_text(f"<annotations>{image}</annotations>")
+    if form == "label-studio":
+        value = {"x": 10, "y": 10, "width": 5, "height": 5, "rectanglelabels": ["rock"]}
+        region = {"id": "x", "type": "rectanglelabels", "original_width": width, "original_height": height}
+        task = {
+            "id": 1,
+            "data": {"image": f"{name}.png"},
+            "annotations": [{"id": 1, "result": [{**region, "value": value}]}],
+        }
+        (source / "tasks.json").write_text(json.dumps([task]))
+    done = polarsim("import", source, tmp_path / "out")
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert "--site" in line
+    if size == (2448, 2048):
+        done = polarsim("import", source, tmp_path / "out", "--site", "yard")
+        assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.parametrize("domain", ["photo", MODEL])
 def test_a_picture_with_labels_has_the_size_of_the_photo(site, run, tmp_path, domain):
     key = keys_of(site)[0]
