@@ -6,6 +6,7 @@ import logging
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import TypeVar
@@ -17,8 +18,9 @@ from pydantic import ValidationError
 from polarsim.detect import detectors, tone
 from polarsim.detect.fusion import fuse
 from polarsim.detect.grouping import detection_rows
+from polarsim.detect.inference_widths import ClassInferenceWidths
 from polarsim.detect.likeness import is_like_polar
-from polarsim.detect.masks import class_mask, load_segmenter, within_boxes
+from polarsim.detect.masks import MaskInference, class_mask, load_segmenter, within_boxes
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import inference_widths_of, predict_images
 from polarsim.errors import DetectError, PolarsimError, with_path
@@ -78,35 +80,24 @@ def detect_in_images(
     paths = _listed(pictures)
     if out.exists():
         raise DetectError("the output folder already exists: choose a new folder", path=out)
-    groups = [list(weights), list(elsewhere)] if elsewhere else [list(weights)]
-    names = [" ".join(path.name for path in group) for group in groups]
-    trained = {path: detectors.read_detector(path) for group in groups for path in group}
-    has_calibration = all(trained[path].calibration for path in weights)
-    unlike: list[str] = []
-    rows: list[tuple[object, ...]] = []
-    annotated: list[tuple[dict[str, object], list[Annotation]]] = []
     with writing_folder(out) as folder:
         for name in ("labels", *(["masks"] if masks else []), *(["pictures"] if draw else [])):
             (folder / name).mkdir()
-        looks = [[_load_look(path, trained[path], folder, options) for path in group] for group in groups]
-        segmenters = [[load_segmenter(path, options, _THREADS) for path in group] if masks else [] for group in groups]
-        sizes = [widths for group in looks for _, widths in group]
-        sizes += [tuple(widths) for group in segmenters for _, widths in group]
-        widest = max(max(widths) for widths in sizes)
+        groups = [_load_group(group, folder, options, masks=masks) for group in (weights, elsewhere) if group]
+        widest = max(group.widest for group in groups)
 
-        def look_at(path: Path) -> tuple[tuple[int, int], np.ndarray, bool] | PolarsimError | OSError:
-            """Return width and height of an image, boxes (n, 6) in its pixels, and likeness to POLAR, or the error."""
+        def detect(path: Path) -> _Detections | PolarsimError | OSError:
+            """Detect objects in an image and write its mask and drawing, or return the error of an unreadable image."""
             try:
                 pixels = _grey(read_any(path))
             except (PolarsimError, OSError) as error:
                 return error
             size, shown = (pixels.shape[1], pixels.shape[0]), _detector_input(pixels, widest)
             like_polar = is_like_polar(shown)
-            number = 0 if like_polar else -1
-            parts = [look(shown, size) for look, _ in looks[number]]
-            found = fuse(parts, options.nms_iou) if len(parts) > 1 else parts[0]
+            group = groups[0 if like_polar else -1]
+            found = group.boxes(shown, size, options.nms_iou)
             found = found[found[:, 4] >= confidence]
-            mask = within_boxes(class_mask(segmenters[number], shown, size), found) if masks else None
+            mask = within_boxes(class_mask(group.segmenters, shown, size), found) if masks else None
             if mask is not None:
                 class_masks.write_class_mask(folder / "masks" / f"{path.stem}.png", mask)
             if draw:
@@ -115,54 +106,109 @@ def detect_in_images(
                 )
                 drawn = draw(_eight_bits(pixels, pixels.dtype), found, kinds, path.name)
                 _write_jpeg(folder / "pictures" / f"{path.stem}.jpg", drawn)
-            return size, found, like_polar
+            return _Detections(size, found, groups[0].has_calibration and like_polar, group.name)
 
-        for path, finds in _in_order(paths, look_at, threads):
-            if isinstance(finds, Exception):
-                reason = finds.reason if isinstance(finds, PolarsimError) else finds.strerror
+        detections: dict[Path, _Detections] = {}
+        for path, result in _in_order(paths, detect, threads):
+            if isinstance(result, Exception):
+                reason = result.reason if isinstance(result, PolarsimError) else result.strerror
                 log.warning("skipped: %s: %s", path, reason)
                 continue
-            size, found, like_polar = finds
-            calibrated = has_calibration and like_polar
-            if has_calibration and not like_polar:
-                unlike.append(path.name)
-            detector = names[0 if like_polar else -1]
-            rows += [(*row, calibrated, detector) for row in detection_rows(path.name, found)]
-            yolo.write_boxes(folder / "labels" / f"{path.stem}.txt", found[:, 5], found[:, :4], size, found[:, 4])
-            image = {
-                "id": len(annotated) + 1, "file_name": relative_to(path, out), "width": size[0], "height": size[1],
-                "calibrated": calibrated, "detector": detector,
-            }  # fmt: skip
-            annotations = [Annotation(BOX_CLASSES[int(r[5])], NO_ROCK, r[:4], confidence=round(r[4], 4)) for r in found]
-            annotated.append((image, annotations))
-        if not annotated:
+            detections[path] = result
+            boxes = result.boxes
+            yolo.write_boxes(
+                folder / "labels" / f"{path.stem}.txt", boxes[:, 5], boxes[:, :4], result.size, boxes[:, 4]
+            )
+        if not detections:
             raise DetectError(f"none of {len(paths)} images can be read", path=pictures[0])
-        if unlike:
-            log.warning(
-                "%d of %d images are unlike POLAR's photos (few dark or clipped pixels), so that their confidences are "
-                "not calibrated and %s, first %s",
-                len(unlike), len(annotated),
-                f"{names[-1]} is used" if elsewhere else "most rocks may be missed", unlike[0],
-            )  # fmt: skip
-        table = pd.DataFrame(rows, columns=list(COLUMNS)).round({"confidence": 4, **dict.fromkeys(COLUMNS[3:7], 1)})
+        if groups[0].has_calibration:
+            _warn_uncalibrated(detections, groups[-1].name if elsewhere else "")
+        table = _table(detections)
         tables.write_csv(folder / "detections.csv", table)
-        coco.write_coco_images(folder / "coco.json", annotated, f"Found by {', '.join(path.name for path in trained)}")
+        names = ", ".join(path.name for path in dict.fromkeys((*weights, *elsewhere)))
+        coco.write_coco_images(folder / "coco.json", _coco_images(detections, out), f"Found by {names}")
     return table
 
 
-def _load_look(
-    path: Path, detector: detectors.Detector, folder: Path, options: PredictionOptions
-) -> tuple[Callable[[np.ndarray, tuple[int, int]], np.ndarray], tuple[int, ...]]:
-    """Return the function from an input image and the size of the original image to boxes (n, 6), and its widths."""
-    sizes = inference_widths_of(detector, options)
-    with with_path(path):
-        loaded = detectors.load_detector(detector, folder, options, _THREADS)
+@dataclass(frozen=True)
+class _Detections:
+    """Detections in an image."""
 
-    def look(shown: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-        (found,) = predict_images(loaded, [shown], sizes, options.nms_iou, size)
-        return found
+    size: tuple[int, int]  # width and height of the image, px
+    boxes: np.ndarray  # (n, 6) x0, y0, x1, y1 in pixels of the image, confidence, class
+    calibrated: bool
+    detector: str  # file names of the detectors
 
-    return look, tuple(sizes.widths)
+
+@dataclass(frozen=True)
+class _Group:
+    """Detectors whose boxes are merged."""
+
+    name: str  # file names
+    has_calibration: bool  # of all detectors
+    loaded: Sequence[tuple[detectors.LoadedDetector, ClassInferenceWidths]]
+    segmenters: Sequence[MaskInference]  # empty without masks
+
+    @property
+    def widest(self) -> int:
+        """Maximum inference width of boxes and masks, px."""
+        widths = [*(width for _, sizes in self.loaded for width in sizes.widths)]
+        return max([*widths, *(width for _, of_masks in self.segmenters for width in of_masks)])
+
+    def boxes(self, shown: np.ndarray, size: tuple[int, int], nms_iou: float) -> np.ndarray:
+        """Return the boxes (n, 6) in a detector input (h, w) uint8, in pixels of the original image of a `size`."""
+        parts = [next(predict_images(loaded, [shown], sizes, nms_iou, size)) for loaded, sizes in self.loaded]
+        return fuse(parts, nms_iou) if len(parts) > 1 else parts[0]
+
+
+def _load_group(paths: Sequence[Path], folder: Path, options: PredictionOptions, *, masks: bool) -> _Group:
+    """Load detectors, optionally with their segmenters; `folder`: for files of the detectors."""
+    trained = [detectors.read_detector(path) for path in paths]
+    loaded = []
+    for path, detector in zip(paths, trained, strict=True):
+        sizes = inference_widths_of(detector, options)
+        with with_path(path):
+            loaded.append((detectors.load_detector(detector, folder, options, _THREADS), sizes))
+    segmenters = [load_segmenter(path, options, _THREADS) for path in paths] if masks else []
+    name = " ".join(path.name for path in paths)
+    return _Group(name, all(detector.calibration for detector in trained), loaded, segmenters)
+
+
+def _warn_uncalibrated(detections: Mapping[Path, _Detections], detector: str) -> None:
+    """Log a warning if images are unlike POLAR's; `detector`: file names of detectors of such images, or empty."""
+    unlike = [path.name for path, found in detections.items() if not found.calibrated]
+    if unlike:
+        log.warning(
+            "%d of %d images are unlike POLAR's photos (few dark or clipped pixels), so that their confidences are "
+            "not calibrated and %s, first %s",
+            len(unlike), len(detections),
+            f"{detector} is used" if detector else "most rocks may be missed", unlike[0],
+        )  # fmt: skip
+
+
+def _table(detections: Mapping[Path, _Detections]) -> pd.DataFrame:
+    """Return the table of `COLUMNS` of all images."""
+    rows = [
+        (*row, found.calibrated, found.detector)
+        for path, found in detections.items()
+        for row in detection_rows(path.name, found.boxes)
+    ]
+    return pd.DataFrame(rows, columns=list(COLUMNS)).round({"confidence": 4, **dict.fromkeys(COLUMNS[3:7], 1)})
+
+
+def _coco_images(detections: Mapping[Path, _Detections], out: Path) -> list[tuple[dict[str, object], list[Annotation]]]:
+    """Return the row of `images` and the annotations of each image for a COCO file in the folder `out`."""
+    images = []
+    for number, (path, found) in enumerate(detections.items(), 1):
+        image: dict[str, object] = {
+            "id": number, "file_name": relative_to(path, out), "width": found.size[0], "height": found.size[1],
+            "calibrated": found.calibrated, "detector": found.detector,
+        }  # fmt: skip
+        annotations = [
+            Annotation(BOX_CLASSES[int(box[5])], NO_ROCK, box[:4], confidence=round(box[4], 4)) for box in found.boxes
+        ]
+        images.append((image, annotations))
+    return images
 
 
 def prediction_options(
