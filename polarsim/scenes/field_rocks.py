@@ -12,12 +12,13 @@ from polarsim.geometry.meshes import Mesh
 from polarsim.render.surfaces import box_mesh
 from polarsim.scenes.field_ground import FieldView
 from polarsim.scenes.field_options import TARGET_M, FieldRanges, log_uniform
-from polarsim.scenes.layout import RockShape, power_law
+from polarsim.scenes.layout import RockShape, draw_rotation, drop_rock, power_law
 
 _TRIES = 8  # number of candidate positions of a rock
 _PILE_ROCKS = 8  # rocks of a scene per pile
 _PILE_SPREAD = 0.6  # standard deviation of the position in a pile, over the size of the rock
 _TRIANGLE_PX = 2.0  # maximum side of the triangles of a rock in the image, if the shape is fine enough
+_TUMBLED_SHARE, _TILT_SD_DEG = 0.5, 8  # share of rocks tilted at random; tilt of the others, which lie flat
 _CLEARANCE = 0.8  # minimum distance of a rock from the camera over its size
 _EVENNESS = (0.0, 0.6)  # from even in the image (0) to even on the ground (1)
 _SIDES = 24  # of a wheel
@@ -71,11 +72,10 @@ def scatter_field_rocks(
         centres, extents = np.vstack([centres, position]), np.append(extents, extent)
         pixel_m = float(view.depth_at(position[0])) / view.camera.lens.fx
         copy = shapes[int(random.integers(len(shapes)))].mesh(1.0, min(_TRIANGLE_PX * pixel_m / extent, 1.0))
-        points = extent * weather(copy.vertices, random) @ _draw_rotation(random).T + np.array([*position, 0.0])
-        cells = view.cells_of(points)
-        drop = (top[cells] - points[:, 2]).max()
-        points[:, 2] += drop - random.uniform(*ranges.sunk) ** 2 * np.ptp(points[:, 2])
-        np.maximum.at(top, cells, points[:, 2])
+        vertices = extent * weather(copy.vertices, random)
+        rotation = draw_rotation(_TUMBLED_SHARE, _TILT_SD_DEG, random).as_matrix()
+        points = vertices @ rotation.T + np.array([*position, 0.0])
+        drop_rock(points, top, view.cells_of(points), random.uniform(*ranges.sunk) ** 2)
         rocks.append(Mesh(points, copy.faces))
     return rocks
 
@@ -171,13 +171,3 @@ def _wheel(radius: float, width: float) -> Mesh:
 def _edges(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
     return b - a, c - a
-
-
-def _draw_rotation(random: np.random.Generator) -> np.ndarray:
-    """Return a random rotation (3, 3): half of the rocks are tilted at random, the others lie flat."""
-    if random.random() < 0.5:
-        return np.asarray(Rotation.random(random_state=random).as_matrix())
-    tilt = np.radians(8) * random.standard_normal(2)
-    return np.asarray(
-        (Rotation.from_rotvec([*tilt, 0]) * Rotation.from_rotvec([0, 0, random.uniform(0, 2 * np.pi)])).as_matrix()
-    )

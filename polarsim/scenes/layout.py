@@ -163,12 +163,21 @@ def scatter_rocks(
         occupied.append((position, size))
         pixel_m = float(np.linalg.norm(camera.centre - [*position, 0])) / camera.lens.fx
         mesh = _choose_shape(shapes, size, ranges.rock_scale, random).mesh(size, _TRIANGLE_PX * pixel_m)
-        points = mesh.vertices @ draw_rotation(ranges, random).as_matrix().T + np.array([*position, 0.0])
-        cells = _cells(points, grid)
-        points[:, 2] += (top[cells] - points[:, 2]).max() - sunk * np.ptp(points[:, 2])  # until the first point touches
-        np.maximum.at(top, cells, points[:, 2])
+        rotation = draw_rotation(ranges.tumbled_share, ranges.tilt_sd_deg, random).as_matrix()
+        points = mesh.vertices @ rotation.T + np.array([*position, 0.0])
+        drop_rock(points, top, _cells(points, grid), sunk)
         rocks.append(Mesh(points, mesh.faces))
     return rocks
+
+
+def drop_rock(points: np.ndarray, top: np.ndarray, cells: tuple[np.ndarray, np.ndarray], sunk: float) -> None:
+    """Drop the points (n, 3) of a rock until the first one touches, then lower them by a share of the height.
+
+    `top` (rows, columns), heights of ground and rocks at the nodes of a grid, is raised to the rock; `cells`: rows (n,)
+    and columns (n,) of the nodes below the points. Both arrays are changed in place; metres.
+    """
+    points[:, 2] += (top[cells] - points[:, 2]).max() - sunk * np.ptp(points[:, 2])
+    np.maximum.at(top, cells, points[:, 2])
 
 
 def draw_sizes(count: int, ranges: SceneRanges, random: np.random.Generator) -> np.ndarray:
@@ -186,11 +195,11 @@ def power_law(count: int, limits: Range, power: float, random: np.random.Generat
     return np.asarray((low**-power - share * (low**-power - high**-power)) ** (-1 / power))
 
 
-def draw_rotation(ranges: SceneRanges, random: np.random.Generator) -> Rotation:
-    """Return a random rotation: mostly about the vertical with a small tilt, else about any axis."""
-    if random.random() < ranges.tumbled_share:
+def draw_rotation(tumbled_share: float, tilt_sd_deg: float, random: np.random.Generator) -> Rotation:
+    """Return a random rotation: of a share of rocks about any axis, else about the vertical with a small tilt."""
+    if random.random() < tumbled_share:
         return Rotation.random(random_state=random)
-    tilt = np.radians(ranges.tilt_sd_deg) * random.standard_normal(2)
+    tilt = np.radians(tilt_sd_deg) * random.standard_normal(2)
     return Rotation.from_rotvec([*tilt, 0]) * Rotation.from_rotvec([0, 0, random.uniform(0, 2 * np.pi)])
 
 

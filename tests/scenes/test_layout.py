@@ -97,9 +97,9 @@ def test_piles_are_higher_than_any_of_their_rocks():
 
 
 def test_tumbled_rocks_have_any_rotation_and_others_are_upright(rng):
-    upright = [draw_rotation(SceneRanges(tumbled_share=0, tilt_sd_deg=5), rng).apply([0, 0, 1])[2] for _ in range(300)]
+    upright = [draw_rotation(0.0, 5.0, rng).apply([0, 0, 1])[2] for _ in range(300)]
     assert np.degrees(np.arccos(min(upright))) < 30
-    tumbled = [draw_rotation(SceneRanges(tumbled_share=1), rng).apply([0, 0, 1])[2] for _ in range(300)]
+    tumbled = [draw_rotation(1.0, 6.0, rng).apply([0, 0, 1])[2] for _ in range(300)]
     assert np.mean(tumbled) == pytest.approx(0, abs=4 / np.sqrt(3 * 300))
 
 
