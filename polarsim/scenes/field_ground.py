@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from scipy import ndimage
@@ -154,44 +155,81 @@ def draw_ground(
     heights = sd * octaves(x, y, view.cell, width, hurst, random)
     albedo = 1 + random.uniform(*ranges.patch_sd) * octaves(x, y, view.cell, width, 0.3, random)
     if kind == "ripples":
-        length, angle = random.uniform(0.03, 0.2) * width, random.uniform(0, np.pi)
-        phase = 2 * np.pi * (np.cos(angle) * x + np.sin(angle) * y) / length
-        phase = phase + random.uniform(0.3, 2) * octaves(x, y, view.cell, 5 * length, 1.0, random)
-        shown = np.clip(length / (4 * view.cell) - 0.5, 0, 1)
-        heights = heights + random.uniform(0.02, 0.06) * length * np.sin(phase + 0.6 * np.sin(phase)) * shown
+        heights = heights + _ripples(view, random)
     elif kind == "craters":
-        for radius in width * 0.02 * random.uniform(0.02, 1, random.integers(3, 25)) ** -0.6:
-            depth = min(random.uniform(0.1, 0.4) * radius, limit)
-            centre = view.draw_points(1, 0.3, random)[0]
-            heights = heights + crater(x - centre[0], y - centre[1], radius, depth)
+        heights = _with_craters(view, heights, limit, random)
     elif kind in ("bedrock", "outcrop"):
-        size = random.uniform(0.08, 0.5) * width
-        slab, gap = _slabs(x, y, size, random)
-        slab = slab * min(random.uniform(0.01, 0.06) * size, limit / 2)
-        slab = slab * np.clip(size / (2 * view.cell) - 1, 0, 1)  # coarse cells would show plates as steps
-        slab = slab + 0.3 * sd * octaves(x, y, view.cell, size, 0.6, random)
-        slab = slab - random.uniform(0.02, 0.12) * size * np.exp(-((gap / random.uniform(0.04, 0.15)) ** 2))
-        level = np.quantile(slab, random.uniform(0.02, 0.5 if kind == "bedrock" else 0.3))
-        sand = level + 0.5 * heights
-        if kind == "outcrop":
-            sand = sand + np.maximum(octaves(x, y, view.cell, 2 * width, 1.0, random) + 0.4, -0.2) * 0.3 * size
-        ratio = log_uniform((0.5, 1.8), random)
-        albedo = np.where(slab > sand, ratio, 1.0) * albedo
-        heights = np.maximum(slab, sand)
+        heights, albedo = _with_bedrock(view, heights, albedo, sd, limit, kind, random)
     elif kind == "ledges":
-        drop = random.uniform(0.02, 0.1) * width
-        layers = heights + 2 * drop * octaves(x, y, view.cell, 2 * width, 1.0, random)
-        layers = layers + 0.3 * x * np.tan(np.radians(random.uniform(-8, 8)))
-        step = layers / drop
-        part = step - np.floor(step)
-        heights = drop * (np.floor(step) + np.clip((part - 0.75) / 0.25, 0, 1)) + 0.4 * heights
-        heights = np.clip(heights, -4 * limit, limit)
-        albedo = albedo * np.exp(0.2 * np.sin(2.4 * np.floor(step)))
+        heights, albedo = _with_ledges(view, heights, albedo, limit, random)
     if random.random() < ranges.tracks_share:
         heights, albedo = _with_tracks(view, heights, albedo, width, random)
     foot = view.cells_of(np.array([[max(view.forward[0], 0.0), 0.0]]))
     heights = np.minimum(heights - heights[foot], np.maximum(limit, 0.1 * (x - view.forward[0])))
     return heights + _hills(x, y, random.uniform(*ranges.hills), random), np.clip(albedo, 0.3, 2.5)
+
+
+def _ripples(view: FieldView, random: np.random.Generator) -> np.ndarray:
+    """Return heights (rows, columns) of ripples by wind, which fade out where they are finer than the cells, metres."""
+    x, y = view.nodes
+    length, angle = random.uniform(0.03, 0.2) * view.width, random.uniform(0, np.pi)
+    phase = 2 * np.pi * (np.cos(angle) * x + np.sin(angle) * y) / length
+    phase = phase + random.uniform(0.3, 2) * octaves(x, y, view.cell, 5 * length, 1.0, random)
+    shown = np.clip(length / (4 * view.cell) - 0.5, 0, 1)
+    return np.asarray(random.uniform(0.02, 0.06) * length * np.sin(phase + 0.6 * np.sin(phase)) * shown)
+
+
+def _with_craters(view: FieldView, heights: np.ndarray, limit: float, random: np.random.Generator) -> np.ndarray:
+    """Return heights (rows, columns) with craters of many sizes, at most `limit` deep, metres."""
+    x, y = view.nodes
+    for radius in view.width * 0.02 * random.uniform(0.02, 1, random.integers(3, 25)) ** -0.6:
+        depth = min(random.uniform(0.1, 0.4) * radius, limit)
+        centre = view.draw_points(1, 0.3, random)[0]
+        heights = heights + crater(x - centre[0], y - centre[1], radius, depth)
+    return heights
+
+
+def _with_bedrock(
+    view: FieldView,
+    heights: np.ndarray,
+    albedo: np.ndarray,
+    sd: float,
+    limit: float,
+    kind: Literal["bedrock", "outcrop"],
+    random: np.random.Generator,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return heights and albedo (rows, columns) with tilted plates that are partly covered by sand.
+
+    `sd`: standard deviation of the heights of the sand; `limit`: twice the maximum height of plates, metres. Sand
+    covers an outcrop except for some areas.
+    """
+    x, y = view.nodes
+    size = random.uniform(0.08, 0.5) * view.width
+    slab, gap = _slabs(x, y, size, random)
+    slab = slab * min(random.uniform(0.01, 0.06) * size, limit / 2)
+    slab = slab * np.clip(size / (2 * view.cell) - 1, 0, 1)  # coarse cells would show plates as steps
+    slab = slab + 0.3 * sd * octaves(x, y, view.cell, size, 0.6, random)
+    slab = slab - random.uniform(0.02, 0.12) * size * np.exp(-((gap / random.uniform(0.04, 0.15)) ** 2))
+    level = np.quantile(slab, random.uniform(0.02, 0.5 if kind == "bedrock" else 0.3))
+    sand = level + 0.5 * heights
+    if kind == "outcrop":
+        sand = sand + np.maximum(octaves(x, y, view.cell, 2 * view.width, 1.0, random) + 0.4, -0.2) * 0.3 * size
+    ratio = log_uniform((0.5, 1.8), random)
+    return np.maximum(slab, sand), np.where(slab > sand, ratio, 1.0) * albedo
+
+
+def _with_ledges(
+    view: FieldView, heights: np.ndarray, albedo: np.ndarray, limit: float, random: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return heights (rows, columns), at most `limit`, metres, and albedo of layered rock that erodes to steps."""
+    x, y = view.nodes
+    drop = random.uniform(0.02, 0.1) * view.width
+    layers = heights + 2 * drop * octaves(x, y, view.cell, 2 * view.width, 1.0, random)
+    layers = layers + 0.3 * x * np.tan(np.radians(random.uniform(-8, 8)))
+    step = layers / drop
+    part = step - np.floor(step)
+    heights = drop * (np.floor(step) + np.clip((part - 0.75) / 0.25, 0, 1)) + 0.4 * heights
+    return np.clip(heights, -4 * limit, limit), albedo * np.exp(0.2 * np.sin(2.4 * np.floor(step)))
 
 
 def octaves(

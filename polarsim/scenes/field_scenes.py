@@ -32,7 +32,7 @@ _SKY_LAMPS = 4  # directions from which the sky shines, in a ring
 _SKY_ELEVATION_DEG = (25, 75)
 _BRIGHT_GROUND = 90  # percentile of the radiance of the ground that defines the exposure
 _MIN_BRIGHT = 0.4  # minimum radiance of bright ground over that of the image
-_DISTANCE = 10.0  # factor of the distance of the Sun, for parallel light on hills
+_LAMP_DISTANCE = 10.0  # distance of lamps over that of `Lamp.sun`, for parallel light on hills
 # Minimum visible area at full photo width, px: 30 px for a rock in an image 640 px wide.
 _MIN_ROCK_PX, _MIN_SHADOW_PX, _MIN_SHADOW_WIDTH_PX, _MIN_PART_PX = 275, 550, 9, 90
 
@@ -166,7 +166,7 @@ def _draw_options(ranges: FieldRanges, random: np.random.Generator) -> RenderOpt
 
 def _draw_sun(ranges: FieldRanges, random: np.random.Generator) -> Lamp:
     sun = Lamp.sun(random.uniform(0, 360), random.uniform(*ranges.elevation_deg))
-    return Lamp(_DISTANCE * sun.position, distant=True)  # a point: penumbrae are thinner than a pixel
+    return Lamp(_LAMP_DISTANCE * sun.position, distant=True)  # a point: penumbrae are thinner than a pixel
 
 
 def _sky_lamps(random: np.random.Generator) -> dict[str, Lamp]:
@@ -174,6 +174,6 @@ def _sky_lamps(random: np.random.Generator) -> dict[str, Lamp]:
     first = random.uniform(0, 360)
     elevations = random.uniform(*_SKY_ELEVATION_DEG, _SKY_LAMPS)
     return {
-        f"sky{n}": Lamp(_DISTANCE * Lamp.sun(first + 360 * n / _SKY_LAMPS, elevation).position, distant=True)
+        f"sky{n}": Lamp(_LAMP_DISTANCE * Lamp.sun(first + 360 * n / _SKY_LAMPS, elevation).position, distant=True)
         for n, elevation in enumerate(elevations)
     }
