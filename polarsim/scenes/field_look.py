@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from polarsim.geometry.heightfields import smooth_noise
 from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
-from polarsim.scenes.field_ground import FieldView
 from polarsim.scenes.field_options import TARGET_M, FieldRanges, log_uniform
+from polarsim.scenes.field_view import FieldView
 from polarsim.scenes.options import Range
 
 _TILE = 256  # side of the periodic noise, px

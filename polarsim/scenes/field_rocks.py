@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from polarsim.geometry.meshes import Mesh
 from polarsim.render.surfaces import box_mesh
-from polarsim.scenes.field_ground import FieldView
 from polarsim.scenes.field_options import TARGET_M, FieldRanges, log_uniform
+from polarsim.scenes.field_view import FieldView
 from polarsim.scenes.layout import RockShape, draw_rotation, drop_rock, power_law
 
 _TRIES = 8  # number of candidate positions of a rock

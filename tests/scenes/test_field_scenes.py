@@ -11,11 +11,12 @@ from polarsim.formats import obj, png, yolo
 from polarsim.randomness import generator
 from polarsim.run_files import class_masks
 from polarsim.run_files.instances import GROUND, ROCK_IDS, SHADOW_IDS
-from polarsim.scenes.field_ground import draw_ground, draw_view, octaves
+from polarsim.scenes.field_ground import draw_ground, octaves
 from polarsim.scenes.field_look import Atmosphere, Texture, add_sky
 from polarsim.scenes.field_options import FieldRanges, GroundKind
 from polarsim.scenes.field_rocks import scatter_field_rocks, scatter_gravel, weather
 from polarsim.scenes.field_scenes import draw_field_scene
+from polarsim.scenes.field_view import draw_view
 from polarsim.scenes.layout import power_law
 from polarsim.scenes.options import SceneOptions
 from polarsim.scenes.render_scenes import render_scenes
