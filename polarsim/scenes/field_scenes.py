@@ -21,8 +21,8 @@ from polarsim.render.surfaces import build_surfaces
 from polarsim.run_files import class_masks
 from polarsim.run_files.instances import GROUND, ROCK_IDS
 from polarsim.run_files.scene import TerrainMesh
+from polarsim.scenes.field_effects import Texture, add_sky, compress, draw_atmosphere
 from polarsim.scenes.field_ground import draw_ground
-from polarsim.scenes.field_look import Texture, add_sky, compress, draw_atmosphere
 from polarsim.scenes.field_options import FieldRanges, log_uniform
 from polarsim.scenes.field_rocks import draw_parts, scatter_field_rocks, scatter_gravel
 from polarsim.scenes.field_view import FieldView, draw_view

@@ -13,8 +13,8 @@ from polarsim.run_files import class_masks
 from polarsim.run_files.instances import ROCK_IDS, SHADOW_IDS
 from polarsim.tone import encode_tone
 
-NUMBERS = {ROCK: ROCK_IDS, SHADOW: SHADOW_IDS}
-Label = tuple[str, int, np.ndarray]
+_FIRST_ID = {ROCK: ROCK_IDS, SHADOW: SHADOW_IDS}  # of id maps, by kind; the number of a rock is added
+Label = tuple[str, int, np.ndarray]  # kind, number of the rock, box (4,) x0, y0, x1, y1
 _SEAM_PX = 2  # width of the seam around an object that is included in the contrast
 _CROSS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], np.uint8)  # 4-connectivity
 _EXTREMES = (0.05, 0.95)  # quantiles of the grey values between which contrast is measured
@@ -38,19 +38,31 @@ def labels_with_contrast(
     options: RenderOptions,
     min_contrast: float,
 ) -> tuple[list[Label], np.ndarray]:
-    """Return the labels of objects in ids (h, w) with a minimum contrast, and the class mask (h, w) of these."""
+    """Return the labels of objects with a minimum contrast, and the class mask (h, w) uint8 of these.
+
+    Parameters
+    ----------
+    ids, radiance : (h, w)
+        Id map, and radiance relative to bright ground.
+    light
+        DN above the black level of a radiance of 1.
+    curve : (4096,) uint8
+        See `tone_curve`.
+    min_contrast
+        See `object_contrast`.
+    """
     labels = [
         (kind, rock, box)
         for kind, rock, box in boxes_of_ids(ids, options)
-        if rock_contrast(ids, NUMBERS[kind] + rock, box, radiance, light, curve) >= min_contrast
+        if object_contrast(ids, _FIRST_ID[kind] + rock, box, radiance, light, curve) >= min_contrast
     ]
-    return labels, class_masks.of_ids(ids, {NUMBERS[kind] + rock for kind, rock, _ in labels})
+    return labels, class_masks.of_ids(ids, {_FIRST_ID[kind] + rock for kind, rock, _ in labels})
 
 
-def rock_contrast(
+def object_contrast(
     ids: np.ndarray, number: int, box: np.ndarray, radiance: np.ndarray, light: float, curve: np.ndarray
 ) -> float:
-    """Return the contrast of an object and a seam around it, as a share of white.
+    """Return the contrast of the object with an id `number` and a box (4,), and a seam around it, as a share of white.
 
     Contrast is the difference between the 5th and the 95th percentile of the grey values without noise. The seam is
     included because the outline of a dark rock in front of lit sand is visible.

@@ -11,8 +11,8 @@ from polarsim.formats import obj, png, yolo
 from polarsim.randomness import generator
 from polarsim.run_files import class_masks
 from polarsim.run_files.instances import GROUND, ROCK_IDS, SHADOW_IDS
+from polarsim.scenes.field_effects import Atmosphere, Texture, add_sky
 from polarsim.scenes.field_ground import draw_ground, octaves
-from polarsim.scenes.field_look import Atmosphere, Texture, add_sky
 from polarsim.scenes.field_options import FieldRanges, GroundKind
 from polarsim.scenes.field_rocks import scatter_field_rocks, scatter_gravel, weather
 from polarsim.scenes.field_scenes import draw_field_scene

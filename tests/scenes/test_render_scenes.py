@@ -10,7 +10,7 @@ from polarsim.run_files import class_masks
 from polarsim.run_files.instances import GROUND, ROCK_IDS
 from polarsim.scenes.options import SceneOptions, SceneRanges
 from polarsim.scenes.render_scenes import add_background, render_scenes
-from polarsim.scenes.scene_image import rock_contrast, tone_curve
+from polarsim.scenes.scene_image import object_contrast, tone_curve
 from tests.scenes.conftest import block
 from tests.support.polar_photos import HEIGHT, SIZE, WIDTH
 
@@ -105,17 +105,17 @@ def test_contrast_is_measured_in_the_image():
     radiance = np.where(ids == GROUND, 0.6, 0.2).astype(np.float32)
     white = WHITE_LEVEL - BLACK_LEVEL
     for light, expected in ((1, 0.4), (0.1, 0.04), (10, 0)):
-        assert rock_contrast(ids, ROCK_IDS + 4, box, radiance, light * white, STRAIGHT) == pytest.approx(
+        assert object_contrast(ids, ROCK_IDS + 4, box, radiance, light * white, STRAIGHT) == pytest.approx(
             expected, abs=0.005
         )
-    assert rock_contrast(ids, ROCK_IDS + 4, box, radiance, 0.1 * white, tone_curve(2)) == pytest.approx(
+    assert object_contrast(ids, ROCK_IDS + 4, box, radiance, 0.1 * white, tone_curve(2)) == pytest.approx(
         0.06**0.5 - 0.02**0.5, abs=0.005
     )
     far = np.full_like(radiance, 0.2)
     far[:, 20:] = 0.9
-    assert rock_contrast(ids, ROCK_IDS + 4, box, far, white, STRAIGHT) == 0
+    assert object_contrast(ids, ROCK_IDS + 4, box, far, white, STRAIGHT) == 0
     edge = np.where(np.arange(40) < 3, ROCK_IDS + 4, GROUND)[None].repeat(30, 0).astype(np.uint16)
-    assert rock_contrast(edge, ROCK_IDS + 4, np.array([0, 0, 3, 30.0]), radiance * 0 + 0.5, white, STRAIGHT) == 0
+    assert object_contrast(edge, ROCK_IDS + 4, np.array([0, 0, 3, 30.0]), radiance * 0 + 0.5, white, STRAIGHT) == 0
 
 
 @pytest.mark.parametrize("gamma", [1.0, 1.5, 2.0])
