@@ -19,7 +19,7 @@ from polarsim.intervals import (
     resampled_medians,
     resampled_ratios,
 )
-from polarsim.report.layout import MISSING, write_blocks, write_table
+from polarsim.report.layout import MISSING, interval_text, write_blocks, write_table
 from polarsim.report.render_table import values_of_group
 from polarsim.schemas.evaluation import APPEARANCE_PAIRS
 from polarsim.schemas.report import APPEARANCE, APPEARANCE_DIFFERENCES
@@ -186,13 +186,13 @@ def _cells(rows: pd.DataFrame, group: str) -> pd.DataFrame:
     for title, name, decimals in (
         ("PSNR, dB", "psnr_db", 1), ("SSIM", "ssim", 3), ("correlation", "correlation", 3), ("stops", "stops", 2),
     ):  # fmt: skip
-        columns[title] = [_interval_text(row, name, decimals) for row in records]
+        columns[title] = [interval_text(row, name, decimals) for row in records]
     columns["matches"] = [row["matches"] for row in records]
     columns["agreement"] = [
-        f"{_interval_text(row, 'agreement', 2)} ({_text(row['agreement_by_chance'], 3)})" for row in records
+        f"{interval_text(row, 'agreement', 2)} ({_text(row['agreement_by_chance'], 3)})" for row in records
     ]
-    columns["PSNR gain, dB"] = [_interval_text(row, "psnr_gain_db", 1) for row in records]
-    columns["SSIM gain"] = [_interval_text(row, "ssim_gain", 3) for row in records]
+    columns["PSNR gain, dB"] = [interval_text(row, "psnr_gain_db", 1) for row in records]
+    columns["SSIM gain"] = [interval_text(row, "ssim_gain", 3) for row in records]
     columns["control"] = [row["control"] or MISSING for row in records]
     return pd.DataFrame(columns)
 
@@ -202,20 +202,13 @@ def _difference_cells(rows: pd.DataFrame) -> pd.DataFrame:
     records = rows.to_dict("records")
     return rows[["first", "second", "group", "value", "photos"]].assign(
         **{
-            title: [_interval_text(row, name, decimals) for row in records]
+            title: [interval_text(row, name, decimals) for row in records]
             for title, name, decimals in (
                 ("PSNR, dB", "psnr_db", 2), ("SSIM", "ssim", 3), ("correlation", "correlation", 3),
                 ("stops", "stops", 3),
             )
         }
     )  # fmt: skip
-
-
-def _interval_text(row: Mapping[Any, Any], name: str, decimals: int) -> str:
-    text = _text(row[name], decimals)
-    if np.isnan(row[f"{name}_low"]):
-        return text
-    return f"{text} [{row[f'{name}_low']:.{decimals}f}, {row[f'{name}_high']:.{decimals}f}]"
 
 
 def _text(value: float, decimals: int) -> str:

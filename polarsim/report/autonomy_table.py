@@ -10,8 +10,7 @@ from typing import Any
 import pandas as pd
 
 from polarsim.formats.tables import read_parquet
-from polarsim.report.layout import MISSING, write_blocks, write_table
-from polarsim.report.training_seeds import value_and_interval
+from polarsim.report.layout import MISSING, value_and_interval, write_blocks, write_table
 from polarsim.schemas.rover import (
     ALL,
     AUTONOMY,

@@ -8,8 +8,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import BOX_CLASSES
-from polarsim.report.layout import write_table
-from polarsim.report.training_seeds import interval_text
+from polarsim.report.layout import interval_text, write_table
 from polarsim.run_files.class_masks import CLASSES
 from polarsim.schemas.covers import COVER_SCORES, FINE_TUNED, MASK_SCORES, MEAN, MERGED, RENDERED, SINGLE
 

@@ -10,8 +10,8 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import ROCK
 from polarsim.report import paper
-from polarsim.report.layout import MISSING, write_blocks
-from polarsim.report.training_seeds import by_splits, over_seeds, seed_notes, value_and_interval
+from polarsim.report.layout import MISSING, value_and_interval, write_blocks
+from polarsim.report.training_seeds import by_splits, over_seeds, seed_notes
 from polarsim.schemas.detect import ABLATION
 from polarsim.schemas.report import GAP
 

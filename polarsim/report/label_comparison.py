@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,7 +11,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.intervals import RESAMPLES, bootstrap_draws, percentile_interval, resampled_ratios
 from polarsim.photo import BOX_CLASSES
-from polarsim.report.layout import write_table
+from polarsim.report.layout import interval_text, write_table
 from polarsim.schemas.evaluation import LABEL_PAIRS
 from polarsim.scoring.labels import ALL
 
@@ -116,14 +115,7 @@ def comparison_layout(table: pd.DataFrame, first: str) -> pd.DataFrame:
     if len(others) > 1:
         shown.insert(0, "run", table["run"])
     shown["photos"], shown["true boxes"] = table["photos"], table["truth_boxes"]
-    shown[first] = [_f1(row, "f1_first") for row in rows]
-    shown[others[0] if len(others) == 1 else "value of the run"] = [_f1(row, "f1") for row in rows]
-    shown["difference"] = [_f1(row, "difference", "+") for row in rows]
+    shown[first] = [interval_text(row, "f1_first") for row in rows]
+    shown[others[0] if len(others) == 1 else "value of the run"] = [interval_text(row, "f1") for row in rows]
+    shown["difference"] = [interval_text(row, "difference", sign="+") for row in rows]
     return shown
-
-
-def _f1(row: Mapping[Hashable, Any], name: str, sign: str = "") -> str:
-    """Return a value with its interval, `0.971 [0.960, 0.980]`."""
-    value, low, high = (row[column] for column in (name, f"{name}_low", f"{name}_high"))
-    interval = "" if np.isnan(low) else f" [{low:{sign}.3f}, {high:{sign}.3f}]"
-    return f"{value:{sign}.3f}{interval}"

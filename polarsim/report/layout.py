@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -131,6 +132,23 @@ def format_value(value: object, column: str = "") -> str:
         decimals = next((number for unit, number in _DECIMALS.items() if column.endswith(unit)), 3)
         return f"{value:.{decimals}f}" if abs(value) < 1000 else f"{value:.0f}"
     return str(value)
+
+
+def value_and_interval(value: float, low: float, high: float, form: str = ".3f") -> str:
+    """Return a value as text in a format, with the interval if there is one."""
+    if math.isnan(value):
+        return MISSING
+    interval = "" if math.isnan(low) or math.isnan(high) else f" [{low:{form}}, {high:{form}}]"
+    return f"{value:{form}}{interval}"
+
+
+def interval_text(row: Mapping[Any, Any] | pd.Series, name: str, decimals: int = 3, sign: str = "") -> str:
+    """Return a metric of a row as text, with the interval from `<name>_low` to `<name>_high` if there is one.
+
+    `sign`: "+" shows the sign of positive values.
+    """
+    value, low, high = (float(row[f"{name}{end}"]) for end in ("", "_low", "_high"))
+    return value_and_interval(value, low, high, f"{sign}.{decimals}f")
 
 
 def tex_text(text: str) -> str:

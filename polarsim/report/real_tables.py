@@ -32,8 +32,8 @@ from polarsim.report.detection_table import (
 from polarsim.report.detectors import tabulate_differences
 from polarsim.report.ipd_table import CAPTION as IPD_CAPTION
 from polarsim.report.ipd_table import FORMULA_NOTE, format_ipd, tidy_ipd
-from polarsim.report.layout import write_blocks, write_table
-from polarsim.report.training_seeds import SEED, seed_means, value_and_interval
+from polarsim.report.layout import value_and_interval, write_blocks, write_table
+from polarsim.report.training_seeds import SEED, seed_means
 from polarsim.schemas import detect
 from polarsim.schemas.covers import PHOTO_IPD
 from polarsim.scoring.appearance import compare_appearance

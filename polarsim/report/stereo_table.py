@@ -10,8 +10,7 @@ import pandas as pd
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import PhotoKey, Terrain, terrain_text
 from polarsim.report import paper
-from polarsim.report.layout import write_blocks
-from polarsim.report.training_seeds import interval_text
+from polarsim.report.layout import interval_text, write_blocks
 from polarsim.schemas.detect import BAD_DEPTH_MM, BAD_DEPTH_PERCENT, STEREO_IPD
 from polarsim.schemas.report import STEREO
 
@@ -61,7 +60,7 @@ def format_ipd(ipd: pd.DataFrame, source: str) -> pd.DataFrame:
         pair = paper.ordered_pair(*(paper.display_name(str(entry[name]), source) for name in ("first", "second")))
         row: dict[str, object] = {"domains": paper.pair_title(*pair), "rocks": int(entry["pairs"])}
         for name in ("ipd", "ipd_abs"):
-            row[name] = interval_text(pd.Series(entry), name)
+            row[name] = interval_text(entry, name)
         rows.append(row)
     return pd.DataFrame(rows, columns=None if rows else ["domains"])
 

@@ -1,4 +1,4 @@
-"""Summary of a metric over trainings with different seeds: mean, standard deviation, interval."""
+"""Summary of a metric over trainings with different seeds: mean and standard deviation."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import pandas as pd
 
-from polarsim.report.layout import MISSING
+from polarsim.report.layout import MISSING, interval_text
 
 SEED = "seed"
 
@@ -19,19 +19,6 @@ def over_seeds(values: pd.Series, decimals: int = 3) -> str:
     if len(finite) == 1:
         return f"{finite.iloc[0]:.{decimals}f}"
     return f"{finite.mean():.{decimals}f} ± {finite.std(ddof=1):.{decimals}f}"
-
-
-def value_and_interval(value: float, low: float, high: float, form: str = ".3f") -> str:
-    """Return a value as text in a format, with the interval if there is one."""
-    if value != value:  # NaN
-        return MISSING
-    return f"{value:{form}} [{low:{form}}, {high:{form}}]" if low == low and high == high else f"{value:{form}}"
-
-
-def interval_text(row: pd.Series, name: str, decimals: int = 3) -> str:
-    """Return a metric as text, with the 95 % interval if there is one."""
-    value, low, high = (float(row[name + end]) for end in ("", "_low", "_high"))
-    return value_and_interval(value, low, high, f".{decimals}f")
 
 
 def metric_cell(part: pd.DataFrame, name: str, decimals: int = 3) -> str:
