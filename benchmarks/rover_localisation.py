@@ -88,7 +88,7 @@ class Estimates:
         self._last = state.position
         for source, localiser in self.localisers.items():
             if source in pairs:
-                localiser.see(*pairs[source])
+                localiser.add_pair(*pairs[source])
             self.rows.append((self._job.seed, source, state.time, self.way, *errors(localiser, base)))
 
     def _pairs(self, base: Pose) -> dict[str, np.ndarray]:

@@ -66,7 +66,7 @@ def replay(trace: Trace, localiser: Localiser, pairs: Pairs) -> pd.DataFrame:
         localiser.read(state)
         if state.time >= time_s - 1e-9:
             left, right = tone.to_8_bits(np.stack([png.read_png(path) for path in pairs[time_s]]))
-            localiser.see(left, right)
+            localiser.add_pair(left, right)
             time_s = next(due, np.inf)
         if number % _LOG_EVERY == 0:
             localiser.log()

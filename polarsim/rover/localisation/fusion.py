@@ -99,7 +99,7 @@ class PoseFilter:
         self.covariance.flat[:: _STATES + 1] += noise
         return midway
 
-    def level(self, excess: np.ndarray, attitude: np.ndarray, *, at_rest: bool) -> None:
+    def correct_tilt(self, excess: np.ndarray, attitude: np.ndarray, *, at_rest: bool) -> None:
         """Correct roll and pitch by gravity.
 
         Parameters
@@ -115,14 +115,14 @@ class PoseFilter:
         sd = REST_GRAVITY_SD if at_rest else GRAVITY_SD
         self._correct(jacobian, excess[:2], sd**2 * np.eye(2))
 
-    def stand(self, gyro: np.ndarray, seconds: float) -> None:
-        """Correct the bias by the mean (3,) of the gyroscope, rad/s, of a rover that stood for `seconds`."""
+    def correct_gyro_bias(self, gyro: np.ndarray, seconds: float) -> None:
+        """Correct the bias by the mean rate (3,), rad/s, of the gyroscope of a rover that stood for `seconds`."""
         jacobian = np.zeros((3, _STATES))
         jacobian[:, GYRO] = np.eye(3)
         self._correct(jacobian, gyro - self.gyro_bias, GYRO_NOISE**2 / seconds * np.eye(3))
 
-    def remember(self) -> None:
-        """Make the current pose the pose of the last pair."""
+    def store_pose(self) -> None:
+        """Store the current pose as the pose of the last pair."""
         self._old = Pose(self.rotation.copy(), self.position.copy())
         self.covariance[_OLD_POSE, :] = self.covariance[_POSE, :]
         self.covariance[:, _OLD_POSE] = self.covariance[:, _POSE]
@@ -134,16 +134,16 @@ class PoseFilter:
 
     def _cameras(self, base_from_camera: Pose) -> tuple[Pose, Pose]:
         """Return the poses of a camera in the world at the last pair and now."""
-        assert self._old is not None, "no pose is remembered"
+        assert self._old is not None, "no pose is stored"
         return self._old @ base_from_camera, self.pose @ base_from_camera
 
-    def move(self, motion: Motion, base_from_camera: Pose) -> bool:
+    def correct_by_motion(self, motion: Motion, base_from_camera: Pose) -> bool:
         """Correct by the motion of a camera since the last pair; return whether it agrees with the other sensors.
 
         A motion with the rotation of the gyroscope and another translation is right, and the wheels are wrong: they
         spin, slide and drop among rocks. Their uncertainty since the last pair then becomes the difference.
         """
-        assert self._old is not None, "no pose is remembered"
+        assert self._old is not None, "no pose is stored"
         old, new = self._cameras(base_from_camera)
         expected = old.inverse() @ new
         turned = Rotation.from_matrix(expected.rotation.T @ motion.before_from_now.rotation).as_rotvec()

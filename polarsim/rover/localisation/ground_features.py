@@ -18,20 +18,22 @@ from polarsim.detect.stereo.rectify import Rectification
 from polarsim.geometry.contrast import local_contrast
 from polarsim.geometry.poses import Pose
 
+# Corners: maximum number, minimum quality relative to the best, minimum distance, and side of the window.
 _CORNERS, _QUALITY, _APART_PX, _CORNER_PX = 400, 0.02, 7, 5
-_WINDOW_PX, _LEVELS = 15, 2  # of Lucas and Kanade
-_BACK_PX = 0.5  # maximum distance after tracking forwards and back
-_PATCH_PX, _ALIKE = 11, 0.7  # side of patches and their minimum correlation in both pictures
+_WINDOW_PX, _LEVELS = 15, 2  # window and pyramid levels of Lucas and Kanade
+_MAX_RETURN_PX = 0.5  # maximum distance from the start after tracking forwards and back
+_PATCH_PX, _MIN_CORRELATION = 11, 0.7  # side of patches and their minimum correlation in both pictures
 _ORB: dict[str, Any] = {"nfeatures": 1000, "fastThreshold": 8, "scaleFactor": 1.1, "nlevels": 6}
-_FAR_1_M = 0.05  # minimum inverse depth of matched features
+_MIN_INVERSE_DEPTH = 0.05  # 1/m, of matched features
 _MIN_Z = 1e-3  # minimum depth after a motion, relative to the depth before
 _ROW_PX = 0.7  # maximum difference of the rows of a corner in the left and the right picture
 # Window of the local contrast; deviation, of 255, of ground without texture; grey values of a deviation in the result.
 _CONTRAST_PX, _FLOOR, _SPREAD = 5.0, 3.0, 40.0
 _DARK_SHARE, _BRIGHT_PERCENT = 0.25, 95.0  # dark: below this share of the bright percentile
 _LARGE_SHARE, _EDGE_PX = 0.02, 6  # own shadow: dark areas above this share of the picture, and a margin
-_BLOCK, _STEP = 15, 16  # of block matching
-_PLANES, _PLANE_PX, _LEAST_PLANE = 100, 2.0, 12
+_BLOCK_PX, _DISPARITY_STEP_PX = 15, 16  # block matching: side of blocks, and divisor of the disparity range
+# Planes by RANSAC: number of candidates, maximum error of disparities of inliers, and minimum number of inliers.
+_PLANES, _PLANE_PX, _MIN_ON_PLANE = 100, 2.0, 12
 
 
 def equal_contrast(picture: np.ndarray) -> np.ndarray:
@@ -80,8 +82,8 @@ class GroundTracker:
         self.rig, self.matrix = rig, rig.lens.opencv_matrix()
         self._inverse = np.linalg.inv(self.matrix)
         self._range = float(rig.disparity(farthest_m)), float(rig.disparity(nearest_m))
-        count = _STEP * int(np.ceil(self._range[1] / _STEP))
-        self._matcher = cv2.StereoBM.create(count, _BLOCK)
+        count = _DISPARITY_STEP_PX * int(np.ceil(self._range[1] / _DISPARITY_STEP_PX))
+        self._matcher = cv2.StereoBM.create(count, _BLOCK_PX)
 
     def directions(self, pixels: np.ndarray) -> np.ndarray:
         """Return directions (n, 3) with z = 1 of positions (n, 2)."""
@@ -92,7 +94,7 @@ class GroundTracker:
         import cv2
 
         found = cv2.goodFeaturesToTrack(left, _CORNERS, _QUALITY, _APART_PX, mask=lit, blockSize=_CORNER_PX)
-        if found is None or len(found) < _LEAST_PLANE:
+        if found is None or len(found) < _MIN_ON_PLANE:
             return None
         corners = found[:, 0].astype(float)
         margin = self._matcher.getNumDisparities()
@@ -106,7 +108,7 @@ class GroundTracker:
             return None
         expected = self._disparity(self.directions(corners) @ plane)
         disparity, good = self.disparities(left, right, corners, np.where(known, coarse, expected), plane)
-        if good.sum() < _LEAST_PLANE:
+        if good.sum() < _MIN_ON_PLANE:
             return None
         return Ground(left, lit, corners[good], disparity[good] / self._disparity(1.0), plane)
 
@@ -152,8 +154,8 @@ class GroundTracker:
         back, here, _ = cv2.calcOpticalFlowPyrLK(new, warped, position, start[:, None].copy(), **settings)
         position = position[:, 0]
         good = self.inside(start) & self.inside(position) & (there.ravel() > 0) & (here.ravel() > 0)
-        good &= np.linalg.norm(back[:, 0] - start, axis=1) < _BACK_PX
-        good[good] = _correlation(_patches(warped, start[good]), _patches(new, position[good])) >= _ALIKE
+        good &= np.linalg.norm(back[:, 0] - start, axis=1) < _MAX_RETURN_PX
+        good[good] = _correlation(_patches(warped, start[good]), _patches(new, position[good])) >= _MIN_CORRELATION
         return position.astype(float), good
 
     def follow(self, ground: Ground, new: np.ndarray, lit: np.ndarray, guess: Pose) -> tuple[np.ndarray, np.ndarray]:
@@ -195,7 +197,7 @@ class GroundTracker:
         rays = self.directions(np.array([old_points[pair.queryIdx].pt for pair in matched]).reshape(-1, 2))
         position = np.array([points[pair.trainIdx].pt for pair in matched]).reshape(-1, 2)
         inverse_depth = rays @ ground.plane
-        near = inverse_depth > _FAR_1_M
+        near = inverse_depth > _MIN_INVERSE_DEPTH
         return rays[near] / inverse_depth[near, None], position[near]
 
     def _disparity(self, inverse_depth: np.ndarray | float) -> np.ndarray:
@@ -203,7 +205,7 @@ class GroundTracker:
 
     def _fit_plane(self, corners: np.ndarray, disparity: np.ndarray) -> np.ndarray | None:
         """Fit the inverse depth of a plane to disparities by RANSAC; None without a plane."""
-        if len(corners) < _LEAST_PLANE:
+        if len(corners) < _MIN_ON_PLANE:
             return None
         rays, values = self.directions(corners), disparity
         rng = np.random.default_rng(0)
@@ -216,7 +218,7 @@ class GroundTracker:
             planes = np.linalg.solve(rays[triples], values[triples][..., None])[..., 0]
         near = np.abs(planes @ rays.T - values) < _PLANE_PX
         inside = near[np.argmax(near.sum(axis=1))]
-        if inside.sum() < _LEAST_PLANE:
+        if inside.sum() < _MIN_ON_PLANE:
             return None
         fit = np.linalg.lstsq(rays[inside], values[inside], rcond=None)[0]
         return np.asarray(fit / self._disparity(1.0))

@@ -94,17 +94,17 @@ class Localiser:
             return
         self._advance(float(reading[0] - self._readings[-2][0]), reading)
 
-    def see(self, left: np.ndarray, right: np.ndarray) -> None:
+    def add_pair(self, left: np.ndarray, right: np.ndarray) -> None:
         """Correct the estimate by a stereo pair of pictures (h, w) uint8 at the time of the last reading."""
         assert self.stereo is not None
         assert self._base_from_camera is not None
         predicted = self.filter.expected_motion(self._base_from_camera) if self._pairs else None
         motion = self.stereo.add(left, right, predicted)
         if motion is not None:
-            self.filter.move(motion, self._base_from_camera)
+            self.filter.correct_by_motion(motion, self._base_from_camera)
         elif self._pairs:
             self.lost += 1
-        self.filter.remember()
+        self.filter.store_pose()
         self._pairs += 1
 
     def log(self) -> None:
@@ -145,7 +145,7 @@ class Localiser:
             return
         change = (velocity - self._first_velocity) / self._seconds
         excess = self._force / self._seconds - change - [0.0, 0.0, self._gravity]
-        estimate.level(excess, self._attitude / self._seconds, at_rest=self._still)
+        estimate.correct_tilt(excess, self._attitude / self._seconds, at_rest=self._still)
         if self._still:
-            estimate.stand(self._rate / self._seconds, self._seconds)
+            estimate.correct_gyro_bias(self._rate / self._seconds, self._seconds)
         self._restart()

@@ -15,11 +15,11 @@ from scipy.spatial.transform import Rotation
 from polarsim.detect.stereo.rectify import Rectification
 from polarsim.geometry.poses import Pose
 
-_ROUNDS, _CONVERGED = 12, 1e-7
+_ROUNDS, _CONVERGED = 12, 1e-7  # maximum number of iterations; largest step of the last one, rad and m
 # Factor of the covariance: patches of adjacent corners overlap. The 95th percentile of normalised errors is then 1.1 to
 # 2.1 instead of 2.1 (chi square of 6 degrees of freedom, per degree).
 _CORRELATION = 2.0
-_LEAST_PX = 0.05  # minimum standard deviation of positions
+_MIN_SD_PX = 0.05  # minimum standard deviation of positions
 _TUKEY = 4.0  # standard deviations of a corner's residual at which its weight is 0
 _NORMAL_MEDIAN = 1.538  # median of the norm of three standard normal values
 
@@ -76,7 +76,7 @@ def fit_motion(
         along = np.sum(by_depth * residual, axis=1) / curvature
         rest = residual - by_depth * along[:, None]  # residual for the best inverse depth
         norm = np.linalg.norm(rest, axis=1)
-        deviation = max(float(np.median(norm)) / _NORMAL_MEDIAN, _LEAST_PX)
+        deviation = max(float(np.median(norm)) / _NORMAL_MEDIAN, _MIN_SD_PX)
         weight = np.clip(1 - (norm / (_TUKEY * deviation)) ** 2, 0, None) ** 2
         free = (
             by_motion

@@ -19,7 +19,7 @@ from polarsim.rover.localisation.motion_fit import Fit, cross_matrices, fit_moti
 
 _NEAREST_M, _FARTHEST_M = 1.5, 10.0  # range of depths of corners
 _KEPT_M, _KEPT_SHARE = 0.5, 0.5  # of a keyframe: maximum motion, and minimum share of corners that are inliers
-_LEAST = 15  # minimum number of inliers
+_MIN_INLIERS = 15  # minimum number of inliers
 _TRACK_SHARE, _MATCH_SHARE = 0.35, 0.15  # minimum share of inliers: tracks, and matches, whose tracks are then fitted
 _VISIBLE_SHARE = 0.15  # minimum share of inliers among corners that the motion moves into the picture
 _TRACK_PX, _MATCH_PX = 2.0, 3.0  # maximum reprojection errors of inliers: tracks, and matches with rough depth
@@ -107,7 +107,7 @@ class StereoMotion:
         """Return the pose of points (n, 3) with a share of positions (n, 2) within a distance, by RANSAC."""
         import cv2
 
-        if len(points) < _LEAST:
+        if len(points) < _MIN_INLIERS:
             return None
         cv2.setRNGSeed(0)
         fits, rotation, translation, inliers = cv2.solvePnPRansac(
@@ -119,7 +119,7 @@ class StereoMotion:
             reprojectionError=within_px,
             flags=cv2.SOLVEPNP_AP3P,
         )
-        if not fits or inliers is None or len(inliers) < max(_LEAST, share * len(points)):
+        if not fits or inliers is None or len(inliers) < max(_MIN_INLIERS, share * len(points)):
             return None
         return Pose.from_rotvec(rotation.ravel(), translation.ravel())
 
@@ -130,7 +130,7 @@ class StereoMotion:
         expected, disparity = tracker.project(keyframe, rough)
         visible = tracker.inside(expected).sum()
         chosen = np.flatnonzero(good & (np.linalg.norm(position - expected, axis=1) < _NEAR_PX))
-        least = max(_LEAST, _VISIBLE_SHARE * visible)
+        least = max(_MIN_INLIERS, _VISIBLE_SHARE * visible)
         if len(chosen) < least:
             return None
         plane = moved_plane(keyframe.plane, rough)

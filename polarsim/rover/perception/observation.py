@@ -141,7 +141,7 @@ class Perception:
         pair = self._pair(taken) if self.pairs else None
         if localiser is not None and pair is not None:
             with self._timed("localisation"):
-                localiser.see(*pair)
+                localiser.add_pair(*pair)
         believed = base if localiser is None else localiser.pose
         camera = self.mount.at(believed)
         shown: np.ndarray | None = None

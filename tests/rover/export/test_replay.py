@@ -27,12 +27,12 @@ def test_recorded_states_have_the_values_of_the_rows():
         np.testing.assert_array_equal(found, np.array(values, float))
 
 
-def test_the_replay_reads_the_sensors_in_the_files_and_sees_each_pair_once(tmp_path):
+def test_the_replay_reads_the_sensors_in_the_files_and_adds_each_pair_once(tmp_path):
     trace = write_drive(tmp_path, VEHICLE, ("ncl", "ncr"))
     seen: list[tuple[float, int]] = []
 
     class Watching(Localiser):
-        def see(self, left, right):
+        def add_pair(self, left, right):
             assert left.dtype == right.dtype == np.uint8
             seen.append((self._readings[-1][0], int(left.shape[0])))
 

@@ -74,17 +74,17 @@ def motions(steps: list[Step], seed: int, start: Pose = START) -> list[Motion]:
 def run(steps: list[Step], moved: list[Motion] | None = None, start: Pose = START) -> PoseFilter:
     """Return the filter at the end of the steps, with or without motions of the camera."""
     estimate, force, attitude = PoseFilter(start, G), np.zeros(3), np.zeros((3, 3))
-    estimate.remember()
+    estimate.store_pose()
     each = round(1 / DT)
     for number, step in enumerate(steps, 1):
         midway = estimate.propagate(DT, step.gyro, step.wheels)
         force, attitude = force + midway @ (step.force - estimate.acceleration_bias) / each, attitude + midway / each
         if number % each == 0:
-            estimate.level(force - [0, 0, G], attitude, at_rest=False)
+            estimate.correct_tilt(force - [0, 0, G], attitude, at_rest=False)
             force, attitude = np.zeros(3), np.zeros((3, 3))
             if moved is not None:
-                assert estimate.move(moved[number // each - 1], CAMERA)
-                estimate.remember()
+                assert estimate.correct_by_motion(moved[number // each - 1], CAMERA)
+                estimate.store_pose()
     return estimate
 
 
@@ -127,10 +127,10 @@ def test_a_motion_that_contradicts_the_wheels_is_rejected():
     wrong = replace(true, before_from_now=Pose(true.before_from_now.rotation, true.before_from_now.translation + 0.3))
     estimate = run(steps)
     before = estimate.pose.matrix.copy()
-    assert not estimate.move(wrong, CAMERA)
+    assert not estimate.correct_by_motion(wrong, CAMERA)
     assert estimate.rejected == 1
     np.testing.assert_array_equal(estimate.pose.matrix, before)
-    assert estimate.move(true, CAMERA)
+    assert estimate.correct_by_motion(true, CAMERA)
 
 
 def test_a_slide_with_the_rotation_of_the_gyroscope_is_followed_and_another_rotation_is_not():
@@ -139,11 +139,11 @@ def test_a_slide_with_the_rotation_of_the_gyroscope_is_followed_and_another_rota
     slide = np.array([0.0, 0.05, 0.15])  # to the front of the camera, without turning wheels
     slid = replace(true, before_from_now=Pose(true.before_from_now.rotation, true.before_from_now.translation + slide))
     estimate, without = run(steps), run(steps).pose.translation
-    assert estimate.move(slid, CAMERA)
+    assert estimate.correct_by_motion(slid, CAMERA)
     assert np.linalg.norm(estimate.pose.translation - without) == pytest.approx(np.linalg.norm(slide), abs=0.02)
     turn = Pose.from_rotvec(np.array([0.0, 0.02, 0.0]), np.zeros(3))  # rad; the gyroscope is right to 1e-4
     other, estimate = replace(slid, before_from_now=slid.before_from_now @ turn), run(steps)
-    assert not estimate.move(other, CAMERA)
+    assert not estimate.correct_by_motion(other, CAMERA)
     assert estimate.rejected == 1
 
 
@@ -164,7 +164,7 @@ def test_standing_reveals_the_bias_of_the_gyroscope_and_gravity_the_tilt():
     true, bias = tilt @ START.rotation, np.array([0.003, -0.002, 0.001])
     for _ in range(5):
         attitude = estimate.propagate(1.0, bias, np.zeros(2))
-        estimate.stand(bias, 1.0)
-        estimate.level(attitude @ true.T @ [0, 0, G] - [0, 0, G], attitude, at_rest=True)
+        estimate.correct_gyro_bias(bias, 1.0)
+        estimate.correct_tilt(attitude @ true.T @ [0, 0, G] - [0, 0, G], attitude, at_rest=True)
     np.testing.assert_allclose(estimate.gyro_bias, bias, atol=1e-4)
     np.testing.assert_allclose(estimate.rotation[2], true[2], atol=1e-3)
