@@ -16,6 +16,7 @@ from polarsim.cameras.search_area import SearchArea
 from polarsim.cameras.small_box import small_box_frame
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
+from polarsim.geometry.vectors import cross_matrices
 from polarsim.run_files.inventory import Inventory
 from polarsim.run_files.rigs import FRAME_OF_SURVEY, STEREO, read_all_localised
 from polarsim.run_files.scans import read_scan
@@ -97,9 +98,7 @@ def _formal_errors(covariance: np.ndarray, position: np.ndarray) -> dict[str, fl
 
     They are relative to the mean of all scans; the error of the frame from walls or survey is not included.
     """
-    x, y, z = position
-    lever = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])  # of the rotation's cross product with the position
-    moves = np.hstack([lever, np.eye(3)])
+    moves = np.hstack([-cross_matrices(position[None])[0], np.eye(3)])
     return {
         "sd_mm": float(1000 * np.sqrt(np.trace(moves @ covariance @ moves.T))),
         "sd_deg": float(np.degrees(np.sqrt(np.trace(covariance[:3, :3])))),

@@ -38,6 +38,15 @@ def cross(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
 
 
+def cross_matrices(vectors: np.ndarray) -> np.ndarray:
+    """Return matrices (n, 3, 3) of cross products with vectors (n, 3)."""
+    matrices = np.zeros((len(vectors), 3, 3))
+    x, y, z = vectors.T
+    matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2] = -z, y, -x
+    matrices[:, 1, 0], matrices[:, 2, 0], matrices[:, 2, 1] = z, -y, x
+    return matrices
+
+
 def points_along(origins: np.ndarray, directions: np.ndarray, distance: np.ndarray | np.floating) -> np.ndarray:
     """Return points (n, 3) at distances (n,) or scalar along directions (n, 3) from origins (3,) or (n, 3)."""
     out = np.empty(directions.shape, np.result_type(origins, directions, distance))

@@ -18,8 +18,8 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from polarsim.geometry.poses import Pose, orthogonal_rotation
+from polarsim.geometry.vectors import cross_matrices
 from polarsim.rover.localisation.motion import Motion
-from polarsim.rover.localisation.motion_fit import cross_matrices
 from polarsim.rover.localisation.sensors import (
     ACCELERATION_BIAS,
     ACCELERATION_WALK,

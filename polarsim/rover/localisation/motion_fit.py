@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from polarsim.detect.stereo.rectify import Rectification
 from polarsim.geometry.poses import Pose
+from polarsim.geometry.vectors import cross_matrices
 
 _ROUNDS, _CONVERGED = 12, 1e-7  # maximum number of iterations; largest step of the last one, rad and m
 # Factor of the covariance: patches of adjacent corners overlap. The 95th percentile of normalised errors is then 1.1 to
@@ -93,12 +94,3 @@ def fit_motion(
         if number > 1 and np.abs(step).max() < _CONVERGED:
             break
     return Fit(pose, _CORRELATION * deviation**2 * np.linalg.inv(information), weight)
-
-
-def cross_matrices(vectors: np.ndarray) -> np.ndarray:
-    """Return matrices (n, 3, 3) of cross products with vectors (n, 3)."""
-    matrices = np.zeros((len(vectors), 3, 3))
-    x, y, z = vectors.T
-    matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2] = -z, y, -x
-    matrices[:, 1, 0], matrices[:, 2, 0], matrices[:, 2, 1] = z, -y, x
-    return matrices

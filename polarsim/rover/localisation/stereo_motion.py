@@ -13,9 +13,10 @@ import numpy as np
 
 from polarsim.detect.stereo.rectify import Rectification
 from polarsim.geometry.poses import Pose
+from polarsim.geometry.vectors import cross_matrices
 from polarsim.rover.localisation.ground_features import Ground, GroundTracker, equal_contrast, lit_ground, moved_plane
 from polarsim.rover.localisation.motion import Motion
-from polarsim.rover.localisation.motion_fit import Fit, cross_matrices, fit_motion
+from polarsim.rover.localisation.motion_fit import Fit, fit_motion
 
 _NEAREST_M, _FARTHEST_M = 1.5, 10.0  # range of depths of corners
 _KEPT_M, _KEPT_SHARE = 0.5, 0.5  # of a keyframe: maximum motion, and minimum share of corners that are inliers
