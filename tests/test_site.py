@@ -2,12 +2,15 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
 from polarsim.config import parse_config
 from polarsim.errors import ConfigError, LabelError
 from polarsim.photo import PhotoKey
+from polarsim.render.lamps import first_tripod
+from polarsim.rover.world.options import WorldOptions
 from polarsim.site import Site, polar, read_site, site_of
 from tests.support.other_site import CONTENT, one_camera, other_rig, other_site
 
@@ -53,6 +56,23 @@ def test_a_run_of_another_site_selects_all_that_the_site_has():
     assert config.labels.seeds.azimuths == ("45", "135")
     with pytest.raises(ConfigError, match="azimuths: '30'"):
         parse_config({"site": CONTENT, "source": {"kind": "analog", "root": "data"}, "grid": {"azimuths": [30]}})
+
+
+def test_the_ground_of_drives_is_that_of_the_site():
+    source = {"source": {"kind": "analog", "root": "data"}}
+    world = parse_config(source | {"site": CONTENT}).rover.world
+    assert (world.terrain_m, world.width_m, world.terrains) == (2.5, 7.0, ("yard-a", "yard-b"))
+    asked = {"world": {"terrain_m": 2.0, "terrains": ["yard-b"]}}
+    world = parse_config(source | {"site": CONTENT, "rover": asked}).rover.world
+    assert (world.terrain_m, world.width_m, world.terrains) == (2.0, 7.0, ("yard-b",))
+    assert parse_config(source).rover.world == WorldOptions()
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 10.0])
+def test_a_site_without_surveyed_positions_is_seen_under_the_same_angle_at_any_size(factor):
+    sandbox = CONTENT["sandbox"] | {"half_width_m": [2.0 * factor, factor]}
+    site = other_site(tripods={}, sandbox=sandbox)
+    np.testing.assert_allclose(first_tripod(site).camera_m, np.multiply(factor, [3.5, 0, 1.5]))
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from polarsim.config.digest import config_digest
 from polarsim.config.sections import Sections
 from polarsim.formats.yaml_files import describe_error
 from polarsim.photo import NO_SUN, Terrain
+from polarsim.rover.world.options import BORDER_M, EDGE_M
 from polarsim.site import DEFAULT, Site, polar, site_of
 
 
@@ -40,6 +41,12 @@ class Config(Sections):
         if isinstance(render := content.get("render", {}), dict):
             held_out = site.suns[0] if len(site.suns) > 1 else NO_SUN
             whole["render"] = {**render, "fitting": _with_defaults(render.get("fitting"), {"held_out": held_out})}
+        if isinstance(rover := content.get("rover", {}), dict):
+            along, across = (2 * half for half in site.sandbox.half_width_m)
+            strip = {"terrain_m": max(along - 2 * EDGE_M, along / 2), "width_m": across + 2 * BORDER_M}
+            if site != polar():
+                strip["terrains"] = whole["terrains"]
+            whole["rover"] = {**rover, "world": _with_defaults(rover.get("world"), strip)}
         return whole
 
     @field_validator("terrains")

@@ -17,8 +17,6 @@ from polarsim.site_parts import Tripod
 ROVER = "rover"  # name of the rover light; Sun lamps are named by their azimuth
 REFERENCE_DISTANCE = 4.0  # metres: a lamp of intensity 1 at this distance has irradiance 1, with and without falloff
 SUN_DISTANCE = 1e4  # metres: the direction differs by 0.02 degrees between opposite ends of the sandbox
-# Position from which the sand of a site without surveyed positions is seen.
-_UNSURVEYED = Tripod(camera_m=(3.5, 0.0, 1.5), yaw_deg=180)
 SUN_RADIUS_DEG = 0.2665  # half the Sun's mean apparent diameter
 
 
@@ -124,6 +122,9 @@ def first_lamp(site: Site) -> Lamp:
 
 
 def first_tripod(site: Site) -> Tripod:
-    """Return the first surveyed position of a site; a usual one for a site without surveyed positions."""
+    """Return the first surveyed position of a site; for a site without any, a view from outside of its +X side."""
     surveyed = [site.tripods[position] for position in site.all_positions if position in site.tripods]
-    return surveyed[0] if surveyed else _UNSURVEYED
+    if surveyed:
+        return surveyed[0]
+    reach = site.sandbox.reach_m
+    return Tripod(camera_m=(1.75 * reach, 0.0, 0.75 * reach), yaw_deg=180)

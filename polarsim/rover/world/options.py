@@ -7,7 +7,8 @@ from pydantic import BaseModel, Field, PositiveFloat
 from polarsim.site_parts import TerrainName
 from polarsim.user_path import UserPath
 
-LENGTH_M = 3.5  # length of a terrain in the strip: of POLAR's 4 m without the strip along the walls
+EDGE_M = 0.25  # width of the strip along the sides of a sandbox that is left out
+BORDER_M = 0.5  # width of filler ground on both sides of the terrains
 
 
 class DemOptions(BaseModel, extra="forbid", frozen=True):
@@ -40,7 +41,13 @@ class WorldOptions(BaseModel, extra="forbid", frozen=True):
     terrains: tuple[TerrainName, ...] = Field(
         (4, 1, 11), min_length=1, description="Terrains of the strip by number or name, from east to west."
     )
-    width_m: PositiveFloat = Field(5.0, description="Width of the strip including filler ground, m.")
+    terrain_m: PositiveFloat = Field(
+        3.5,
+        description="Length of each terrain in the strip, m; default: that of the site's sandbox without its edges.",
+    )
+    width_m: PositiveFloat = Field(
+        5.0, description="Width of the strip including filler ground, m; default: sandbox and 0.5 m on both sides."
+    )
     margin_m: PositiveFloat = Field(2.5, description="Length of filler ground at both ends of the terrains, m.")
     cell_m: PositiveFloat = Field(0.02, le=0.1, description="Distance between nodes of the ground, m.")
     dem: DemOptions | None = Field(
@@ -50,4 +57,4 @@ class WorldOptions(BaseModel, extra="forbid", frozen=True):
     @property
     def half_length_m(self) -> float:
         """Distance from the centre to the ends of the default path, m."""
-        return self.dem.drive_m / 2 if self.dem else LENGTH_M * len(self.terrains) / 2
+        return self.dem.drive_m / 2 if self.dem else self.terrain_m * len(self.terrains) / 2

@@ -1,6 +1,6 @@
 """Terrains side by side: a grid of heights from their ground meshes, their rocks, and filler ground around them.
 
-The first terrain is in the east. Each terrain contributes the central `LENGTH_M`; adjacent terrains blend over
+The first terrain is in the east. Each terrain contributes its central `terrain_m`; adjacent terrains blend over
 `BLEND_M` at the seam, where both grounds overlap. Heights are relative to the sand level of each terrain, so that
 published meshes with vertical offsets of decimetres also match.
 """
@@ -24,7 +24,7 @@ from polarsim.photo import Terrain
 from polarsim.randomness import generator
 from polarsim.rover.world.hulls import require_volume
 from polarsim.rover.world.mesh_heights import top_at
-from polarsim.rover.world.options import LENGTH_M, WorldOptions
+from polarsim.rover.world.options import WorldOptions
 from polarsim.rover.world.surface import PlacedRock, World, bare_world, outward, with_rocks
 
 BLEND_M = 0.4  # width of the blend of two grounds at a seam
@@ -61,18 +61,18 @@ def read_terrain_meshes(folder: str | Path, number: Terrain) -> TerrainSolids:
 
 def stitch(terrains: list[TerrainSolids], options: WorldOptions) -> World:
     """Return the strip of terrains, from east to west, with the centre at x = y = 0."""
-    length, cell = LENGTH_M * len(terrains), options.cell_m
+    length, cell = options.terrain_m * len(terrains), options.cell_m
     columns = 2 * round((length / 2 + options.margin_m) / cell) + 1
     rows = 2 * round(options.width_m / 2 / cell) + 1
     x0, y0 = -(columns - 1) / 2 * cell, -(rows - 1) / 2 * cell
     x, y = x0 + cell * np.arange(columns), y0 + cell * np.arange(rows)
     total, weights = np.zeros((rows, columns)), np.zeros((rows, columns))
     for terrain, centre in zip(terrains, terrain_centres(options), strict=True):
-        reach = (LENGTH_M + BLEND_M) / 2
+        reach = (options.terrain_m + BLEND_M) / 2
         part = slice(*np.searchsorted(x, [centre - reach, centre + reach]))
         heights = _heights(terrain, x[part] - centre, y)
         # Each weight falls from 1 to 0 across the seam, and the weights of adjacent terrains add up to 1.
-        share = _ramp((LENGTH_M / 2 - np.abs(x[part] - centre)) / BLEND_M + 0.5)
+        share = _ramp((options.terrain_m / 2 - np.abs(x[part] - centre)) / BLEND_M + 0.5)
         covered = np.isfinite(heights)
         total[:, part] += np.where(covered, heights, 0.0) * share
         weights[:, part] += covered * share
@@ -84,7 +84,7 @@ def stitch(terrains: list[TerrainSolids], options: WorldOptions) -> World:
 def terrain_centres(options: WorldOptions) -> np.ndarray:
     """Return (n,) x of the terrains' centres, from east to west."""
     count = len(options.terrains)
-    return LENGTH_M * ((count - 1) / 2 - np.arange(count))
+    return options.terrain_m * ((count - 1) / 2 - np.arange(count))
 
 
 def rough_world(world: World, deviation: float, seed: int) -> World:
@@ -159,5 +159,5 @@ def _rocks_in_strip(world: World, terrains: list[TerrainSolids], options: WorldO
             mesh = remove_unused_vertices(rock.vertices, rock.faces)
             points = mesh.vertices + np.array([centre, 0.0, -terrain.sand_level])
             x, y = (points[:, :2].min(axis=0) + points[:, :2].max(axis=0)) / 2
-            if abs(x - centre) <= LENGTH_M / 2 and world.y[0] < y < world.y[-1]:
+            if abs(x - centre) <= options.terrain_m / 2 and world.y[0] < y < world.y[-1]:
                 yield PlacedRock(terrain.number, number, points, outward(points, mesh.faces))
