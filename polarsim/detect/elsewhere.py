@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from polarsim.detect.calibration import calibration_error
 from polarsim.detect.detect_pictures import Draw, detect_in_images
-from polarsim.detect.metrics import precision_at_recalls, rank
+from polarsim.detect.metrics import Ranked, precision_at_recalls, rank
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import FormatError
 from polarsim.formats import png, tables, yolo
@@ -128,47 +128,41 @@ def score_rows(
     draws = bootstrap_draws(len(truth), resamples, 0, "elsewhere")
     replicates = np.array([precision_at_recalls(ranked, weights=weights).mean() for weights in draws])
     low, high = percentile_interval(replicates, len(truth))
-    shown = [rows[rows[:, 4] >= SHOWN_CONFIDENCE] for rows in predicted]
-    half = [rows[rows[:, 4] >= _half_confidence(truth, predicted)] for rows in predicted]
-    hit, false = _hits(truth, shown)
-    hit_at_half, _ = _hits(truth, half)
-    longer = np.concatenate(
-        [np.maximum(*(boxes[:, 2:] - boxes[:, :2]).T) / w for boxes, w in zip(truth, widths, strict=True)]
-    )
-    with_class = [(np.zeros(len(boxes), int), boxes) for boxes in truth]
-    rows: list[dict[str, object]] = [
-        {
-            "map50": float(precision_at_recalls(ranked).mean()), "map50_low": low, "map50_high": high,
-            "false_per_image": false / len(truth),
-            "calibration_error": calibration_error(
-                with_class, [np.column_stack([rows, np.zeros(len(rows))]) for rows in predicted]
-            ),
-        }
-    ]  # fmt: skip
-    rows += [{} for _ in SIZES]
-    for row, (size, (least, most)) in zip(rows, {"all": (0.0, np.inf), **SIZES}.items(), strict=True):
-        chosen = (longer >= least) & (longer < most)
-        row |= {
+    hit, false = _hits(truth, predicted, SHOWN_CONFIDENCE)
+    hit_at_half, _ = _hits(truth, predicted, _half_confidence(ranked))
+    of_class = [(np.zeros(len(boxes), int), boxes) for boxes in truth]
+    with_class = [np.column_stack([boxes, np.zeros(len(boxes))]) for boxes in predicted]
+    of_all = {
+        "map50": float(precision_at_recalls(ranked).mean()), "map50_low": low, "map50_high": high,
+        "false_per_image": false / len(truth), "calibration_error": calibration_error(of_class, with_class),
+    }  # fmt: skip
+    shares = [np.maximum(*(boxes[:, 2:] - boxes[:, :2]).T) / width for boxes, width in zip(truth, widths, strict=True)]
+    size_share = np.concatenate(shares)
+    rows = []
+    for size, (least, most) in {"all": (0.0, np.inf), **SIZES}.items():
+        chosen = (size_share >= least) & (size_share < most)
+        rows.append({
+            **(of_all if size == "all" else {}),
             "size": size, "images": len(truth), "labels": int(chosen.sum()),
             "recall": float(hit[chosen].mean()) if chosen.any() else np.nan,
             "recall_at_half": float(hit_at_half[chosen].mean()) if chosen.any() else np.nan,
-        }  # fmt: skip
+        })  # fmt: skip
     return rows
 
 
-def _hits(truth: Sequence[np.ndarray], predicted: Sequence[np.ndarray]) -> tuple[np.ndarray, int]:
-    """Return whether each label of all images is matched with a prediction, and the number of unmatched predictions."""
+def _hits(truth: Sequence[np.ndarray], predicted: Sequence[np.ndarray], confidence: float) -> tuple[np.ndarray, int]:
+    """Return whether each label (n,) of all images has a confident prediction, and the number of other predictions."""
     hits, false = [], 0
     for boxes, rows in zip(truth, predicted, strict=True):
-        matched, _ = match_by_iou(iou(boxes, rows[:, :4]), MIN_IOU)
+        confident = rows[rows[:, 4] >= confidence]
+        matched, _ = match_by_iou(iou(boxes, confident[:, :4]), MIN_IOU)
         hits.append(np.isin(np.arange(len(boxes)), matched))
-        false += len(rows) - len(matched)
+        false += len(confident) - len(matched)
     return np.concatenate(hits), false
 
 
-def _half_confidence(truth: Sequence[np.ndarray], predicted: Sequence[np.ndarray]) -> float:
+def _half_confidence(ranked: Ranked) -> float:
     """Return the smallest confidence threshold with at most `FALSE_PER_PICTURE` false positives per image."""
-    ranked = rank(truth, predicted, np.array([MIN_IOU]))
     false = (ranked.counted[0, 0] & ~ranked.right[0, 0]).cumsum()
-    allowed = false <= FALSE_PER_PICTURE * len(truth)
+    allowed = false <= FALSE_PER_PICTURE * ranked.labels.shape[1]
     return float(ranked.confidence[allowed].min()) if allowed.any() else np.inf
