@@ -37,6 +37,19 @@ SiteName = Annotated[
 ]
 
 
+def assignments(texts: list[str] | None) -> list[str] | None:
+    """Return values of an option that are `KEY=VALUE` with a value in YAML; other values are a usage error."""
+    from polarsim.config import parse_assignment
+    from polarsim.errors import ConfigError
+
+    for text in texts or ():
+        try:
+            parse_assignment(text)
+        except ConfigError as error:
+            raise typer.BadParameter(str(error)) from error
+    return texts
+
+
 def main() -> None:
     """Run the command line. Invalid input ends with exit code 1, a usage error with exit code 2, each with one line."""
     with reporting():

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from polarsim.arguments import PLOTS, refuse_existing_folder, sun_above_horizon, writes_file, writes_folder
-from polarsim.cli.application import DEFAULT, SiteName, commands_of
+from polarsim.cli.application import DEFAULT, SiteName, assignments, commands_of
 from polarsim.render.models import Model
 
 if TYPE_CHECKING:
@@ -81,6 +81,7 @@ def render(
     option: Annotated[
         list[str] | None,
         typer.Option(
+            callback=assignments,
             metavar="KEY=VALUE",
             help="Key of the configuration section `render`, for example samples=4; may be repeated.",
         ),

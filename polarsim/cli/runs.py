@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from polarsim.arguments import refuse_existing_folder, run_folder, writes_file, writes_folder
-from polarsim.cli.application import ConfigFiles, Results, commands_of, core_count, print_table
+from polarsim.cli.application import ConfigFiles, Results, assignments, commands_of, core_count, print_table
 from polarsim.errors import PolarsimError
 from polarsim.photo import terrain_text
 
@@ -29,7 +29,11 @@ def run(
     configfile: ConfigFiles = None,
     config: Annotated[
         list[str] | None,
-        typer.Option(metavar="KEY=VALUE", help="Key of the configuration, value in YAML; may be repeated."),
+        typer.Option(
+            callback=assignments,
+            metavar="KEY=VALUE",
+            help="Key of the configuration, value in YAML; may be repeated.",
+        ),
     ] = None,
     cores: Annotated[
         int | None,

@@ -15,6 +15,7 @@ from polarsim.errors import ConfigError, PolarsimError
 _RULE = re.compile(r"^((?:    )?)rule (\w+):\n((?:\1    .*\n|\n)*)", re.MULTILINE)  # indentation, name, body
 _USED = re.compile(r"^ *use rule (\w+) as (\w+) with:", re.MULTILINE)
 _INCLUDED = re.compile(r'^include: "rules/(\w+\.smk)"', re.MULTILINE)
+_OF_RUN = ("--configfile", "--config", "--cores", "--min-free", "--verbose")
 _OWN = {  # options of Snakemake that are also options of `polarsim run`
     "configfile": "--configfile FILE, repeated for each file",
     "config": "--config KEY=VALUE, repeated for each key",
@@ -70,7 +71,7 @@ def refuse_unknown(folder: Path, run: str, targets: Sequence[str], configured: S
 
 
 def _parsed(words: Sequence[str]) -> argparse.Namespace:
-    """Parse words like Snakemake; unknown options are ignored, because plugins may define them."""
+    """Parse words like Snakemake, with options of its plugins; unknown options and invalid values are usage errors."""
     from snakemake.cli import get_argument_parser
 
     def refuse(message: str) -> None:
@@ -78,8 +79,19 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
 
     parser = get_argument_parser()
     parser.error = refuse
-    namespace: argparse.Namespace = parser.parse_known_args(list(words))[0]
-    return namespace
+    namespace, unknown = parser.parse_known_args(list(words))
+    if unknown:
+        options = [option.partition("=")[0] for option in unknown if option.startswith("-")]
+        wrong = (options or unknown)[0]
+        known = [option for action in parser._actions for option in action.option_strings] + list(_OF_RUN)
+        near = get_close_matches(wrong, known, n=1)
+        raise CallError(
+            f"no option {wrong} of polarsim run or Snakemake{f'; did you mean {near[0]}?' if near else ''}"
+            if options
+            else f"{wrong!r}: targets must be in one place, before the options"
+        )
+    parsed: argparse.Namespace = namespace
+    return parsed
 
 
 def _rules(folder: Path) -> tuple[list[str], set[str]]:

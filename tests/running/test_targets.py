@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from polarsim.errors import ConfigError
-from polarsim.running.targets import CallError, refuse_unknown
+from polarsim.running.targets import CallError, refuse_unknown, targets_of
 
 
 def refuse(monkeypatch, returncode: int, stderr: str) -> None:
@@ -31,3 +31,43 @@ def test_a_file_without_a_rule_is_a_usage_error(monkeypatch):
 @pytest.mark.parametrize(("returncode", "stderr"), [(0, "error: printed by a plan that succeeds\n"), (1, "locked\n")])
 def test_other_errors_of_snakemake_are_reported_by_the_run(monkeypatch, returncode, stderr):
     refuse(monkeypatch, returncode, stderr)
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("-n", "--nosuchoption"), "--nosuchoption"),
+        (("--nosuchoption=3", "-n"), "--nosuchoption"),
+        (("--nosuchoption", "value"), "--nosuchoption"),
+        (("-n", "--min-fre=3"), "--min-free"),
+        (("-n", "--keep-goin=1"), "--keep-goin"),
+        (("--retries", "many"), "--retries"),
+    ],
+)
+def test_an_unknown_option_is_a_usage_error_that_names_the_option(words, named):
+    with pytest.raises(CallError) as error:
+        targets_of(["labels"], words)
+    assert named in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_options_of_snakemake_and_its_plugins_are_accepted():
+    rest = ("-n", "--keep-going", "--executor", "slurm", "--slurm-keep-successful-logs", "--set-threads", "a=2")
+    assert targets_of(["labels"], rest) == ["labels"]
+
+
+@pytest.mark.parametrize("value", ["run", "=x", "", "run=["])
+@pytest.mark.parametrize("command", [("run", "-n", "--config"), ("render", "a.obj", "a.png", "--option")])
+def test_a_setting_without_key_and_value_is_a_usage_error(polarsim, command, value):
+    done = polarsim(*command, value)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert command[-1] in line
+    assert "KEY=VALUE" in line or "YAML" in line
+
+
+def test_an_unknown_option_of_the_command_is_a_usage_error(polarsim):
+    done = polarsim("run", "-n", "--nosuchoption")
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert "--nosuchoption" in line
