@@ -13,6 +13,7 @@ from polarsim.arguments import refuse_existing_folder, run_folder, writes_file, 
 from polarsim.cli.application import ConfigFiles, Results, assignments, commands_of, core_count, print_table
 from polarsim.errors import PolarsimError
 from polarsim.photo import terrain_text
+from polarsim.wording import counted, run_command
 
 command = commands_of("Runs of the pipeline")
 
@@ -93,14 +94,15 @@ def report(
     page = folder / "report.html"
     if not Path("Snakefile").exists():
         raise PolarsimError("no Snakefile in this folder: start in the clone that created the run", path=Path.cwd())
-    config = config_of_run(folder, configfile or ())
-    warn_of_other_configurations([path for path in parts if path.suffix == ".csv"], config.digest())
-    sources = [*parts, *([stored] if (stored := folder / STORED).exists() else [])]
+    config, stored = config_of_run(folder, configfile or ()), folder / STORED
+    files = configfile or [stored]
+    warn_of_other_configurations([path for path in parts if path.suffix == ".csv"], config.digest(), files)
+    sources = [*parts, *([stored] if stored.exists() else [])]
     if not page.exists() or page.stat().st_mtime < max(path.stat().st_mtime for path in sources):
         writes_file()(page)
         writes_folder(Path(".snakemake"))
         with writing(page) as temporary:
-            write_report(folder, configfile or [stored], temporary, cores)
+            write_report(folder, files, temporary, cores)
     first = folder / "results.html"
     for path in (*(path for path in parts if path.suffix == ".md"), page, *([first] if first.exists() else [])):
         typer.echo(str(path))
@@ -219,7 +221,7 @@ def undo(
     from polarsim.labels.propagate import PropagationInputs
     from polarsim.labels.seeds import read_corrections
     from polarsim.labels.undo import derived_labels
-    from polarsim.running.configuration import run_and_config
+    from polarsim.running.configuration import STORED, run_and_config
 
     folder, config = run_and_config(results, run, configfile or ())
     key = config.site.key(drawing)
@@ -248,11 +250,15 @@ def undo(
     )
     changes = found.groupby(["kind", "change"]).agg(labels=("key", "size"), photos=("key", "nunique"))
     for row in changes.reset_index().to_dict("records"):
-        typer.echo(f"{row['kind']:7} {row['change']:6} {row['labels']:6} labels on {row['photos']} photos")
+        labels, photos = counted(row["labels"], "label"), counted(row["photos"], "photo")
+        typer.echo(f"{row['kind']:7} {row['change']:6} {labels:>13} on {photos}")
+    files = configfile or [folder / STORED]
     excluded = ", ".join([*config.labels.excluded_annotations, str(key)])
+    command = run_command(files, settings=[f"labels={{excluded_annotations: [{excluded}]}}"])
     typer.echo(
-        f"{found['key'].nunique()} photos have labels derived from {key}. To exclude the annotation, add this key to "
-        f"the configuration of the run and repeat `polarsim run`:\nlabels:\n  excluded_annotations: [{excluded}]"
+        f"{counted(found['key'].nunique(), 'photo')} with labels derived from {key}. To exclude the annotation, add to "
+        f"the configuration of the run:\nlabels:\n  excluded_annotations: [{excluded}]\n"
+        f"or repeat the run once with:\n{command}"
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import shutil
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from polarsim.labels.seeds import read_all_corrections
 from polarsim.labels.undo import COLUMNS, LabelsByPhoto, changes
 from polarsim.photo import PhotoKey, Terrain, sorted_terrains, terrain_text
 from polarsim.run_files.run import CONFIG, Run
+from polarsim.wording import run_command
 
 OVERLAY = "corrections.yaml"  # in the folder of the run
 FORMER = "labels/before_corrections"  # label tables of the run before the corrections of the overlay
@@ -53,8 +53,7 @@ def write_overlay(run: Run, corrections: Path) -> dict[str, str]:
                     shutil.copy(present, folder)
         write_text(overlay, _HEADER + yaml.safe_dump({"labels": {"corrections": str(corrections)}}))
     files = [str(path) for path in (run.folder / CONFIG, overlay) if path.exists()]
-    words = ["polarsim", "run", "labels", *(word for file in files for word in ("--configfile", file))]
-    return {"overlay": str(overlay), "command": shlex.join(words)}
+    return {"overlay": str(overlay), "command": run_command(files, ["labels"])}
 
 
 def changed_labels(run: Run, terrain: Terrain) -> pd.DataFrame:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from polarsim.errors import PolarsimError
 from polarsim.extras import require
+from polarsim.wording import counted, run_command
 
 _LOG = logging.getLogger(__name__)
 
@@ -29,8 +30,8 @@ def write_report(run: Path, files: Sequence[Path], page: Path, cores: int) -> No
     _snakemake(run, *targets, "--cores", str(cores), *configured, "--report", str(page))
 
 
-def warn_of_other_configurations(tables: Sequence[Path], digest: str) -> None:
-    """Log a warning about tables of other configurations than the configuration with this digest."""
+def warn_of_other_configurations(tables: Sequence[Path], digest: str, files: Sequence[Path]) -> None:
+    """Log a warning about tables of other configurations than that of some files, which has this digest."""
     others = []
     for path in tables:
         with path.open(encoding="utf-8", newline="") as file:
@@ -38,8 +39,9 @@ def warn_of_other_configurations(tables: Sequence[Path], digest: str) -> None:
         others += [] if made_with == digest else [path.name]
     if others:
         _LOG.warning(
-            "%d tables belong to another configuration; repeat polarsim run to update: %s",
-            len(others),
+            "%s of another configuration, update: %s: %s",
+            counted(len(others), "table"),
+            run_command(files),
             ", ".join(others),
         )
 

@@ -1,17 +1,24 @@
 """Labels derived from an annotation disappear when the annotation is excluded."""
 
+import shlex
+from itertools import pairwise
+from pathlib import Path
+
 import numpy as np
+import pandas as pd
 import pytest
 from pydantic import ValidationError
 
 from polarsim.config import parse_config
 from polarsim.errors import ConfigError, LabelError
 from polarsim.formats.tables import read_parquet
+from polarsim.labels import undo
 from polarsim.labels.label import Label
 from polarsim.labels.options import LabelsOptions
 from polarsim.labels.propagate import propagate_labels
 from polarsim.labels.undo import derived_labels, label_changes
 from polarsim.photo import PhotoKey
+from polarsim.running.configuration import read_configs, store_config
 from polarsim.site import polar
 
 from .conftest import TERRAIN
@@ -87,3 +94,28 @@ def test_undo_reports_a_photo_without_annotation(polarsim, tmp_path, monkeypatch
     done = polarsim("undo", SEED, "--configfile", "config.yaml")
     assert done.returncode == 1
     assert done.stderr.endswith(f"seeds: no seed and no correction of {SEED}\n")
+
+
+@pytest.mark.parametrize("files", [(), ("base.yaml", "my overlay.yaml")], ids=["stored", "overlays"])
+def test_undo_prints_the_command_of_the_run_with_its_configuration(polarsim, tmp_path, monkeypatch, files):
+    """The command is read by a shell and by the workflow, and excludes the annotation from the same configuration."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "base.yaml").write_text("{run: mine, source: {kind: analog}, labels: {corrections: edited}}\n")
+    (tmp_path / "my overlay.yaml").write_text("labels: {excluded_annotations: [03_B_off_30_L_0256]}\n")
+    config = read_configs([Path("base.yaml"), Path("my overlay.yaml")])
+    store_config(config, tmp_path / "results/mine")
+    seeds = tmp_path / "results/mine/acquire/Terrain03/seeds"
+    seeds.mkdir(parents=True)
+    (seeds / f"{SEED}.txt").write_text("0 0.5 0.5 0.1 0.1\n")
+    changed = pd.DataFrame([(str(SEED), "rock", 1, "gone", np.nan)], columns=list(undo.COLUMNS))
+    monkeypatch.setattr(undo, "derived_labels", lambda **_: changed)
+    done = polarsim("undo", SEED, "--run", "mine", *(word for file in files for word in ("--configfile", file)))
+    assert done.returncode == 0, done.stderr
+    assert f"1 photo with labels derived from {SEED}" in done.stdout
+    program, command, *words = shlex.split(done.stdout.splitlines()[-1])
+    assert (program, command) == ("polarsim", "run")
+    values = {option: [second for first, second in pairwise(words) if first == option] for option in words[::2]}
+    repeated = read_configs([Path(file) for file in values["--configfile"]], values["--config"])
+    assert repeated.labels.excluded_annotations == ("03_B_off_30_L_0256", str(SEED))
+    assert repeated.labels.corrections == config.labels.corrections
+    assert repeated.run == "mine"

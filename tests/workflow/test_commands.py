@@ -319,7 +319,7 @@ def test_an_import_is_corrections_of_the_run(call, exported, labels, place, here
     same_boxes(tmp_path / "again", rows)
     found = call("undo", KEY, "--configfile", with_corrections(place, here / "corrections"))
     undone = pd.read_parquet(here / f"labels/undone/{KEY}.parquet")
-    assert f"{undone['key'].nunique()} photos have labels derived from {KEY}" in found
+    assert f"{undone['key'].nunique()} photos with labels derived from {KEY}" in found
     assert len(undone) > 0
     assert set(undone.columns) >= {"key", "kind", "rock", "change"}
     corrections.drop(KEY)
