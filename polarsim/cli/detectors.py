@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -10,6 +11,7 @@ import typer
 from polarsim.arguments import writes_folder
 from polarsim.cli.application import JsonFile, commands_of, split_commas
 from polarsim.photo import REFERENCE_WIDTH_PX
+from polarsim.wording import counted
 
 command = commands_of("Detectors")
 Treatment = Literal["zero", "left_out"]  # IoU 0, or excluded
@@ -45,7 +47,7 @@ def detect(
     draw: Annotated[bool, typer.Option("--draw/--no-draw", help="Write images with boxes and confidences.")] = True,
     masks: Annotated[
         bool,
-        typer.Option("--masks", help="Also write class masks; requires a detector that was trained with masks."),
+        typer.Option("--masks", help="Also write class masks. Detectors of --weights must be trained with masks."),
     ] = False,
     device: Annotated[str, typer.Option(help="cpu, cuda, or auto.")] = "auto",
     precision: Annotated[
@@ -63,18 +65,27 @@ def detect(
     from polarsim.detect.detect_pictures import detect_in_images, prediction_options
     from polarsim.detect.detectors import choose_device
     from polarsim.detect.options import PACKAGED, PACKAGED_FIELD
+    from polarsim.errors import DetectError
 
-    options = prediction_options(
-        split_commas(widths), split_commas(gates), device, mirrored=mirrored, precision=precision
-    )
+    try:
+        options = prediction_options(
+            split_commas(widths), split_commas(gates), device, mirrored=mirrored, precision=precision
+        )
+    except DetectError as error:
+        raise typer.BadParameter(_by_option(error.reason)) from error
     found = detect_in_images(
         pictures=pictures, weights=weights or [PACKAGED], out=out, options=options, threads=threads,
         confidence=confidence, draw=draw_detections if draw else None, masks=masks,
         elsewhere=[] if weights else [PACKAGED_FIELD],
     )  # fmt: skip
-    counts = ", ".join(f"{(found['kind'] == kind).sum()} {kind}s" for kind in ("rock", "shadow"))
+    counts = ", ".join(counted(int((found["kind"] == kind).sum()), kind) for kind in ("rock", "shadow"))
     typer.echo(f"precision {precision}, device {choose_device(device)}")
     typer.echo(f"{counts} in {out}")
+
+
+def _by_option(reason: str) -> str:
+    """Return the reason why a key of the prediction options is invalid, with the name of the option of `detect`."""
+    return re.sub(r"\b(widths|gates|device)(?:_px)?\b(?:\.\d+)?", r"--\1", reason)
 
 
 @command()

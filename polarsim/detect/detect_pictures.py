@@ -219,7 +219,7 @@ def prediction_options(
     try:
         return PredictionOptions.model_validate(given | {"confidence": _MIN_CONFIDENCE, "nms_iou": 0.5})
     except ValidationError as error:
-        raise DetectError(describe_error(error, "options")) from error
+        raise DetectError(describe_error(error, "gates_px")) from error
 
 
 def _detector_input(pixels: np.ndarray, longest: int) -> np.ndarray:

@@ -173,7 +173,7 @@ class PredictionOptions(BaseModel, extra="forbid", frozen=True):
     @model_validator(mode="after")
     def _are_sizes(self) -> Self:
         if len(self.gates_px) != (expected := max(0, len(self.widths) - 1)):
-            raise ValueError(f"{len(self.gates_px)} gates_px, {len(self.widths)} widths need {expected}")
+            raise ValueError(f"{len(self.gates_px)} given for {len(self.widths)} widths, expected {expected} gates_px")
         if sorted(set(self.widths)) != list(self.widths) or sorted(self.gates_px, reverse=True) != list(self.gates_px):
             raise ValueError("widths must ascend and gates_px must descend")
         return self

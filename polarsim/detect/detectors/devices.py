@@ -22,7 +22,7 @@ def choose_device(device: str) -> str:
     """Return `cpu` or `cuda`; `cuda` that is not available is an error."""
     has_cuda = bool(load_torch().cuda.is_available())
     if device == "cuda" and not has_cuda:
-        raise DetectError("device cuda is not available: set detect.prediction.device to cpu or auto")
+        raise DetectError("device cuda is not available: set --device or detect.prediction.device to cpu or auto")
     return "cuda" if has_cuda and device != "cpu" else "cpu"
 
 
