@@ -38,12 +38,12 @@ def measure_diameters(*, predictions: Path, cameras: Mapping[Terrain, Path], dia
     rows: list[dict[str, object]] = []
     for terrain, folder in sorted(cameras.items()):
         of_terrain = table[table["terrain"] == terrain]
-        finds = _on_ground(of_terrain, keys, read_all_localised(folder))
-        rows += [{"terrain": terrain, "rock": number, **row} for number, row in enumerate(merge_boxes(finds), 1)]
+        detections = _boxes_on_ground(of_terrain, keys, read_all_localised(folder))
+        rows += [{"terrain": terrain, "rock": number, **row} for number, row in enumerate(merge_boxes(detections), 1)]
     write_parquet(diameters, typed(rows, ROCK_DIAMETERS).round(4))
 
 
-def _on_ground(
+def _boxes_on_ground(
     table: pd.DataFrame, keys: Mapping[str, PhotoKey], localised: Mapping[str, LocalisedRig]
 ) -> pd.DataFrame:
     """Return centres, diameters, confidences and views of the boxes of a terrain that are on the ground."""
@@ -55,26 +55,29 @@ def _on_ground(
             continue
         boxes = part[["x0", "y0", "x1", "y1"]].to_numpy(float)
         centre, diameter = ground_diameters(localised[position].camera(camera), boxes)
-        finds = part[["confidence", "key"]].assign(
+        detections = part[["confidence", "key"]].assign(
             x=centre[:, 0], y=centre[:, 1], diameter_m=diameter, view=position + camera
         )
-        parts.append(finds[np.isfinite(diameter)])
+        parts.append(detections[np.isfinite(diameter)])
     return pd.concat(parts[1:] or parts, ignore_index=True)
 
 
-def merge_boxes(finds: pd.DataFrame) -> list[dict[str, object]]:
-    """Return a row per rock from boxes of all photos, the most confident boxes first.
+def merge_boxes(detections: pd.DataFrame) -> list[dict[str, object]]:
+    """Return a row per rock, the most confident first: x, y, diameter_m, confidence, photos.
+
+    `detections` has a row per box of all photos: centre x, y and diameter_m on the ground, metres; confidence, key of
+    the photo and view (position and camera).
 
     A box belongs to the rock whose first box is nearest and closer than `MERGED_DISTANCE`. Position and diameter are
     medians over boxes. Rocks in few photos of every view are false positives and are excluded.
     """
-    photos = finds.groupby("view")["key"].nunique()
-    finds = finds.sort_values(["confidence", "key", "x", "y"], ascending=[False, True, True, True])
-    place, size = finds[["x", "y"]].to_numpy(float), finds["diameter_m"].to_numpy(float)
+    photos = detections.groupby("view")["key"].nunique()
+    detections = detections.sort_values(["confidence", "key", "x", "y"], ascending=[False, True, True, True])
+    centres, diameters = detections[["x", "y"]].to_numpy(float), detections["diameter_m"].to_numpy(float)
     first: list[int] = []
     members: list[list[int]] = []
-    for number in range(len(finds)):
-        nearest = _nearest(place, size, first, number)
+    for number in range(len(detections)):
+        nearest = _nearest(centres, diameters, first, number)
         if nearest is None:
             first.append(number)
             members.append([number])
@@ -82,7 +85,7 @@ def merge_boxes(finds: pd.DataFrame) -> list[dict[str, object]]:
             members[nearest].append(number)
     rows: list[dict[str, object]] = []
     for rock in members:
-        boxes = finds.iloc[rock]
+        boxes = detections.iloc[rock]
         share = (boxes.groupby("view")["key"].nunique() / photos).max()
         if share > MIN_SHARE:
             middle = boxes[["x", "y", "diameter_m"]].median()
@@ -90,10 +93,13 @@ def merge_boxes(finds: pd.DataFrame) -> list[dict[str, object]]:
     return rows
 
 
-def _nearest(place: np.ndarray, size: np.ndarray, first: Sequence[int], number: int) -> int | None:
-    """Return the index in `first` of the nearest box that belongs to the same rock as a box; None without one."""
+def _nearest(centres: np.ndarray, diameters: np.ndarray, first: Sequence[int], number: int) -> int | None:
+    """Return the index in `first` of the nearest box of the same rock as the box `number`; None without one.
+
+    `centres` (n, 2) and `diameters` (n,) of all boxes, metres; `first`: numbers of the first boxes of rocks.
+    """
     if not first:
         return None
-    away = np.linalg.norm(place[first] - place[number], axis=1)
-    nearest = int(away.argmin())
-    return nearest if away[nearest] < MERGED_DISTANCE * max(size[first[nearest]], size[number]) else None
+    distances = np.linalg.norm(centres[first] - centres[number], axis=1)
+    nearest = int(distances.argmin())
+    return nearest if distances[nearest] < MERGED_DISTANCE * max(diameters[first[nearest]], diameters[number]) else None
