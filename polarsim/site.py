@@ -48,8 +48,8 @@ from polarsim.site_parts import (
     TerrainName,
     TerrainOptions,
     Tripod,
-    one_of,
 )
+from polarsim.wording import alternatives
 
 DEFAULT = "polar"
 FOLDER = Path("config/sites")  # of the sites that polarsim ships
@@ -110,7 +110,7 @@ class Site(Part):
             ("lamp_output", self.analog.lamp_output, self.lamps),
         ):
             if wrong := [value for value in values if value not in known]:
-                raise ValueError(f"analog.{name}: {wrong[0]!r}, expected {one_of(known)}")
+                raise ValueError(f"analog.{name}: {wrong[0]!r}, expected {alternatives(known)}")
         for name, pattern in (("photos", self.files.photos), ("clouds", self.files.clouds)):
             if pattern and (missing := self._fields_without(pattern, only_scans=name != "photos")):
                 raise ValueError(f"files.{name}: the field {{{missing[0]}}} is missing, the site has several of them")
@@ -280,7 +280,7 @@ class Site(Part):
             ("camera", camera, self.cameras.sides, ""),
         ):
             if value not in known:
-                yield f"{name} {value!r}, expected {one_of(known)}{note}"
+                yield f"{name} {value!r}, expected {alternatives(known)}{note}"
         terrains = self.terrains if of_terrain is None else (of_terrain,)
         azimuths = (azimuth,) if azimuth in self.azimuths else self.azimuths
         times = sorted(
@@ -288,7 +288,7 @@ class Site(Part):
         )
         if exposure not in times:
             note = f"{of}, azimuth {azimuth}" if of and azimuth in self.azimuths else of
-            yield f"exposure {exposure!r}, expected {one_of(times)}{note}"
+            yield f"exposure {exposure!r}, expected {alternatives(times)}{note}"
 
     @property
     def terrains_text(self) -> str:
@@ -297,7 +297,7 @@ class Site(Part):
         numbers = [terrain for terrain in self.terrains if isinstance(terrain, int)]
         if len(numbers) > 2 and numbers == list(range(numbers[0], numbers[-1] + 1)):
             return f"{names[0]} to {names[-1]}"
-        return one_of(names)
+        return alternatives(names)
 
     # Geometry
 
@@ -322,7 +322,9 @@ def read_site(name: str | Path) -> Site:
     if path.suffix not in (".yaml", ".yml"):
         path = FOLDER / f"{name}.yaml"
         if not NAME.fullmatch(str(name)) or not resolve_packaged(path).is_file():
-            raise ConfigError(f"site {str(name)!r}: expected {one_of(shipped_sites())}, or a file with suffix .yaml")
+            raise ConfigError(
+                f"site {str(name)!r}: expected {alternatives(shipped_sites())}, or a file with suffix .yaml"
+            )
     site = read_model(path, Site, "site")
     if site.cameras.calibration is None:
         return site

@@ -6,7 +6,7 @@ Lengths are metres in the sandbox frame unless a name says otherwise.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from math import cos, radians, sin
 from pathlib import Path
 from typing import Annotated, Literal
@@ -50,12 +50,6 @@ def _terrain(value: object) -> object:
 
 Name = Annotated[str, BeforeValidator(_name)]
 TerrainName = Annotated[Terrain, BeforeValidator(_terrain)]
-
-
-def one_of(names: Iterable[object]) -> str:
-    """Return names for messages: `a, b or c`."""
-    *others, last = map(str, names)
-    return f"{', '.join(others)} or {last}" if others else last
 
 
 class Part(BaseModel, extra="forbid", frozen=True, allow_inf_nan=False):

@@ -25,6 +25,7 @@ from polarsim.run_files.pictures import picture_finder
 from polarsim.run_files.rigs import LocalisedRig, read_all_localised
 from polarsim.site import Site
 from polarsim.tone import display_white_level, to_8bit
+from polarsim.wording import enumerated
 
 NEAR_DEG = 10.0  # maximum phase angle at which the surge is visible (h_s of Sato et al. 2014: 4 degrees)
 HALF_PX = 140  # half the side of the crops
@@ -226,9 +227,9 @@ def _caption(crops: list[np.ndarray], domains: Sequence[str], spot: PhasePixel, 
     signals = {domain: _signal(crop) for domain, crop in zip(domains[1:], crops[1:], strict=True)}
     unusable = [domain for domain, signal in {domains[0]: photo, **signals}.items() if not _is_usable(signal)]
     if unusable:
-        names = _join(map(paper.domain_title, unusable))
+        names = enumerated(map(paper.domain_title, unusable))
         return f"{start}, the median of {names} is clipped or black: no comparison."
-    ratios = _join(f"{signal / photo:.2f} ({paper.domain_title(domain)})" for domain, signal in signals.items())
+    ratios = enumerated(f"{signal / photo:.2f} ({paper.domain_title(domain)})" for domain, signal in signals.items())
     return f"{start}, the ratio of the crop's median to that of {paper.domain_title(domains[0])} is {ratios}."
 
 
@@ -246,12 +247,6 @@ def _conclusion(near: Sequence[np.ndarray], far: Sequence[np.ndarray], domains: 
     if not changes:
         return []
     return [
-        f"Between the two angles the ratio changes by a factor of {_join(changes)}: 1 for a reflectance model with the "
-        "phase curve of the photos."
+        f"Between the two angles the ratio changes by a factor of {enumerated(changes)}: 1 for a reflectance model "
+        "with the phase curve of the photos."
     ]
-
-
-def _join(text: Iterable[str]) -> str:
-    """Join texts as "a", "a and b" or "a, b and c"."""
-    *first, last = text
-    return f"{', '.join(first)} and {last}" if first else last
