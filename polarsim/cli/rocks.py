@@ -9,6 +9,7 @@ import typer
 
 from polarsim.arguments import writes_file
 from polarsim.cli.application import commands_of
+from polarsim.wording import counted
 
 command = commands_of("Rocks")
 
@@ -47,6 +48,8 @@ def rocks_of_cloud(
     Sizes are those of the visible part above the ground. Objects with ground on one side only, such as walls, are
     excluded. Prints the abundance by the law of Golombek and Rapp (1997) with 95 % interval.
     """
+    import numpy as np
+
     from polarsim.formats.tables import write_by_suffix
     from polarsim.geometry.size_frequency import fit_abundance
     from polarsim.report.figures.rock_sizes import draw_cloud_rocks
@@ -62,11 +65,18 @@ def rocks_of_cloud(
     smallest = (complete_mm or min_size_mm * 80 / RocksOptions().min_size_mm) / 1000
     if plot:
         draw_cloud_rocks(
-            plot, found.table, found.heights, found.rock_of_cell, found.cell, found.area_m2, smallest
+            plot, found.table, found.heights, found.rock_of_cell, found.axes, unit, found.area_m2, smallest
         )  # fmt: skip
     diameters = found.table["diameter_m"].to_numpy(float)
     fit = fit_abundance(diameters, found.area_m2, smallest)
+    rocks, area = counted(len(found.table), "rock"), f"{found.area_m2:.4g} m2"
     typer.echo(
-        f"{len(found.table)} rocks on {found.area_m2:.4g} m2 in {out}; {(diameters >= smallest).sum()} of at least "
-        f"{1000 * smallest:.3g} mm: k = {fit.k:.3f} [{fit.low:.3f}, {fit.high:.3f}]"
+        f"{rocks} on {area} in {out}; {(diameters >= smallest).sum()} of at least {1000 * smallest:.3g} mm: "
+        f"k = {fit.k:.3f} [{fit.low:.3f}, {fit.high:.3f}]"
     )
+    if not len(found.table):
+        typer.echo(
+            f"examined: {area} for rocks from {min_size_mm:g} mm, with a point every {1000 * found.spacing:.3g} mm and "
+            f"the ground {np.degrees(found.tilt):.0f} degrees from level with the axis {up} up; check --up, --unit and "
+            "--min-size-mm"
+        )

@@ -2,9 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from polarsim.geometry.poses import Pose
+
+
+@dataclass(frozen=True)
+class PlanAxis:
+    """Axis of a level grid in coordinates of a file: exact on level ground.
+
+    On inclined ground, distances from the centre of the cloud are measured along the ground.
+    """
+
+    name: str  # x, y or z
+    start: float  # coordinate of the border of the first cell
+    step: float  # side of a cell; negative if the coordinate decreases
 
 
 def robust_plane(points: np.ndarray, scale: float, rounds: int = 10) -> np.ndarray:

@@ -19,7 +19,7 @@ from scipy.spatial import KDTree
 from polarsim.errors import FormatError, ReconstructionError, with_path
 from polarsim.formats.clouds import read_any_cloud
 from polarsim.formats.tables import typed
-from polarsim.geometry.planes import level_from, robust_plane
+from polarsim.geometry.planes import PlanAxis, level_from, robust_plane
 from polarsim.geometry.rock_axes import exposed_points, exposed_sizes, plan_sides
 from polarsim.rocks.clouds import voxel_means
 from polarsim.rocks.crops import CroppedRock, number_rocks, rock_of_points
@@ -56,9 +56,10 @@ class CloudRocks:
     table: pd.DataFrame  # columns of `CLOUD_ROCKS`
     heights: np.ndarray  # (rows, columns) of the surface above the level plane; NaN without points
     rock_of_cell: np.ndarray  # (rows, columns) number of the rock, 0 for ground
-    origin: tuple[float, float]  # x and y of the first corner of the grid
-    cell: float
+    axes: tuple[PlanAxis, PlanAxis]  # of columns and rows
     area_m2: float  # cells with points
+    spacing: float  # median distance of neighbouring points
+    tilt: float  # inclination of the ground from the axis up, radians
 
 
 def find_rocks_in_cloud(path: Path, *, unit: str, up: str, min_size_mm: float) -> CloudRocks:
@@ -79,7 +80,7 @@ def find_rocks_in_cloud(path: Path, *, unit: str, up: str, min_size_mm: float) -
         if strays := int((~kept).sum()):
             log.info("%s: %d of %d points are farther apart than their neighbours, excluded", path, strays, len(kept))
         extent = _extent(upright)
-        check_density(upright, extent, scale, unit)
+        spacing = scale * check_density(upright, extent, scale, unit)
         if tilt > np.radians(1):
             log.info("%s: the ground is inclined by %.0f degrees and made level", path, np.degrees(tilt))
         level = ScanPoints(upright, np.tile([0.0, 0.0, 1.0], (len(upright), 1)), np.ones(len(upright)))
@@ -90,6 +91,7 @@ def find_rocks_in_cloud(path: Path, *, unit: str, up: str, min_size_mm: float) -
         sand, cropped = number_rocks(sand, [region for region in regions if is_free(sand, region)])
         owner = rock_of_points(sand, cropped, level, limits.foot)
         file_points = points[extent.contains(upright)]
+        axes = _plan_axes(points / UNITS[unit], scale / UNITS[unit] * upright, up, scale / UNITS[unit], extent)
     rows = []
     for rock, crop in cropped.items():
         chosen = owner == rock
@@ -102,7 +104,18 @@ def find_rocks_in_cloud(path: Path, *, unit: str, up: str, min_size_mm: float) -
         rows.append({"rock": rock, "x": at[0], "y": at[1], "z": at[2], **row})
     table = typed(rows, CLOUD_ROCKS)
     digits = {name: 6 for name, kind in CLOUD_ROCKS.dtypes.items() if kind == "float64"}
-    return _result(sand, cropped, table.round({**digits, "volume_m3": 9}), scale)
+    rock_of_cell = np.zeros(sand.surface.shape, np.int64)
+    for rock, crop in cropped.items():
+        rock_of_cell.ravel()[crop.region.footprint] = rock
+    return CloudRocks(
+        table=table.round({**digits, "volume_m3": 9}),
+        heights=scale * sand.surface,
+        rock_of_cell=rock_of_cell,
+        axes=axes,
+        area_m2=float((sand.is_ground | (rock_of_cell > 0)).sum() * (scale * sand.grid.cell) ** 2),
+        spacing=spacing,
+        tilt=tilt,
+    )
 
 
 def upright_points(points: np.ndarray, up: str) -> tuple[np.ndarray, float]:
@@ -136,10 +149,11 @@ def stray_points(points: np.ndarray) -> np.ndarray:
     return np.asarray(spacing > STRAY_SPACING * np.median(spacing[near], axis=1))
 
 
-def check_density(points: np.ndarray, extent: Extent, scale: float, unit: str) -> None:
-    """Raise a FormatError if points (n, 3) are too sparse or the ground is too small or too large: wrong unit or size.
+def check_density(points: np.ndarray, extent: Extent, scale: float, unit: str) -> float:
+    """Return the spacing of points (n, 3); raise a FormatError for a wrong unit or size.
 
-    Points are scaled for rocks from 35 mm; messages state metres (`scale` metres per metre).
+    The points are too sparse, or the ground is too small or too large. Points are scaled for rocks from 35 mm; messages
+    state metres (`scale` metres per metre).
     """
     sides = np.array([extent.x1 - extent.x0, extent.y1 - extent.y0])
     size = f"{scale * sides[0]:.3g} m x {scale * sides[1]:.3g} m"
@@ -155,6 +169,7 @@ def check_density(points: np.ndarray, extent: Extent, scale: float, unit: str) -
         )
     if np.prod(sides / GROUND_CELL) > MAX_CELLS:
         raise FormatError(f"the cloud measures {size}, too large for {rocks}: {advice}, or cut the cloud")
+    return spacing
 
 
 def check_ground(sand: SandSurface) -> None:
@@ -227,15 +242,18 @@ def _row(sand: SandSurface, crop: CroppedRock, points: ScanPoints, cell: float, 
     }  # fmt: skip
 
 
-def _result(sand: SandSurface, cropped: dict[int, CroppedRock], table: pd.DataFrame, scale: float) -> CloudRocks:
-    rock_of_cell = np.zeros(sand.surface.shape, np.int64)
-    for rock, crop in cropped.items():
-        rock_of_cell.ravel()[crop.region.footprint] = rock
-    return CloudRocks(
-        table=table,
-        heights=scale * sand.surface,
-        rock_of_cell=rock_of_cell,
-        origin=(scale * sand.grid.extent.x0, scale * sand.grid.extent.y0),
-        cell=scale * sand.grid.cell,
-        area_m2=float((sand.is_ground | (rock_of_cell > 0)).sum() * (scale * sand.grid.cell) ** 2),
-    )
+def _plan_axes(
+    points: np.ndarray, upright: np.ndarray, up: str, scale: float, extent: Extent
+) -> tuple[PlanAxis, PlanAxis]:
+    """Return the axes of the grid for points (n, 3) in file coordinates and after `upright_points`, in the same unit.
+
+    `scale` converts the rectangle `extent` and cells of `GROUND_CELL` to this unit.
+    """
+    axis, sign = "xyz".index(up[-1]), -1 if up.startswith("-") else 1
+
+    def plan_axis(column: int, direction: int, low: float) -> PlanAxis:
+        source = (column + axis + 1) % 3  # column of the file, as rotated by `upright_points`
+        offset = float(np.median(points[:, source] - direction * upright[:, column]))
+        return PlanAxis("xyz"[source], offset + direction * scale * low, direction * scale * GROUND_CELL)
+
+    return plan_axis(0, 1, extent.x0), plan_axis(1, sign, extent.y0)

@@ -46,6 +46,41 @@ def test_sizes_scale_with_the_cloud_and_its_minimum_size(scanned, found, tmp_pat
     assert larger.area_m2 == pytest.approx(100 * found.area_m2, rel=0.01)
 
 
+@pytest.mark.parametrize(("unit", "factor"), [("m", 1), ("mm", 1000)])
+@pytest.mark.parametrize("up", ["z", "-z", "y", "-y", "x", "-x"])
+def test_the_map_has_the_coordinates_of_the_file(scanned, tmp_path, up, unit, factor):
+    """Cells of a rock are at its coordinates in the table, which are means of the points in the file."""
+    column = "xyz".index(up[-1])
+    turned = np.roll(scanned + np.array([250, -70, 9]), column - 2, axis=1)
+    if up.startswith("-"):
+        turned[:, [column, column - 1]] *= -1  # a rotation
+    np.savetxt(tmp_path / "cloud.xyz", factor * turned, fmt="%.5f")
+    found = find_rocks_in_cloud(tmp_path / "cloud.xyz", unit=unit, up=up, min_size_mm=35)
+    columns, rows = found.axes
+    assert len(found.table) == len(SIZES)
+    assert {columns.name, rows.name} == set("xyz") - {up[-1]}
+    for rock in found.table.to_dict("records"):
+        row, column = np.mean(np.nonzero(found.rock_of_cell == rock["rock"]), axis=1) + 0.5
+        for axis, cell in ((columns, column), (rows, row)):
+            assert axis.start + axis.step * cell == pytest.approx(rock[axis.name], abs=0.04 * factor)
+
+
+def test_a_cloud_without_rocks_reports_the_examined_ground(tmp_path, polarsim):
+    random = np.random.default_rng(0)
+    points = np.column_stack([random.uniform(0, 1, (40_000, 2)), random.normal(0, 0.0005, 40_000)])
+    np.savetxt(tmp_path / "cloud.xyz", points, fmt="%.5f")
+    options = ("--out", tmp_path / "rocks.csv", "--plot", tmp_path / "rocks.png")
+    done = polarsim("rocks", tmp_path / "cloud.xyz", *options)
+    assert done.returncode == 0, done.stderr
+    first, second = done.stdout.splitlines()
+    assert first.startswith("0 rocks on ")
+    area = float(second.split()[1])
+    assert area == pytest.approx(1, abs=0.05)
+    spacing = float(second.partition("every ")[2].split()[0])
+    assert 1 < spacing < 4  # mean of random points in plan: 2.5 mm
+    assert all(text in second for text in ("35 mm", "z up", "--up", "--unit", "--min-size-mm"))
+
+
 @pytest.mark.parametrize("up", ["z", "-z", "y", "-y", "x", "-x"])
 def test_ground_is_level_for_every_axis(scanned, up):
     column = "xyz".index(up[-1])

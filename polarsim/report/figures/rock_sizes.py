@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from polarsim.geometry.planes import PlanAxis
 from polarsim.geometry.size_frequency import (
     Abundance,
     covered_share,
@@ -18,6 +19,7 @@ from polarsim.geometry.size_frequency import (
 )
 from polarsim.photo import Terrain, terrain_text
 from polarsim.report.figures.canvas import FAINT, FIGURE_WIDTH, INK, LINE, PLAIN, SERIES, note, page
+from polarsim.wording import counted
 
 MAP_PX = 900  # maximum number of drawn cells along a side of a map
 ERROR_LIMIT = 40  # percent, limit of the panel of errors
@@ -61,7 +63,8 @@ def draw_cloud_rocks(
     rocks: pd.DataFrame,
     heights: np.ndarray,
     rock_of_cell: np.ndarray,
-    cell: float,
+    grid: tuple[PlanAxis, PlanAxis],
+    unit: str,
     area: float,
     smallest: float,
     width: int = FIGURE_WIDTH,
@@ -69,11 +72,12 @@ def draw_cloud_rocks(
     """Write a map of a cloud with its rocks, their cumulative number and covered share, and their form.
 
     `heights`, `rock_of_cell` (rows, columns): height of the surface above a level plane, metres, and number of the
-    rock, 0 for ground, on a grid with cells of `cell` metres. `smallest`: minimum diameter of the fit, metres.
+    rock, 0 for ground. `grid`: axes of columns and rows in the `unit` of the file. `smallest`: minimum diameter of the
+    fit, metres.
     """
     with page(path, width, round(width * 0.6)) as sheet:
         places = sheet.subplot_mosaic([["map", "map", "numbers"], ["map", "map", "shares"]])
-        _draw_map(places["map"], rocks, heights, rock_of_cell, cell)
+        _draw_map(places["map"], rocks, heights, rock_of_cell, grid, unit)
         diameters = rocks["diameter_m"].to_numpy(float)
         if not len(diameters):
             for name in ("numbers", "shares"):
@@ -84,23 +88,38 @@ def draw_cloud_rocks(
         draw_shares(places["shares"], diameters, area, fit, smallest)
 
 
-def _draw_map(axes: Any, rocks: pd.DataFrame, heights: np.ndarray, rock_of_cell: np.ndarray, cell: float) -> None:
+def _draw_map(
+    axes: Any,
+    rocks: pd.DataFrame,
+    heights: np.ndarray,
+    rock_of_cell: np.ndarray,
+    grid: tuple[PlanAxis, PlanAxis],
+    unit: str,
+) -> None:
     """Draw the heights of the surface as colours with the outlines and numbers of rocks."""
     step = max(1, -(-max(heights.shape) // MAP_PX))
     shown, owner = heights[::step, ::step], rock_of_cell[::step, ::step]
-    sides = (0, heights.shape[1] * cell, 0, heights.shape[0] * cell)
-    low, high = np.nanpercentile(shown, [1, 99.5])
+    sides = [
+        axis.start + end * axis.step for axis, size in zip(grid, heights.shape[::-1], strict=True) for end in (0, size)
+    ]
+    low, high = np.nanpercentile(shown, [1, 99.5])  # walls and holes have arrows at the ends of the colour bar
+    high = max(high, np.nanmax(shown[owner > 0], initial=high))
     drawn = axes.imshow(shown, origin="lower", extent=sides, cmap="cividis", vmin=low, vmax=high)
-    axes.figure.colorbar(drawn, ax=axes, label="height, m", shrink=0.6)
-    x, y = ((np.arange(size) + 0.5) * cell * step for size in owner.shape[::-1])
+    outside = (np.nanmin(shown) < low, np.nanmax(shown) > high)
+    extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[outside]
+    axes.figure.colorbar(drawn, ax=axes, label="height, m", shrink=0.6, extend=extend)
+    x, y = (
+        axis.start + (np.arange(size) + 0.5) * axis.step * step
+        for axis, size in zip(grid, owner.shape[::-1], strict=True)
+    )
     if (owner > 0).any():
         axes.contour(x, y, (owner > 0).astype(float), levels=[0.5], colors=[SERIES[1]], linewidths=1)
     for rock in rocks["rock"]:
         rows, columns = np.nonzero(owner == rock)
         if len(rows):
-            axes.text(x[columns].max(), y[rows].max(), str(rock), color=INK, bbox=PLAIN, fontsize="small")
-    axes.set(xlabel="x in plan, m", ylabel="y in plan, m")
-    axes.set_title(f"{len(rocks)} rocks")
+            axes.text(x[columns.max()], y[rows.max()], str(rock), color=INK, bbox=PLAIN, fontsize="small")
+    axes.set(xlabel=f"{grid[0].name}, {unit}", ylabel=f"{grid[1].name}, {unit}")
+    axes.set_title(counted(len(rocks), "rock"))
 
 
 def draw_numbers(axes: Any, diameters: np.ndarray, area: float, fit: Abundance, smallest: float) -> None:
