@@ -22,6 +22,7 @@ from polarsim.schemas.rover import (
     LOST_MOTIONS,
     REJECTED_MOTIONS,
 )
+from polarsim.wording import counted
 
 CAPTION = (
     "Autonomous drives, means over seeds. Mode: hazards from labels (truth), a detector, stereo depth, both, or none "
@@ -157,10 +158,10 @@ def format_rank(table: pd.DataFrame) -> pd.DataFrame:
         {
             "mode": table["mode"],
             "gap": table["gap"].map(_GAPS),
-            "drives' figure": table["drive"].map(_DRIVES),
+            "metric of drives": table["drive"].map(_DRIVES),
             "detectors": table["detectors"],
             "drives": table["drives"],
-            "units": [f"{row['units']} {row['unit']}s" for row in records],
+            "units": [counted(row["units"], row["unit"]) for row in records],
             **coefficients,
             "p": table["kendall_p"],
             "smaller gap drives": table["says"],
