@@ -7,10 +7,11 @@ their values; words that are unknown or determined by other words become `{any}`
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import takewhile
+from itertools import count, takewhile
 
 from polarsim.photo import NO_SUN, terrain_text
 from polarsim.wording import counted
@@ -233,18 +234,31 @@ def _names(word: _Word) -> dict[str, str]:
         return dict(zip("LR", word.values, strict=True))
     if word.named == "light":
         return {text.lower(): text for text in word.values}
-    names = {}
-    for text in word.values:
-        name = re.sub(r"[^A-Za-z0-9-]+", "-", text).strip("-") or "x"
-        if word.named == "azimuth":
-            digits = re.findall(r"\d+", text)
-            name = NO_SUN if _DARK.fullmatch(text) else str(int(digits[0])) if len(digits) == 1 else name
-        elif word.named == "terrain" and all(value.isdecimal() for value in word.values):
-            name = terrain_text(int(text))
-        names[name] = text
-    if len(names) < len(word.values):  # two texts with the same number
-        names = {re.sub(r"[^A-Za-z0-9-]+", "-", text).strip("-"): text for text in word.values}
+    plain = {text: _plain(text) for text in word.values}
+    chosen = {text: _key_name(word, text, name) for text, name in plain.items()}
+    if len(set(chosen.values())) < len(chosen):  # two texts with the same number
+        chosen = plain
+    names: dict[str, str] = {}
+    for text, name in chosen.items():
+        same = (f"{name}-{number}" for number in count(2))
+        names[name if name not in names else next(other for other in same if other not in names)] = text
     return names
+
+
+def _plain(text: str) -> str:
+    """Return a text as a name of a key: letters without accents, digits, and hyphens for all other characters."""
+    letters = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
+    return re.sub(r"[^A-Za-z0-9-]+", "-", letters).strip("-") or "x"
+
+
+def _key_name(word: _Word, text: str, name: str) -> str:
+    """Return the name of a text, whose plain name is `name`: lamps and terrains with numbers are named by them."""
+    if word.named == "azimuth":
+        digits = re.findall(r"\d+", text)
+        return NO_SUN if _DARK.fullmatch(text) else str(int(digits[0])) if len(digits) == 1 else name
+    if word.named == "terrain" and all(value.isdecimal() for value in word.values):
+        return terrain_text(int(text))
+    return name
 
 
 def _exposures(words: list[_Word], names: dict[str, dict[str, str]]) -> dict[str, list[int]]:
