@@ -55,6 +55,11 @@ def refuse_unknown(folder: Path, run: str, targets: Sequence[str], configured: S
             near = get_close_matches(name, sorted(known), n=1)
             hint = f"did you mean {near[0]}? " if near else ""
             raise CallError(f"{name!r} is not a target; {hint}Stages: {', '.join(stages)}")
+        if name not in stages:
+            raise CallError(
+                f"rule {name} makes files of several runs or terrains; request one of its files, listed in "
+                f"docs/formats.md, or a stage: {', '.join(stages)}"
+            )
     for file in targets:
         parts = Path(file).parts
         if file in names or (folder / file).exists():

@@ -8,6 +8,8 @@ import pytest
 from polarsim.errors import ConfigError
 from polarsim.running.targets import CallError, refuse_unknown, targets_of
 
+CHECKOUT = Path(__file__).parents[2]
+
 
 def refuse(monkeypatch, returncode: int, stderr: str) -> None:
     """Check a target for which Snakemake's summary has this exit code and this text."""
@@ -21,6 +23,17 @@ def test_an_error_of_the_workflow_is_raised_in_one_line(monkeypatch):
         refuse(monkeypatch, 1, "Building DAG of jobs...\nerror: no labels; set scoring.annotated_root\n")
     assert "\n" not in str(error.value)
     assert "error: " not in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["report_label_scores", "tabulate_evaluation", "generate_analog", "mesh_rocks"])
+def test_a_rule_with_wildcards_is_a_usage_error_with_a_remedy(name):
+    with pytest.raises(CallError, match=rf"rule {name} .* labels") as error:
+        refuse_unknown(CHECKOUT, "mine", [name], [])
+    assert "\n" not in str(error.value)
+
+
+def test_stages_and_all_are_targets():
+    refuse_unknown(CHECKOUT, "mine", ["all", "labels", "geometry", "rover"], [])
 
 
 def test_a_file_without_a_rule_is_a_usage_error(monkeypatch):
