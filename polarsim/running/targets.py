@@ -15,6 +15,7 @@ from polarsim.errors import ConfigError, PolarsimError
 _RULE = re.compile(r"^((?:    )?)rule (\w+):\n((?:\1    .*\n|\n)*)", re.MULTILINE)  # indentation, name, body
 _USED = re.compile(r"^ *use rule (\w+) as (\w+) with:", re.MULTILINE)
 _INCLUDED = re.compile(r'^include: "rules/(\w+\.smk)"', re.MULTILINE)
+_OUTPUT = re.compile(r"^( +)output:(.*?)(?=^\1\w+:|\Z)", re.MULTILINE | re.DOTALL)
 _OF_RUN = ("--configfile", "--config", "--cores", "--min-free", "--verbose")
 _OWN = {  # options of Snakemake that are also options of `polarsim run`
     "configfile": "--configfile FILE, repeated for each file",
@@ -49,13 +50,13 @@ def refuse_unknown(folder: Path, run: str, targets: Sequence[str], configured: S
     Targets are names of rules and files; `configured` are the options of Snakemake that define the configuration.
     """
     names = [word for word in targets if "/" not in word and "." not in word]
-    stages, known = _rules(folder)
+    stages, known, of_files = _rules(folder)
     for name in names:
         if name not in known:
             near = get_close_matches(name, sorted(known), n=1)
             hint = f"did you mean {near[0]}? " if near else ""
             raise CallError(f"{name!r} is not a target; {hint}Stages: {', '.join(stages)}")
-        if name not in stages:
+        if name in of_files:
             raise CallError(
                 f"rule {name} makes files of several runs or terrains; request one of its files, listed in "
                 f"docs/formats.md, or a stage: {', '.join(stages)}"
@@ -99,11 +100,11 @@ def _parsed(words: Sequence[str]) -> argparse.Namespace:
     return parsed
 
 
-def _rules(folder: Path) -> tuple[list[str], set[str]]:
-    """Return the names of the stages (rules without outputs) and of all rules."""
+def _rules(folder: Path) -> tuple[list[str], set[str], set[str]]:
+    """Return the names of the stages (rules without outputs), of all rules, and of rules with wildcards."""
     found = [match for _, text in _rule_files(folder) for match in _RULE.findall(text)]
     stages = [name for _, name, body in found if not _has_output(body)]
-    return sorted(stages), {name for _, name, _ in found}
+    return sorted(stages), {name for _, name, _ in found}, {name for _, name, body in found if _has_wildcards(body)}
 
 
 def stages_of_rules(folder: Path) -> dict[str, str]:
@@ -124,7 +125,13 @@ def _rule_files(folder: Path) -> list[tuple[str, str]]:
 
 
 def _has_output(body: str) -> bool:
-    return re.search(r"^\s+output:", body, re.MULTILINE) is not None
+    return _OUTPUT.search(body) is not None
+
+
+def _has_wildcards(body: str) -> bool:
+    """Return whether a rule has outputs with wildcards: all but paths that are written without any."""
+    outputs = _OUTPUT.search(body)
+    return outputs is not None and ("{" in outputs[2] or re.search(r"\"[^\"]*/[^\"]*\"", outputs[2]) is None)
 
 
 def _is_made(file: str, call: Sequence[str]) -> bool:

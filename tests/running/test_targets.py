@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from polarsim.errors import ConfigError
-from polarsim.running.targets import CallError, refuse_unknown, targets_of
+from polarsim.running.targets import CallError, refuse_unknown, stages_of_rules, targets_of
 
 CHECKOUT = Path(__file__).parents[2]
 
@@ -30,6 +30,12 @@ def test_a_rule_with_wildcards_is_a_usage_error_with_a_remedy(name):
     with pytest.raises(CallError, match=rf"rule {name} .* labels") as error:
         refuse_unknown(CHECKOUT, "mine", [name], [])
     assert "\n" not in str(error.value)
+
+
+def test_all_rules_with_outputs_are_refused_before_the_run():
+    for name in stages_of_rules(CHECKOUT):
+        with pytest.raises(CallError, match=name):
+            refuse_unknown(CHECKOUT, "mine", [name], [])
 
 
 def test_stages_and_all_are_targets():
