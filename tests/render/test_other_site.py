@@ -8,7 +8,7 @@ from polarsim.photo import BLACK_LEVEL, PhotoKey
 from polarsim.photo_format import as_stored
 from polarsim.render.brdf import reflectance
 from polarsim.render.gain import calibration_photos, default_gain
-from polarsim.render.lamps import REFERENCE_DISTANCE, ROVER, lamps_of_rig
+from polarsim.render.lamps import REFERENCE_DISTANCE, ROVER, first_tripod, lamps_of_rig
 from polarsim.render.options import RenderOptions
 from polarsim.render.scene import Scene
 from polarsim.run_files.rigs import read_localised
@@ -61,7 +61,7 @@ def test_a_site_without_rig_lamp_has_none(folders):
 def test_level_sand_has_the_same_brightness_in_the_usual_exposure_of_any_site(lamps, falloff):
     chosen = site(lamps=lamps, reference_exposure_ms=40)
     options = RenderOptions(falloff=falloff)
-    camera = np.array([[3.5, 0.0, 1.5]])  # without surveyed positions
+    camera = np.array([first_tripod(chosen).camera_m])
     towards = np.array([lamp.point for lamp in chosen.lamps.values()] or camera, float)
     unit = [vector / np.linalg.norm(vector) for vector in (np.array([[0, 0, 1.0]]), towards, camera)]
     light = 1.0 if lamps else chosen.rig_lamp.share
