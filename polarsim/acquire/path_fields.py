@@ -11,7 +11,7 @@ import unicodedata
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import count, takewhile
+from itertools import chain, count, takewhile
 
 from polarsim.photo import NO_SUN, terrain_text
 from polarsim.wording import counted
@@ -234,21 +234,21 @@ def _names(word: _Word) -> dict[str, str]:
         return dict(zip("LR", word.values, strict=True))
     if word.named == "light":
         return {text.lower(): text for text in word.values}
-    plain = {text: _plain(text) for text in word.values}
+    plain = {text: plain_name(text) for text in word.values}
     chosen = {text: _key_name(word, text, name) for text, name in plain.items()}
     if len(set(chosen.values())) < len(chosen):  # two texts with the same number
         chosen = plain
     names: dict[str, str] = {}
     for text, name in chosen.items():
-        same = (f"{name}-{number}" for number in count(2))
-        names[name if name not in names else next(other for other in same if other not in names)] = text
+        candidates = chain([name], (f"{name}-{number}" for number in count(2)))
+        names[next(candidate for candidate in candidates if candidate not in names)] = text
     return names
 
 
-def _plain(text: str) -> str:
-    """Return a text as a name of a key: letters without accents, digits, and hyphens for all other characters."""
+def plain_name(text: str, default: str = "x") -> str:
+    """Return a text as a name: letters without accents, digits, and hyphens for all else; a default without letters."""
     letters = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
-    return re.sub(r"[^A-Za-z0-9-]+", "-", letters).strip("-") or "x"
+    return re.sub(r"[^A-Za-z0-9-]+", "-", letters).strip("-") or default
 
 
 def _key_name(word: _Word, text: str, name: str) -> str:

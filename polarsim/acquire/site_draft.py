@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from polarsim.acquire.path_fields import PathFields
+from polarsim.acquire.path_fields import PathFields, plain_name
 from polarsim.errors import PolarsimError
 from polarsim.formats.stated_calibration import StatedCalibration
 from polarsim.photo import NO_SUN, parse_terrain, terrain_text
@@ -49,7 +49,7 @@ def draft_text(name: str, folder: Path, fields: PathFields, form: ImageForm, sca
     lines = [
         f"# Draft of a site for {folder}. Replace every value FILL_IN, then: polarsim check-site FILE --root FOLDER",
         "# All keys: docs/reference/configuration.md. Lengths are metres; +X and +Y are directions that you choose.",
-        f"name: {re.sub('[^A-Za-z0-9]+', '-', name).strip('-') or 'site'}",
+        f"name: {plain_name(name, 'site')}",
         "",
         f"terrains: [{', '.join(_terrains(fields))}] # scenes",
         f"positions: [{', '.join(map(_quoted, _names(fields, 'position') or ['A']))}] # of the camera or rig",
