@@ -54,6 +54,11 @@ def photo_scale(width: int) -> float:
     return width / REFERENCE_WIDTH_PX
 
 
+def reduced_scale(scale: float, width: int) -> float:
+    """Return the scale, at most 1, that gives photos of a width, px, the size of reference photos at `scale`."""
+    return min(1.0, scale / photo_scale(width))
+
+
 def terrain_text(terrain: Terrain) -> str:
     """Return a terrain as written in keys and paths: `01`, or a name."""
     return terrain if isinstance(terrain, str) else f"{terrain:02d}"

@@ -28,7 +28,7 @@ from polarsim.formats import colmap
 from polarsim.formats.files import relative_to, writing_folder
 from polarsim.geometry.patches import MatchingOptions, match_windows
 from polarsim.geometry.poses import angle_between
-from polarsim.photo import PositionCamera, Terrain, photo_scale, terrain_text
+from polarsim.photo import PositionCamera, Terrain, reduced_scale, terrain_text
 from polarsim.progress import track
 from polarsim.run_files import lamps
 from polarsim.run_files.best_photos import BestPhotos, ViewPhotos, best_pictures, read_all_resized
@@ -146,7 +146,7 @@ def _refine(
     suns: dict[str, np.ndarray] = {}
     width = next(iter(located.values())).rig.left.width
     for of_usual_photos in options.scales:
-        scale = min(1.0, of_usual_photos / photo_scale(width))
+        scale = reduced_scale(of_usual_photos, width)
         photos = read_all_resized(pictures, located, scale)
         matches = {
             (position, camera): _match_view(

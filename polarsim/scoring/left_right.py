@@ -17,7 +17,7 @@ from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.patches import MatchingOptions, StereoMatches, cast_stereo, match_stereo_windows
 from polarsim.geometry.rays import Caster
 from polarsim.geometry.stereo import StereoRig
-from polarsim.photo import PhotoKey, photo_scale
+from polarsim.photo import PhotoKey, reduced_scale
 from polarsim.run_files.best_photos import BestPhotos, read_resized
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.scoring.cameras import agreed_boxes
@@ -58,7 +58,7 @@ def photos_of_both(localised: Mapping[str, LocalisedRig], surface: Caster, pictu
 
 def _scale(rig: StereoRig) -> float:
     """Return the scale of the compared photos of a rig."""
-    return min(1.0, SCALE / photo_scale(rig.left.width))
+    return reduced_scale(SCALE, rig.left.width)
 
 
 def tie_metrics(subject: str, rig: StereoRig, ties: list[StereoMatches]) -> list[Metric]:
