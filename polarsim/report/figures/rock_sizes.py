@@ -105,8 +105,7 @@ def _draw_map(
     low, high = np.nanpercentile(shown, [1, 99.5])  # walls and holes have arrows at the ends of the colour bar
     high = max(high, np.nanmax(shown[owner > 0], initial=high))
     drawn = axes.imshow(shown, origin="lower", extent=sides, cmap="cividis", vmin=low, vmax=high)
-    outside = (np.nanmin(shown) < low, np.nanmax(shown) > high)
-    extend = {(False, False): "neither", (True, False): "min", (False, True): "max", (True, True): "both"}[outside]
+    extend = ("neither", "min", "max", "both")[int(np.nanmin(shown) < low) + 2 * int(np.nanmax(shown) > high)]
     axes.figure.colorbar(drawn, ax=axes, label="height, m", shrink=0.6, extend=extend)
     x, y = (
         axis.start + (np.arange(size) + 0.5) * axis.step * step
