@@ -21,7 +21,7 @@ _MIN_MATCHES = 40  # minimum number of RANSAC inliers; pairs with fewer are not 
 _RANSAC_PX = 1.0  # maximum distance of an inlier from the epipolar line, in the reduced photo
 # Maximum of the median distance of matches from the epipolar lines of the calibration, px of a photo of the reference
 # width. On eight pairs of the analog 0.2 to 0.4 px; with a calibration at half the size 5 to 13 px, with exchanged
-# lenses 16 to 23 px. In small photos, the error of the matches limits it.
+# lenses 16 to 23 px. In small photos, matches are less accurate than this, hence the lower limit.
 _MAX_DISTANCE_PX, _MIN_LIMIT_PX = 3.0, 1.0
 _MIN_IN_FRONT = 0.5  # minimum share of matches in front of the cameras
 

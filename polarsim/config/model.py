@@ -43,7 +43,8 @@ class Config(Sections):
             whole["render"] = {**render, "fitting": _with_defaults(render.get("fitting"), {"held_out": held_out})}
         if isinstance(rover := content.get("rover", {}), dict):
             along, across = (2 * half for half in site.sandbox.half_width_m)
-            strip = {"terrain_m": max(along - 2 * EDGE_M, along / 2), "width_m": across + 2 * BORDER_M}
+            length = max(along - 2 * EDGE_M, along / 2)  # a sandbox below 1 m has narrower edges
+            strip = {"terrain_m": length, "width_m": across + 2 * BORDER_M}
             if site != polar():
                 strip["terrains"] = whole["terrains"]
             whole["rover"] = {**rover, "world": _with_defaults(rover.get("world"), strip)}

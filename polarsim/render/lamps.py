@@ -122,9 +122,9 @@ def first_lamp(site: Site) -> Lamp:
 
 
 def first_tripod(site: Site) -> Tripod:
-    """Return the first surveyed position of a site; for a site without any, a view from outside of its +X side."""
+    """Return the first surveyed position of a site; for a site without any, a view from beyond its +X side."""
     surveyed = [site.tripods[position] for position in site.all_positions if position in site.tripods]
     if surveyed:
         return surveyed[0]
-    reach = site.sandbox.reach_m
+    reach = site.sandbox.reach_m  # POLAR's sandbox would be seen from (3.5, 0, 1.5)
     return Tripod(camera_m=(1.75 * reach, 0.0, 0.75 * reach), yaw_deg=180)

@@ -39,10 +39,10 @@ def warn_of_other_configurations(tables: Sequence[Path], digest: str, files: Seq
         others += [] if made_with == digest else [path.name]
     if others:
         _LOG.warning(
-            "%s of another configuration, update: %s: %s",
+            "%s of another configuration (%s); update with: %s",
             counted(len(others), "table"),
-            run_command(files),
             ", ".join(others),
+            run_command(files),
         )
 
 

@@ -52,7 +52,7 @@ def compile_model(vehicle: Vehicle, world: World, rocks: Sequence[RockPart], gra
     option.timestep, option.gravity = dt, [0, 0, -gravity]
     option.integrator, option.cone = mujoco.mjtIntegrator.mjINT_IMPLICITFAST, mujoco.mjtCone.mjCONE_ELLIPTIC
     option.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
-    # Several contacts per pair are those of parallel faces: a wheel at the edge of a rock would sink in by 12 mm.
+    # MuJoCo derives several contacts of a pair from parallel faces: a wheel on the edge of a rock sinks in by 12 mm.
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MULTICCD
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # an invalid state must remain visible
     base = spec.worldbody.add_body(name="base_link")

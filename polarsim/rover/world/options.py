@@ -7,7 +7,7 @@ from pydantic import BaseModel, Field, PositiveFloat
 from polarsim.site_parts import TerrainName
 from polarsim.user_path import UserPath
 
-EDGE_M = 0.25  # width of the strip along the sides of a sandbox that is left out
+EDGE_M = 0.25  # margin at both ends of a sandbox that is left out
 BORDER_M = 0.5  # width of filler ground on both sides of the terrains
 
 
