@@ -17,6 +17,7 @@ from polarsim.report.layout import MISSING, format_value, write_table
 from polarsim.schemas.evaluation import EVALUATION
 from polarsim.scoring.consistency_warnings import warnings_of
 from polarsim.scoring.metrics import BOX_METRICS, COLUMNS, STAGES, metrics_table
+from polarsim.site import Site
 
 CAPTION = "Metrics of every stage, a column per terrain. Unit 1: share or ratio; against: reference of the metric."
 ROW_NAMES = ("stage", "subject", "metric", "unit", "against")
@@ -33,13 +34,13 @@ MAX_LINES = 8  # of a summary
 _TERRAIN_METRIC = ["terrain", *ROW_NAMES]
 
 
-def gather_evaluation(*, parts: list[Path], stem: Path, origin: dict[str, str]) -> None:
+def gather_evaluation(*, parts: list[Path], stem: Path, site: Site, origin: dict[str, str]) -> None:
     """Write tables/evaluation.{csv,md,tex,parquet} from the metric files of all stages and terrains.
 
     Notes below the table list the disagreements that the run's checks of consistency found.
     """
     table = join_metrics([read_csv(path, COLUMNS) for path in parts])
-    notes = ["The CSV file contains n.", *warnings_of(table)]
+    notes = ["The CSV file contains n.", *warnings_of(table, site.images.width)]
     write_table(stem, table, CAPTION, layout=format_evaluation(table), notes=notes, origin=origin)
 
 

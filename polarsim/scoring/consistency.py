@@ -103,7 +103,7 @@ def check_consistency(
         edges = measure_edges(terrain, OpenGround.of(scene), scene.walls, photos, last, suns, site)
         metrics += wall_shadow_metrics(edges)
     for metric in metrics:
-        for sentence in metric_warning(metric.subject, metric.metric, metric.value):
+        for sentence in metric_warning(metric, site.images.width):
             log.warning("terrain %s: %s", terrain_text(terrain), sentence)
     write_metrics(evaluation, STAGE, terrain, metrics)
 

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import pandas as pd
+
+from polarsim.photo import photo_scale
+from polarsim.scoring.metrics import Metric
 
 STAGE = "consistency"
 
 
 @dataclass(frozen=True)
 class _Limit:
-    """Limit of a metric with the warning for values above (or below) the limit."""
+    """Limit of a metric with the warning for values above (or below) the limit; px in photos of the reference width."""
 
     value: float
     sentence: str
     above: bool = True
 
-    def is_exceeded(self, value: float) -> bool:
-        return value > self.value if self.above else value < self.value
+    def is_exceeded(self, metric: Metric, photo_width: int) -> bool:
+        limit = self.value * (photo_scale(photo_width) if metric.unit == "px" else 1)
+        return metric.value > limit if self.above else metric.value < limit
 
 
 # Several times the values of consistent runs (docs/notes/cameras.md), and below values that affect meshes and labels.
@@ -59,16 +63,21 @@ LIMITS = {
 }
 
 
-def warnings_of(table: pd.DataFrame) -> list[str]:
-    """Return a warning for each row of a metric table that exceeds the limit of the metric."""
+def warnings_of(table: pd.DataFrame, photo_width: int) -> list[str]:
+    """Return a warning for each row of a metric table that exceeds the limit of the metric.
+
+    `photo_width`: width of the photos of the table, px.
+    """
     return [
         f"Terrain {row['terrain']}: {sentence}."
         for row in table[table["stage"] == STAGE].to_dict("records")
-        for sentence in metric_warning(str(row["subject"]), str(row["metric"]), float(row["value"]))
+        for sentence in metric_warning(Metric(**{field.name: row[field.name] for field in fields(Metric)}), photo_width)
     ]
 
 
-def metric_warning(subject: str, metric: str, value: float) -> list[str]:
-    """Return the warning for a metric; empty if the limit is not exceeded."""
-    limit = LIMITS.get(metric)
-    return [f"{subject}: {limit.sentence.format(value=value)}"] if limit and limit.is_exceeded(value) else []
+def metric_warning(metric: Metric, photo_width: int) -> list[str]:
+    """Return the warning for a metric of photos of a width, px; empty if the limit is not exceeded."""
+    limit = LIMITS.get(metric.metric)
+    if limit is None or not limit.is_exceeded(metric, photo_width):
+        return []
+    return [f"{metric.subject}: {limit.sentence.format(value=metric.value)}"]

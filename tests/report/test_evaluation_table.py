@@ -3,6 +3,7 @@ import numpy as np
 from polarsim.formats.tables import read_csv, read_parquet
 from polarsim.report.evaluation_table import format_evaluation, gather_evaluation, join_metrics, shown_value
 from polarsim.scoring.metrics import COLUMNS, Metric, metrics_table, summary_metric, write_metrics
+from polarsim.site import polar
 
 ORIGIN = {"run": "demo", "source": "analog", "config": "1a2b3c4d"}
 
@@ -14,7 +15,7 @@ def test_metrics_of_all_terrains_and_stages_are_concatenated(tmp_path):
         write_metrics(tmp_path / f"cameras_0{terrain}.csv", "cameras", terrain, [metric])
     write_metrics(tmp_path / "rocks_06.csv", "rocks", 6, [])  # an empty part does not change the types of columns
     parts = [tmp_path / name for name in ("rocks_06.csv", "labels_03.csv", "cameras_03.csv", "cameras_01.csv")]
-    gather_evaluation(parts=parts, stem=tmp_path / "evaluation", origin=ORIGIN)
+    gather_evaluation(parts=parts, stem=tmp_path / "evaluation", site=polar(), origin=ORIGIN)
     table = read_parquet(tmp_path / "evaluation.parquet", ["run", "source", "config", *COLUMNS])
     assert list(table["stage"]) == ["cameras", "cameras", "labels"]
     assert list(table["terrain"]) == [1, 3, 3]
@@ -28,7 +29,7 @@ def test_metrics_of_all_terrains_and_stages_are_concatenated(tmp_path):
 def test_terrains_without_metrics_give_an_empty_table(tmp_path):
     write_metrics(tmp_path / "rocks_06.csv", "rocks", 6, [])
     assert list(read_csv(tmp_path / "rocks_06.csv").columns) == list(COLUMNS)
-    gather_evaluation(parts=[tmp_path / "rocks_06.csv"], stem=tmp_path / "evaluation", origin=ORIGIN)
+    gather_evaluation(parts=[tmp_path / "rocks_06.csv"], stem=tmp_path / "evaluation", site=polar(), origin=ORIGIN)
     assert len(read_csv(tmp_path / "evaluation.csv", list(COLUMNS))) == 0
 
 
@@ -70,7 +71,7 @@ def test_named_terrains_have_a_column_with_their_name(tmp_path):
         metric = Metric("1", "position_error_aligned", error, "mm", 1, "truth")
         write_metrics(tmp_path / f"cameras_{terrain}.csv", "cameras", terrain, [metric])
     write_metrics(tmp_path / "rocks_yard-a.csv", "rocks", "yard-a", [])
-    gather_evaluation(parts=sorted(tmp_path.glob("*.csv")), stem=tmp_path / "evaluation", origin=ORIGIN)
+    gather_evaluation(parts=sorted(tmp_path.glob("*.csv")), stem=tmp_path / "evaluation", site=polar(), origin=ORIGIN)
     assert read_parquet(tmp_path / "evaluation.parquet")["terrain"].tolist() == ["yard-a", "yard-b"]
     shown = format_evaluation(read_csv(tmp_path / "evaluation.csv"))
     assert shown[["subject", "yard-a", "yard-b"]].values.tolist() == [["1", "0.25", "1.50"]]

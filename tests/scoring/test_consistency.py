@@ -12,7 +12,7 @@ from polarsim.geometry.casters import make_caster
 from polarsim.geometry.meshes import Mesh
 from polarsim.geometry.outlines import Outlines
 from polarsim.geometry.poses import Pose, camera_pose
-from polarsim.photo import BLACK_LEVEL, NO_ROCK, PhotoKey
+from polarsim.photo import BLACK_LEVEL, NO_ROCK, REFERENCE_WIDTH_PX, PhotoKey
 from polarsim.run_files.rigs import LocalisedRig
 from polarsim.run_files.scene import TerrainMesh
 from polarsim.run_files.wall_edges import EdgeSamples
@@ -47,9 +47,9 @@ def scans(scene, rng):
     return scans
 
 
-def exceeded(metrics):
-    """Return subject and name of the metrics that exceed their limits."""
-    return {(m.subject, m.metric) for m in metrics if metric_warning(m.subject, m.metric, m.value)}
+def exceeded(metrics, photo_width=REFERENCE_WIDTH_PX):
+    """Return subject and name of the metrics that exceed their limits in photos of a width."""
+    return {(metric.subject, metric.metric) for metric in metrics if metric_warning(metric, photo_width)}
 
 
 def rotated(points, degrees, axis, translation_mm=(0, 0, 0)):
@@ -64,7 +64,7 @@ def test_a_consistent_run_exceeds_no_limit(scans, scene):
 
 def test_every_metric_above_the_limit_has_a_warning_with_terrain_and_subject():
     metrics = [Metric("scan A", name, 100.0 if limit.above else -1.0, "1", 1, "own") for name, limit in LIMITS.items()]
-    sentences = warnings_of(metrics_table("consistency", 3, metrics))
+    sentences = warnings_of(metrics_table("consistency", 3, metrics), REFERENCE_WIDTH_PX)
     assert len(sentences) == len(LIMITS)
     assert all(sentence.startswith("Terrain 3: scan A: ") for sentence in sentences)
 
@@ -120,13 +120,23 @@ def wavy():
     )
 
 
-@pytest.fixture(scope="module")
-def stereo(wavy, tmp_path_factory):
-    """The ray caster and the left and right photos of a localised rig under two Sun lamps."""
+STANDING = LocalisedRig(
+    default_rig(), camera_pose(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans, photos", {}
+)
+
+
+def scaled(localised, scale):
+    """Return a localised rig whose photos have a scale."""
+    rig = localised.rig
+    return replace(localised, rig=replace(rig, left=rig.left.scaled(scale), right=rig.right.scaled(scale)))
+
+
+def stereo_photos(wavy, standing, folder):
+    """Return the ray caster and the left and right photos of a localised rig under two Sun lamps."""
     rays, pattern = wavy
-    folder, pictures = tmp_path_factory.mktemp("stereo"), {}
+    pictures = {}
     for camera in "LR":
-        pose, lens = STANDING.sandbox_from(camera), STANDING.rig.lens(camera)
+        pose, lens = standing.sandbox_from(camera), standing.rig.lens(camera)
         directions = pose.rotate(lens.pixel_directions()).reshape(-1, 3).astype(np.float32)
         distance, _ = rays.nearest(np.broadcast_to(pose.translation, directions.shape), directions)
         hit = np.isfinite(distance)
@@ -141,9 +151,9 @@ def stereo(wavy, tmp_path_factory):
     return rays, pictures
 
 
-STANDING = LocalisedRig(
-    default_rig(), camera_pose(np.array([3.6, -0.4, 1.5]), np.pi, np.radians(27)), "scans, photos", {}
-)
+@pytest.fixture(scope="module")
+def stereo(wavy, tmp_path_factory):
+    return stereo_photos(wavy, STANDING, tmp_path_factory.mktemp("stereo"))
 
 
 def rotated_right(rig, degrees):
@@ -168,6 +178,29 @@ def test_a_rotated_right_camera_is_reported(stereo, rotation_deg, metric):
     assert exceeded(metrics) == {("left and right photos, position A", metric)}
     if metric == "across_rows":
         assert metrics[1].value == pytest.approx(3.6, abs=0.05)
+
+
+@pytest.mark.parametrize("scale", [0.4, 0.7, 1.3])
+@pytest.mark.parametrize(("pitch_deg", "reported"), [(0.02, False), (0.07, True)])  # 0.7 and 2.5 px of reference photos
+def test_the_same_errors_of_the_rig_are_reported_in_photos_of_any_width(wavy, tmp_path, scale, pitch_deg, reported):
+    standing = scaled(STANDING, scale)
+    stereo = stereo_photos(wavy, standing, tmp_path)
+    found = exceeded(
+        photos_of_both({"A": rotated_right(standing, [pitch_deg, 0, 0])}, *stereo), standing.rig.left.width
+    )
+    assert found == ({("left and right photos, position A", "across_rows")} if reported else set())
+
+
+@pytest.mark.parametrize("width", [612, 968, REFERENCE_WIDTH_PX, 2448, 4096])
+@pytest.mark.parametrize("name", LIMITS)
+def test_limits_in_pixels_follow_the_width_of_photos_and_others_do_not(name, width):
+    limit, lengths = LIMITS[name], name in ("across_rows", "across_rows_spread", "boxes_across_rows")
+    value = limit.value * (width / 1936 if lengths else 1)
+    warned = [
+        bool(metric_warning(Metric("scan A", name, share * value, "px" if lengths else "1", 1, "own"), width))
+        for share in (0.99, 1.01)
+    ]
+    assert warned == ([False, True] if limit.above else [True, False])
 
 
 def test_exchanged_photos_are_reported(stereo):
