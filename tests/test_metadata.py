@@ -29,6 +29,12 @@ def test_title_version_licence_and_authors_agree(cited):
         assert [author["name"] for author in others] == authors
 
 
+def test_the_version_is_the_newest_of_the_changelog():
+    newest = re.search(r"^## (\S+)", (CHECKOUT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    assert newest is not None
+    assert newest[1] == polarsim.__version__
+
+
 def test_zenodo_repeats_description_keywords_and_cited_papers_of_the_project():
     assert ZENODO["description"].startswith(f"{PROJECT['description']}.")
     assert set(PROJECT["keywords"]) <= set(ZENODO["keywords"])
