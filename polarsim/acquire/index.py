@@ -12,16 +12,17 @@ from typing import Any
 import pandas as pd
 
 from polarsim.acquire.converted import photos_of_run
-from polarsim.acquire.options import NO_SEEDS, SeedChoice, SeedOptions, SourceOptions
+from polarsim.acquire.inputs import no_scan_error
+from polarsim.acquire.options import SeedChoice, SeedOptions, SourceOptions
 from polarsim.acquire.seeds import choose_seed_files, copy_seeds, find_labels, no_seed_error
 from polarsim.acquire.stereo_check import check_calibration
-from polarsim.errors import FormatError, LabelError
+from polarsim.errors import FormatError
 from polarsim.formats import png, release
 from polarsim.formats.calibrations import read_calibration, stated_rig
 from polarsim.formats.readers import reader
 from polarsim.formats.tables import PHOTO_COLUMNS, key_columns, read_parquet, typed, write_parquet
 from polarsim.grid import GridOptions
-from polarsim.photo import PhotoKey, Terrain, terrain_text
+from polarsim.photo import PhotoKey, Terrain
 from polarsim.progress import track
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.rigs import write_rig
@@ -94,12 +95,15 @@ def index_terrain(
     raw = content.inventory
     if not source.scans:
         raw = replace(raw, range_maps={}, clouds={})
+    elif data.has_scans and (site.files.clouds or site.files.range_maps) and not raw.scanned:
+        raise no_scan_error(site, terrain, source.root)
     if isinstance(seed_options, SeedOptions):
         root = seed_options.root or source.root
         chosen = _seeds(site, terrain, positions, raw, root, seed_options, log_strays=data.has_photos)
     else:
-        _check_scanned(terrain, positions, raw, source.root)
         chosen = []
+        if unknown := set(positions) - set(raw.scanned):
+            log.warning("%s: no scan of position %s, and no seeds are read", source.root, ", ".join(sorted(unknown)))
     rig = read_calibration(raw.calibration, site) if raw.calibration else stated_rig(site)
     stated = Path(raw.calibration) if raw.calibration else None
     with photos_of_run(content.photos, site, converted) as recorded:
@@ -117,15 +121,6 @@ def index_terrain(
 def merge_photos(*, tables: list[Path], merged: Path) -> None:
     """Merge the photo tables of terrains."""
     write_parquet(merged, photo_table(pd.concat([read_parquet(path, PHOTO_COLUMNS) for path in tables])))
-
-
-def _check_scanned(terrain: Terrain, positions: Sequence[str], raw: Inventory, root: Path) -> None:
-    """Check that a run without seeds has scans, from which rocks and cameras are estimated."""
-    if not raw.scanned:
-        raise LabelError(f"no scan of terrain {terrain_text(terrain)}, required by labels.seeds: {NO_SEEDS}", path=root)
-    unknown = set(positions) - set(raw.scanned)
-    if unknown:
-        log.warning("%s: no scan of position %s, and no seeds are read", root, ", ".join(sorted(unknown)))
 
 
 def _seeds(

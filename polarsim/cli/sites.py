@@ -47,6 +47,9 @@ def check_site(
             for one in found
         ]
         print_table(("terrain", "photos", "stray files", "scans", "calibration"), files, str(config.source.root))
+        for one in found:
+            if one.note:
+                typer.echo(f"{one.terrain}: {one.note}")
 
 
 @command()

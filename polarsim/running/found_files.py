@@ -9,6 +9,7 @@ from polarsim.formats import site_files
 from polarsim.formats.calibrations import read_calibration
 from polarsim.grid import selected_grid
 from polarsim.photo import terrain_text
+from polarsim.sources.files import stray_text
 
 
 @dataclass(frozen=True)
@@ -18,7 +19,8 @@ class FoundFiles:
     terrain: str
     photos: int
     expected: int
-    stray: int
+    stray: int  # number of files that are no photos of the site
+    note: str  # example of a stray file, or empty
     scans: tuple[str, ...]  # positions
     calibration: str
 
@@ -35,5 +37,6 @@ def found_files(config: Config) -> list[FoundFiles]:
         selected = set(selected_grid(site, terrain, config.positions, config.grid))
         expected, count = len(selected), len(selected & {key for key, _ in photos})
         name = calibration.name if calibration else "of the site" if site.cameras.calibration else "none"
-        found.append(FoundFiles(terrain_text(terrain), count, expected, len(strays), tuple(sorted(scans)), name))
+        note = stray_text(site, root, strays) if strays else ""
+        found.append(FoundFiles(terrain_text(terrain), count, expected, len(strays), note, tuple(sorted(scans)), name))
     return found

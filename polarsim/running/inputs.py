@@ -11,11 +11,12 @@ from pathlib import Path
 
 from pydantic import BaseModel
 
+from polarsim.acquire.inputs import no_scan_error
 from polarsim.acquire.options import NO_SEEDS, SeedOptions
 from polarsim.acquire.seeds import choose_seed_files, find_labels, no_seed_error
 from polarsim.config import Config
 from polarsim.errors import ConfigError
-from polarsim.formats import release
+from polarsim.formats import release, site_files
 from polarsim.formats.files import resolve_packaged
 from polarsim.grid import selected_grid
 from polarsim.photo import PhotoKey
@@ -36,12 +37,13 @@ def check_paths(config: Config) -> None:
         A path is missing, a file instead of a folder or vice versa, or a folder without usable content; a corrected
         photo is not part of the run; an excluded photo is neither seed nor correction.
     FormatError, LabelError
-        A label file is invalid, or a terrain has no seeds.
+        A label file is invalid, or a terrain has no scans or no seeds.
     """
     for key, path in _used_paths(config):
         _check_kind(key, path)
     _check_source(config)
     _check_ranges(config)
+    _check_scans(config)
     _check_seeds(config)
     _check_annotated(config)
     _check_excluded(config, _checked_corrections(config))
@@ -103,6 +105,16 @@ def _check_ranges(config: Config) -> None:
             f"source: without scans, ranges are measured in stereo photos, but the site {config.site.name} has one "
             "camera: expected files.clouds or files.range_maps of the site, and source.scans: true"
         )
+
+
+def _check_scans(config: Config) -> None:
+    """Check that each terrain of local data has scans, if the run reads scans."""
+    if not config.has_scans or not _is_local(config):
+        return
+    site, root = config.site, config.source.root
+    for terrain in config.terrains:
+        if not site_files.find_range_maps(site, root, terrain) and not site_files.find_clouds(site, root, terrain):
+            raise no_scan_error(site, terrain, root)
 
 
 def _check_seeds(config: Config) -> None:

@@ -59,7 +59,7 @@ class FilesSource:
         clouds = site_files.find_clouds(site, root, terrain)
         all_photos, strays = site_files.find_photos(site, root, terrain)
         if strays:
-            log.warning("%s: %d files skipped that are no photos, such as %s", folder, len(strays), strays[0].name)
+            log.warning("%s: %s", root, stray_text(site, root, strays))
         photos = [(key, path) for key, path in all_photos if key.position in positions]
         selected = selected_grid(site, terrain, positions, grid)
         log_gaps([key for key, _ in photos], selected, folder or root, stereo=site.cameras.stereo)
@@ -104,6 +104,14 @@ class FilesSource:
                 f"has {len(files)} other files, such as {files[0].relative_to(root)}",
                 path=folder,
             )
+
+
+def stray_text(site: Site, root: Path, strays: Sequence[Path]) -> str:
+    """Return the number of stray files of a terrain and a name, and the reason why they are no photos."""
+    return (
+        f"{len(strays)} files skipped, such as {strays[0].relative_to(root).as_posix()}: expected {site.files.photos} "
+        "with positions, lamps and exposures of the site"
+    )
 
 
 def log_gaps(keys: Collection[PhotoKey], expected: Sequence[PhotoKey], folder: Path, *, stereo: bool) -> None:

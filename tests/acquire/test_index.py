@@ -121,7 +121,6 @@ def test_stray_files_of_a_release_are_logged_once_and_skipped(tmp_path, release,
         ("polar", {"terrain": 5}, r"Terrain05_\*"),
         ("missing root", {}, "nowhere"),
         ("release", {"seeds": SeedOptions(azimuths=["180"])}, r"Labels/Terrain11: .*180"),
-        ("release", {"seeds": "none"}, r"labels\.seeds"),  # without seeds a terrain needs a scan
     ],
 )
 def test_missing_data_are_a_one_line_error_without_output(tmp_path, release, polar, kind, changes, named):

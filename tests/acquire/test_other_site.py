@@ -94,6 +94,31 @@ def test_a_missing_photo_of_a_single_camera_is_a_gap_without_second_camera(tmp_p
     assert "27 photos found, 1 of the grid missing, such as yard-a_gate_off_no_L_0640" in gap
 
 
+def test_a_terrain_without_scans_among_others_is_an_error_that_names_the_remedy(tmp_path):
+    make(tmp_path / "raw", other_site())
+    (tmp_path / "raw/yard-a/gate.ply").unlink()
+    with pytest.raises(FormatError, match=r"yard-a.*source\.scans: false") as caught:
+        index(tmp_path, other_site(), tmp_path / "raw")
+    assert caught.value.path == tmp_path / "raw"
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("unknown", ["lamp", "position", "exposure"])
+def test_photos_of_a_lamp_position_or_exposure_that_the_site_lacks_are_counted_and_named(tmp_path, caplog, unknown):
+    path = {
+        "lamp": "yard-a/gate/lamp200-off/left_0010.png",
+        "position": "yard-a/south/lamp45-off/left_0010.png",
+        "exposure": "yard-a/gate/lamp45-off/left_0020.png",
+    }[unknown]
+    make(tmp_path / "raw", other_site())
+    (tmp_path / "raw" / path).parent.mkdir(parents=True, exist_ok=True)
+    png.write_png(tmp_path / "raw" / path, np.full(SIZE[::-1], 10, np.uint8))
+    out = index(tmp_path, other_site(), tmp_path / "raw")
+    (message,) = [record.getMessage() for record in caplog.records if "skipped" in record.getMessage()]
+    assert f"1 files skipped, such as {path}" in message
+    assert read_inventory(out / "inventory.json").stray == (path,)
+
+
 @pytest.mark.parametrize("wrong", ["size", "value", "damaged"])
 def test_an_invalid_photo_is_a_one_line_error_without_output(tmp_path, wrong):
     site = other_site(images=CONTENT["images"] | {"white": 240})

@@ -4,7 +4,7 @@ import pytest
 import yaml
 
 from polarsim.config import parse_config
-from polarsim.errors import ConfigError
+from polarsim.errors import ConfigError, FormatError
 from polarsim.running.inputs import check_paths
 from polarsim.running.site_stages import plan_lines, stage_states
 from tests.support.other_site import CONTENT
@@ -71,6 +71,23 @@ def test_a_run_without_scans_and_with_one_camera_is_refused_with_the_remedy(tmp_
         check_paths(config({"root": str(tmp_path)}, **WITHOUT_SCANS | {"cameras": {"stereo": False}}))
 
 
+@pytest.mark.parametrize("scans", [True, False])
+def test_a_terrain_without_scans_is_refused_before_the_first_job_unless_the_run_reads_no_scans(tmp_path, scans):
+    for name in ("yard-a/gate.ply", "Labels/Terrainyard-a/yard-a_gate_off_45_L_0040.txt"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("0 0.5 0.5 0.1 0.1\n")
+    label = tmp_path / "Labels/Terrainyard-b/yard-b_gate_off_45_L_0040.txt"
+    label.parent.mkdir()
+    label.write_text("0 0.5 0.5 0.1 0.1\n")
+    checked = config({"root": str(tmp_path), "scans": scans})
+    if not scans:
+        check_paths(checked)
+        return
+    with pytest.raises(FormatError, match=r"yard-b.*source\.scans: false") as caught:
+        check_paths(checked)
+    assert caught.value.path == tmp_path
+
+
 @pytest.mark.parametrize("name", ["polar", "yard"])
 def test_shipped_sites_are_checked_by_name(polarsim, name):
     result = polarsim("check-site", name)
@@ -88,7 +105,8 @@ def test_files_below_a_folder_are_counted(polarsim, tmp_path):
     result = polarsim("check-site", tmp_path / "site.yaml", "--root", tmp_path / "raw")
     assert result.returncode == 0
     rows = [line.replace("│", " ").split() for line in result.stdout.splitlines() if "yard-b" in line]
-    assert rows == [["yard-b", "1", "of", "56", "1", "none", "none"]]
+    assert rows[0] == ["yard-b", "1", "of", "56", "1", "none", "none"]
+    assert "yard-b: 1 files skipped, such as yard-b/gate/dark-on/other.png" in " ".join(result.stdout.split())
 
 
 def test_marked_values_are_listed_with_exit_code_1(polarsim, tmp_path):
@@ -108,3 +126,17 @@ def test_an_invalid_site_is_a_one_line_error(polarsim, tmp_path, monkeypatch, ar
     result = polarsim("check-site", argument)
     assert result.returncode == 1
     assert len(result.stderr.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "changes", [{"terrains": ["Höfe", "yard-b"]}, {"positions": ["gate 1", "mast"]}, {"lamps": {"früh": {}}}]
+)
+def test_an_invalid_name_is_attributed_to_the_site_file_of_a_configuration(polarsim, tmp_path, changes):
+    (tmp_path / "site.yaml").write_text(yaml.safe_dump(CONTENT | changes))
+    configuration = {"site": str(tmp_path / "site.yaml"), "source": {"kind": "files", "root": "raw"}}
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(configuration))
+    result = polarsim("check-site", tmp_path / "mine.yaml")
+    assert result.returncode == 1
+    (line,) = result.stderr.strip().splitlines()
+    assert line.startswith(f"error: {tmp_path / 'site.yaml'}: {next(iter(changes))}")
+    assert "files.spelling" in line
