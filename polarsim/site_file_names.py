@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Mapping
 from typing import Literal
 
@@ -14,6 +15,11 @@ from polarsim.site_parts import Part, text_of_name
 _NAMED = ("terrain", "terrain_name", "position", "light", "azimuth", "camera", "exposure_ms")  # fields of file names
 _SPELLED = ("terrain", "position", "light", "azimuth", "camera")
 FIELD = re.compile(r"{([^{}/]*)}")  # of a pattern of file names
+
+
+def composed(text: str) -> str:
+    """Return a text with composed characters (NFC), since a file system may store the accents of names separately."""
+    return unicodedata.normalize("NFC", text)
 
 
 class Files(Part):
@@ -42,6 +48,7 @@ class Files(Part):
     def _known_fields(cls, pattern: str | None) -> str | None:
         if pattern is None:
             return None
+        pattern = composed(pattern)
         for field in FIELD.findall(pattern):
             if "|" not in field and field.partition(":")[0] not in (*_NAMED, "any"):
                 raise ValueError(
@@ -66,7 +73,7 @@ class Files(Part):
                 raise ValueError(f"{field!r}, expected {', '.join(_SPELLED)}")
             if not isinstance(texts, Mapping):
                 raise ValueError(f"{field}: expected a text for each name")
-            of = {str(text_of_name(name)): str(text_of_name(text)) for name, text in texts.items()}
+            of = {str(text_of_name(name)): composed(str(text_of_name(text))) for name, text in texts.items()}
             if field == "terrain":
                 of = {terrain_text(parse_terrain(name)): text for name, text in of.items()}
             if len(set(of.values())) < len(of):

@@ -38,7 +38,9 @@ def text_of_name(value: object) -> object:
 def _name(value: object) -> object:
     value = text_of_name(value)
     if isinstance(value, str) and not NAME.fullmatch(value):
-        raise ValueError(f"{value!r}, expected a name of letters, digits and dashes")
+        raise ValueError(
+            f"{value!r}, expected letters a to z, digits and dashes; state other texts in paths in files.spelling"
+        )
     if isinstance(value, str) and value.lower() in _NO_VALUE:
         raise ValueError(f"{value!r} in a table is read as a missing value, expected another name")
     return value

@@ -17,7 +17,7 @@ from polarsim.errors import FormatError
 from polarsim.formats.site_paths import spelled_text
 from polarsim.photo import PhotoKey, Terrain, parse_terrain, terrain_text
 from polarsim.site import Site
-from polarsim.site_file_names import FIELD
+from polarsim.site_file_names import FIELD, composed
 
 log = logging.getLogger("polarsim")
 
@@ -83,7 +83,9 @@ def find_terrain_folder(site: Site, root: str | Path, pattern: str, terrain: Ter
         for _ in range(leading):
             folders = [inner for folder in folders for inner in _folders(folder)]
         for part in base:
-            folders = [inner for folder in folders for inner in _folders(folder) if part.fullmatch(inner.name)]
+            folders = [
+                inner for folder in folders for inner in _folders(folder) if part.fullmatch(composed(inner.name))
+            ]
         if len(folders) > 1:
             names = f"{folders[0].name} and {folders[1].name}"
             raise FormatError(f"two folders of terrain {terrain_text(terrain)}, {names}: remove a folder", path=root)
@@ -150,7 +152,7 @@ def _matches(
     regex = re.compile(rf"(?:[^/]+/){{0,{extra}}}{_regex(site, rest, terrain)}", re.DOTALL)
     depth = _folders_in(site, rest) + extra + (_STRAY if pattern == site.files.photos else 0)
     for path in _files(folder, depth):
-        match = regex.fullmatch(path.relative_to(folder).as_posix())
+        match = regex.fullmatch(composed(path.relative_to(folder).as_posix()))
         yield path, None if match is None else match.groupdict()
 
 
@@ -265,7 +267,7 @@ def _is_of_other_terrain(site: Site, root: str | Path, path: Path, terrain: Terr
     if _base_parts(pattern):
         return False
     regex = re.compile(rf"(?:[^/]+/){{0,{_LEADING}}}{_regex(site, pattern, None)}", re.DOTALL)
-    match = regex.fullmatch(path.relative_to(root).as_posix())
+    match = regex.fullmatch(composed(path.relative_to(root).as_posix()))
     if match is None or "terrain" not in match.groupdict():
         return False
     other = parse_terrain(_name(site, "terrain", match.groupdict()) or "")

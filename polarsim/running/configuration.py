@@ -75,6 +75,8 @@ def check_config(
     try:
         return parse_config(content)
     except ConfigError as error:
+        if error.path is not None:  # another file, such as that of the site
+            raise
         parts = [(_shown(path), _mapping(path)) for path in files] + ([(_SETTINGS, settings)] if settings else [])
         names = _holders(error, parts)
         if len(names) == 1:

@@ -1,6 +1,8 @@
 """Files are found by the patterns of a site: NASA's layout, and layouts of other sites."""
 
+import json
 import logging
+import unicodedata
 
 import pytest
 from hypothesis import given, settings
@@ -35,6 +37,25 @@ def test_the_middle_token_of_photo_names_is_ignored(tmp_path):
     ]
     assert found[0][1].name == "CamL_259659217_0256.png"
     assert strays == []
+
+
+@pytest.mark.parametrize("of_pattern", ["NFC", "NFD"])
+@pytest.mark.parametrize("of_files", ["NFC", "NFD"])
+def test_accents_and_spaces_in_paths_match_in_composed_and_decomposed_form(tmp_path, of_pattern, of_files):
+    files = CONTENT["files"] | {
+        "photos": "Höfe {terrain}/{position}/{azimuth}-{light}/{camera}_{exposure_ms:4}.png",
+        "clouds": "Höfe {terrain}/{position}.ply",
+        "calibration": "Höfe {terrain}/Maße.yaml",
+        "spelling": {"terrain": {"yard-a": "Süd"}, "position": {"gate": "Tür 1"}, "azimuth": {"45": "früh"}},
+    }
+    site = other_site(files=json.loads(unicodedata.normalize(of_pattern, json.dumps(files, ensure_ascii=False))))
+    names = ("Höfe Süd/Tür 1/früh-off/L_0010.png", "Höfe Süd/Tür 1.ply", "Höfe Süd/Maße.yaml")
+    written = [tmp_path / unicodedata.normalize(of_files, name) for name in names]
+    for path in written:
+        touch(path)
+    assert photos(tmp_path, "yard-a", site) == ([(PhotoKey("yard-a", "gate", "off", "45", "L", 10), written[0])], [])
+    assert site_files.find_clouds(site, tmp_path, "yard-a") == {"gate": written[1]}
+    assert site_files.find_calibration(site, tmp_path, "yard-a") == written[2]
 
 
 @pytest.mark.parametrize(
