@@ -71,8 +71,10 @@ def refuse_unknown(folder: Path, run: str, targets: Sequence[str], configured: S
                 f"configuration of {parts[1]!r}, or --config run={parts[1]}"
             )
         if not _is_made(file, configured):
+            begin = "" if parts[:1] == ("results",) else f", which begin with results/{run}/"
             raise CallError(
-                f"{file}: not an output of a rule with this configuration; docs/formats.md lists the files of a run"
+                f"{file}: not an output of a rule with this configuration; docs/formats.md lists the files of a "
+                f"run{begin}"
             )
 
 

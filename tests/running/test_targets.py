@@ -11,11 +11,11 @@ from polarsim.running.targets import CallError, refuse_unknown, stages_of_rules,
 CHECKOUT = Path(__file__).parents[2]
 
 
-def refuse(monkeypatch, returncode: int, stderr: str) -> None:
+def refuse(monkeypatch, returncode: int, stderr: str, target: str = "results/mine/tables/labels.csv") -> None:
     """Check a target for which Snakemake's summary has this exit code and this text."""
     done = subprocess.CompletedProcess([], returncode, "", stderr)
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: done)
-    refuse_unknown(Path(), "mine", ["results/mine/tables/labels.csv"], [])
+    refuse_unknown(Path(), "mine", [target], [])
 
 
 def test_an_error_of_the_workflow_is_raised_in_one_line(monkeypatch):
@@ -43,8 +43,11 @@ def test_stages_and_all_are_targets():
 
 
 def test_a_file_without_a_rule_is_a_usage_error(monkeypatch):
-    with pytest.raises(CallError, match=r"labels\.csv"):
+    with pytest.raises(CallError, match=r"labels\.csv") as error:
         refuse(monkeypatch, 1, "MissingRuleException:\nNo rule to produce results/mine/tables/labels.csv\n")
+    assert "begin with" not in str(error.value)
+    with pytest.raises(CallError, match=r"tables/labels\.csv: .*begin with results/mine/$"):
+        refuse(monkeypatch, 1, "MissingRuleException:\nNo rule to produce tables/labels.csv\n", "tables/labels.csv")
 
 
 @pytest.mark.parametrize(("returncode", "stderr"), [(0, "error: printed by a plan that succeeds\n"), (1, "locked\n")])
