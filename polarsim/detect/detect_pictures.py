@@ -254,7 +254,11 @@ def _listed(pictures: Sequence[Path]) -> list[Path]:
     by_name: dict[str, Path] = {}
     for path in paths:
         if path.stem in by_name:
-            raise DetectError(f"same file name as {by_name[path.stem]}, names must be unique", path=path)
+            raise DetectError(
+                f"same file name as {by_name[path.stem]}: search each folder separately, or the photos of a run, "
+                "results/RUN/acquire/TerrainNN/photos, whose names are photo keys",
+                path=path,
+            )
         by_name[path.stem] = path
     return paths
 
