@@ -8,6 +8,8 @@ from pydantic import ValidationError
 
 from polarsim.config import parse_config
 from polarsim.errors import ConfigError, LabelError
+from polarsim.formats.files import resolve_packaged
+from polarsim.formats.yaml_files import read_yaml
 from polarsim.photo import PhotoKey
 from polarsim.render.lamps import first_tripod
 from polarsim.rover.world.options import WorldOptions
@@ -66,6 +68,16 @@ def test_the_ground_of_drives_is_that_of_the_site():
     world = parse_config(source | {"site": CONTENT, "rover": asked}).rover.world
     assert (world.terrain_m, world.width_m, world.terrains) == (2.0, 7.0, ("yard-b",))
     assert parse_config(source).rover.world == WorldOptions()
+
+
+def test_an_overlay_of_polars_drives_needs_the_terrains_of_the_site_and_null_selects_all():
+    overlay = read_yaml(resolve_packaged("config/overlays/rover.yaml"))["rover"]
+    source = {"kind": "files", "root": "data"}
+    with pytest.raises(ConfigError, match=r"rover\.world\.terrains: 3, expected yard-a or yard-b"):
+        parse_config({"site": CONTENT, "source": source, "rover": overlay})
+    world = overlay["world"] | {"terrains": None}
+    drive = parse_config({"site": CONTENT, "source": source, "rover": overlay | {"world": world}}).rover
+    assert drive.world.terrains == ("yard-a", "yard-b")
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.0, 10.0])

@@ -76,7 +76,7 @@ def _check_rover(config: Sections) -> None:
         return
     for terrain in config.rover.world.terrains:
         if terrain not in config.terrains:
-            raise ValueError(f"rover.world.terrains: {terrain}, expected terrains of the run {config.terrains}")
+            raise ValueError(f"rover.world.terrains: {terrain}, expected {config.terrains_text}")
     if config.rover.detector is not None and config.rover.detector not in config.training_domains:
         known = ", ".join(config.training_domains) or "none: no detector is trained"
         raise ValueError(f"rover.detector: domain {config.rover.detector!r}, expected {known}")
@@ -92,12 +92,12 @@ def _check_folds(config: Sections) -> None:
         return
     for fold in config.cover_folds:
         if unknown := sorted(set(fold) - set(config.terrains)):
-            raise ValueError(f"covers.folds: {unknown[0]}, expected terrains of the run {config.terrains}")
+            raise ValueError(f"covers.folds: {unknown[0]}, expected {config.terrains_text}")
         if not set(config.terrains) - set(fold):
             raise ValueError(f"covers.folds: {fold} contains all terrains, no terrain remains for training")
     for key in config.covers.keys:
         if PhotoKey.parse(key).terrain not in config.terrains:
-            raise ValueError(f"covers.keys: {key}, expected terrains of the run {config.terrains}")
+            raise ValueError(f"covers.keys: {key}, expected {config.terrains_text}")
 
 
 def _check_mixes(config: Sections) -> None:

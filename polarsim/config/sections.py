@@ -15,7 +15,7 @@ from polarsim.detect.gap_options import GapOptions
 from polarsim.detect.options import VIEWS, DetectOptions, PredictionOptions
 from polarsim.grid import GridOptions
 from polarsim.labels.options import LabelsOptions
-from polarsim.photo import Terrain
+from polarsim.photo import Terrain, terrain_text
 from polarsim.publish.options import PublishOptions
 from polarsim.render.models import FITTED, Domain, model_of
 from polarsim.render.options import Model, RenderOptions
@@ -28,6 +28,7 @@ from polarsim.site import SiteChoice, polar
 from polarsim.site_parts import TerrainName
 from polarsim.sources.registry import SOURCES
 from polarsim.sources.source import DataSource
+from polarsim.wording import alternatives
 
 
 class LabelsSection(LabelsOptions):
@@ -122,6 +123,11 @@ class Sections(BaseModel, extra="forbid", frozen=True):
     def ablation_detectors(self) -> tuple[str, ...]:
         """Training domains of the detectors that the ablation evaluates."""
         return self.photo_domain, self.ablation_model
+
+    @property
+    def terrains_text(self) -> str:
+        """The terrains of the run, for messages."""
+        return f"{alternatives(map(terrain_text, self.terrains))} (terrains of the run)"
 
     @property
     def data_source(self) -> DataSource:

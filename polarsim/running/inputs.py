@@ -152,7 +152,7 @@ def _checked_corrections(config: Config) -> set[PhotoKey]:
         )
     for key in sorted(found):
         if key.terrain not in config.terrains:
-            raise ConfigError(f"labels.corrections: {key}, expected terrains of the run {config.terrains}", folder)
+            raise ConfigError(f"labels.corrections: {key}, expected {config.terrains_text}", folder)
         if key not in selected_grid(config.site, key.terrain, config.positions, config.grid):
             raise ConfigError(f"labels.corrections: {key} is not in the run's `positions` and `grid`", folder)
     return found
@@ -163,7 +163,7 @@ def _check_excluded(config: Config, corrections: set[PhotoKey]) -> None:
     seeds = config.labels.seeds
     for key in map(PhotoKey.parse, config.labels.excluded_annotations):
         if key.terrain not in config.terrains:
-            raise ConfigError(f"labels.excluded_annotations: {key}, expected terrains of the run {config.terrains}")
+            raise ConfigError(f"labels.excluded_annotations: {key}, expected {config.terrains_text}")
         if key in corrections:
             continue
         if not isinstance(seeds, SeedOptions):
