@@ -60,7 +60,7 @@ class Estimates:
             job.world, job.vehicle, still, options, RenderOptions(noise=True), models=options.models[:1]
         )
         self._model, self._job, self._count = options.models[0], job, 0
-        gravity = job.physics.gravity_m_s2
+        gravity = job.soil_options.gravity_m_s2
         camera = self._mount.base_from_camera @ rig.left_from_rectified
         self.localisers = {ODOMETRY: Localiser(job.vehicle, job.seed, gravity)} | {
             sun: Localiser(job.vehicle, job.seed, gravity, stereo=StereoMotion(rig), base_from_camera=camera)

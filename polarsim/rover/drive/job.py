@@ -41,15 +41,15 @@ class DriveJob:
     vehicle: Vehicle
     soil: Soil
     drive: DriveOptions
-    physics: SoilOptions
-    rocks: WorldOptions
+    soil_options: SoilOptions
+    world_options: WorldOptions
     seed: int
     log_hz: float = LOG_HZ
 
     @cached_property
     def route(self) -> ReferencePath:
         """Path of the drive, see `path_of`."""
-        return ReferencePath(np.array(path_of(self.rocks, self.drive), float))
+        return ReferencePath(np.array(path_of(self.world_options, self.drive), float))
 
     @property
     def start(self) -> Start:

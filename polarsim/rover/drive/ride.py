@@ -85,7 +85,7 @@ class RunningDrive:
         require_on_grid(job)
         self.job, self.route = job, job.route
         self.driver, self.estimator = driver or Driver(job.route, job.law), estimator
-        self.simulation = Simulation(job.world, job.vehicle, job.soil, job.physics, job.start)
+        self.simulation = Simulation(job.world, job.vehicle, job.soil, job.soil_options, job.start)
         dt = self.simulation.dt
         self._every = {what: _steps(hz, dt) for what, hz in (("control", CONTROL_HZ), ("log", job.log_hz))}
         self.rows: list[np.ndarray] = []
@@ -192,7 +192,7 @@ class RunningDrive:
             "soil": vars(self.simulation.soil),
             "options": {
                 name: part.model_dump(mode="json")
-                for name, part in (("drive", job.drive), ("soil", job.physics), ("world", job.rocks))
+                for name, part in (("drive", job.drive), ("soil", job.soil_options), ("world", job.world_options))
             },
             "energy_j": {
                 **{name: getattr(account, name) for name in ("motor", "soil", "damper", "rock", "change", "missing")},

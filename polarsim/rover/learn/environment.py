@@ -142,7 +142,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
         self.light = self._lit(options or {})
         job = self.course.job(episode_seed)
         self.line, self.vehicle = job.route, job.vehicle
-        self.simulation = Simulation(job.world, job.vehicle, job.soil, job.physics, job.start)
+        self.simulation = Simulation(job.world, job.vehicle, job.soil, job.soil_options, job.start)
         self.map = HazardGrid(job.world)
         self._perception = None
         if self.mode != "blind":

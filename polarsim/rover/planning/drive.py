@@ -70,7 +70,11 @@ def job_for(
 
 def autonomous_job(job: DriveJob, options: AutonomyOptions) -> DriveJob:
     """Return the drive along the straight line on which modes are compared, with the logging of autonomous drives."""
-    changed = {"path_m": _line(job.rocks, job.drive), "speed_m_s": options.speed_m_s, "longest_s": options.longest_s}
+    changed = {
+        "path_m": _line(job.world_options, job.drive),
+        "speed_m_s": options.speed_m_s,
+        "longest_s": options.longest_s,
+    }
     drive = job.drive.model_copy(update=changed | {"picture_hz": OBSERVATIONS_HZ})
     return replace(job, drive=drive, log_hz=_LOG_HZ)
 
@@ -140,7 +144,7 @@ def run_autonomous_drive(
         if pose == FUSED:
             localiser = _with_stereo(job, perception)
     if pose == ODOMETRY:
-        localiser = Localiser(job.vehicle, job.seed, job.physics.gravity_m_s2)
+        localiser = Localiser(job.vehicle, job.seed, job.soil_options.gravity_m_s2)
     ride = RunningDrive(job, driver, localiser)
     if driver is not None:
         driver.attach(ride.simulation, localiser)
@@ -159,7 +163,7 @@ def _with_stereo(job: DriveJob, perception: Perception) -> Localiser:
     """Return the localiser with stereo motions of the pictures that a perception takes."""
     rig = perception.rectification
     return Localiser(
-        job.vehicle, job.seed, job.physics.gravity_m_s2,
+        job.vehicle, job.seed, job.soil_options.gravity_m_s2,
         stereo=StereoMotion(rig),
         base_from_camera=perception.mount.base_from_camera @ rig.left_from_rectified,
     )  # fmt: skip
