@@ -12,8 +12,8 @@ The large table, of modes, Suns, exposures, lights and detectors; detectors of a
 Each drive gets a folder, as by the rule `drive_alone`, and a printed row; `--jobs` drives run at a time (with
 OMP_NUM_THREADS=1). Existing drives are kept, so that a call resumes after its time limit. All drives of a seed precede
 those of the next seed, so that partial results are comparable. Finally, tables and figures of all existing drives are
-written to `OUT/tables` and `OUT/figures`, as by the rules of `rover_autonomy`. `--detect` is the run that trained the
-detectors, which provides the gap for their ranking.
+written to `OUT/tables` and `OUT/figures`, as by the rules of `rover_autonomy`; `OUT/tables/rover_medians.md` contains
+medians by Sun and lights. `--detect` is the run that trained the detectors, which provides the gap for their ranking.
 """
 
 from __future__ import annotations
@@ -22,19 +22,22 @@ import argparse
 import hashlib
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from itertools import repeat
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
 from polarsim.formats import tables
+from polarsim.intervals import RESAMPLES, bootstrap_draws, percentile_interval, resampled_means, resampled_medians
 from polarsim.render.options import RenderOptions
 from polarsim.report.autonomy_table import tabulate_autonomy, tabulate_rank
 from polarsim.report.figures.autonomy import draw_modes
 from polarsim.report.figures.autonomy_maps import draw_autonomy_maps
 from polarsim.report.figures.autonomy_paths import draw_paths
+from polarsim.report.layout import MISSING, value_and_interval, write_table
 from polarsim.reporting import reporting
 from polarsim.rover.cameras.options import PACKAGED_FILES, CameraSuiteOptions
 from polarsim.rover.drive.options import DriveOptions
@@ -42,12 +45,21 @@ from polarsim.rover.perception.options import MODES_WITH_DETECTOR, OnboardDetect
 from polarsim.rover.planning.cases import Case, cases
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.rank import rank_detectors
-from polarsim.rover.planning.summary import drive_case, summarise_autonomy
+from polarsim.rover.planning.summary import POINTS_IN_ALL, drive_case, summarise_autonomy
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.world.options import WorldOptions
-from polarsim.schemas.rover import AUTONOMY, AUTONOMY_METRICS
+from polarsim.schemas.rover import ALL, AUTONOMY, AUTONOMY_METRICS, END_ERROR
 
 CONFIG = Path(__file__).parents[1] / "config"
+Statistic = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]  # of values, their units, and draws
+# Statistics and digits of the table of medians. Collisions have a mean, since most drives hit no rock or one.
+SUMMARISED: dict[str, tuple[Statistic, int]] = {
+    POINTS_IN_ALL: (resampled_medians, 0),
+    "geometric map": (resampled_medians, 0),
+    "rock map": (resampled_medians, 0),
+    "collisions": (resampled_means, 2),
+    END_ERROR: (resampled_medians, 3),
+}
 CASES = {"run", "modes", "poses", "auto_exposure", "headlights", "detectors"}  # options that select drives
 
 
@@ -101,6 +113,29 @@ def row_of(case: Case, own: pd.DataFrame) -> str:
     )
 
 
+def medians(every: pd.DataFrame) -> pd.DataFrame:
+    """Return medians over drives, and mean collisions, by mode, pose, Sun and lights, with bootstrap intervals."""
+    pooled = pd.concat([every, every.assign(lights=ALL)])
+    pooled = pd.concat([pooled, pooled.assign(sun=ALL)])
+    rows = []
+    for key, drives in pooled.groupby(["mode", "pose", "sun", "lights"]):
+        row: dict[str, object] = dict(zip(("mode", "pose", "sun", "lights"), key, strict=True))
+        row["drives"] = int((drives["metric"] == "collisions").sum())
+        for metric, (statistic, digits) in SUMMARISED.items():
+            values = drives.loc[drives["metric"] == metric, "value"].dropna().to_numpy(float)
+            row[metric] = _with_interval(values, statistic, digits) if len(values) else MISSING
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def _with_interval(values: np.ndarray, statistic: Statistic, digits: int) -> str:
+    """Return a statistic of drives' values (n,), and its 95 % interval over drives."""
+    unit, count = np.arange(len(values)), len(values)
+    estimate = statistic(values, unit, np.ones((1, count)))[0]
+    bounds = percentile_interval(statistic(values, unit, bootstrap_draws(count, RESAMPLES, 0)), count)
+    return value_and_interval(estimate, *bounds, f".{digits}f")
+
+
 def write_tables(asked: argparse.Namespace, found: list[Case], origin: dict[str, str]) -> None:
     """Write tables and figures of these drives."""
     folders = [asked.out / "drives" / case.name for case in found]
@@ -116,7 +151,12 @@ def write_tables(asked: argparse.Namespace, found: list[Case], origin: dict[str,
     if whole := [folder for folder in folders if (folder / "trace.parquet").exists()]:
         draw_paths(folders=whole, figure=drawn / "rover_ways.png", origin=origin)
         draw_autonomy_maps(folders=whole, figure=drawn / "rover_maps.png", origin=origin)
-    print((shown / "rover_autonomy.md").read_text(), (shown / "rover_autonomy_effects.md").read_text(), sep="\n")
+    caption = "Medians over drives, and mean number of rocks above 10 cm hit."
+    notes = ["Intervals: 95 %, bootstrapped over drives. Drives of a seed share ground and start."]
+    every = tables.read_parquet(each, AUTONOMY_METRICS.columns)
+    write_table(shown / "rover_medians", medians(every), caption, notes=notes, origin=origin)
+    for name in ("rover_autonomy", "rover_autonomy_effects", "rover_medians"):
+        print((shown / f"{name}.md").read_text())
     if any(case.mode in MODES_WITH_DETECTOR for case in found):
         ranked = {"by_detector": rover / "autonomy_detectors.parquet", "ranks": rover / "autonomy_rank.parquet"}
         gap = {name: asked.detect / f"{name}.parquet" for name in ("detection", "ipd")} if asked.detect else {}
