@@ -42,7 +42,7 @@ class CameraSuite:
                 raise RoverError(f"camera {name}: on link {vehicle.camera(name).link}, base_link was expected")
         self.suns: dict[str, Lamp | None] = {name: named_sun(name, options.sun_elevation_deg) for name in options.suns}
         self.lights = [vehicle.light(name) for name in options.lights]
-        self._events = _events(trace, vehicle)
+        self._marks = _marks(trace, vehicle)
         self._tread = _tread(vehicle)
         self._frame, self._level = -1, trace.world.level.copy()
 
@@ -58,7 +58,7 @@ class CameraSuite:
         for number in range(self._frame + 1, frame + 1):
             self.trace.tracks.apply(number, self._level)
         now = float(self.trace.tracks.time[frame])
-        new = [event for event in self._events if before < event.time_s <= now]
+        new = [mark for mark in self._marks if before < mark.time_s <= now]
         stamp_marks(self.rover_camera.scene.tracks, new, self._tread)
         self.rover_camera.show(self._level, self.links_at(now))
         self._frame = frame
@@ -99,8 +99,8 @@ class CameraSuite:
         )
 
 
-def _events(trace: Trace, vehicle: Vehicle) -> list[GrouserMark]:
-    """Return the prints of all wheels in the order of time."""
+def _marks(trace: Trace, vehicle: Vehicle) -> list[GrouserMark]:
+    """Return the marks of all wheels in the order of time."""
     table = trace.table
     marks = []
     for wheel in vehicle.wheels:
@@ -114,7 +114,7 @@ def _events(trace: Trace, vehicle: Vehicle) -> list[GrouserMark]:
                 table[f"{code}_contact"].isin(["soil", "both"]).to_numpy(),
                 wheel.grousers,
             )
-    return sorted(marks, key=lambda event: event.time_s)
+    return sorted(marks, key=lambda mark: mark.time_s)
 
 
 def _tread(vehicle: Vehicle) -> Tread:

@@ -240,12 +240,12 @@ def marks_of(
     return marks
 
 
-def stamp_marks(tracks: WheelTracks, events: Sequence[GrouserMark], tread: Tread) -> None:
+def stamp_marks(tracks: WheelTracks, marks: Sequence[GrouserMark], tread: Tread) -> None:
     """Write marks into the tracks, in the given order."""
     lattice, fine, shape = tracks.lattice, tracks.fine.cell, np.array(tracks.fine.level.shape)
     reach = np.hypot(tread.spacing, tread.width) / 2 + fine
-    for event in events:
-        centre = (event.position[::-1] - [lattice.y0, lattice.x0]) / fine  # row, column
+    for mark in marks:
+        centre = (mark.position[::-1] - [lattice.y0, lattice.x0]) / fine  # row, column
         low = np.clip(np.floor(centre - reach / fine).astype(int), 0, shape)
         high = np.clip(np.ceil(centre + reach / fine).astype(int) + 1, 0, shape)
         if (high <= low).any():
@@ -256,8 +256,8 @@ def stamp_marks(tracks: WheelTracks, events: Sequence[GrouserMark], tread: Tread
             (np.arange(low[1], high[1]) - centre[1]) * fine,
             indexing="ij",
         )
-        along = x * event.ahead[0] + y * event.ahead[1]
-        across = np.abs(y * event.ahead[0] - x * event.ahead[1])
+        along = x * mark.ahead[0] + y * mark.ahead[1]
+        across = np.abs(y * mark.ahead[0] - x * mark.ahead[1])
         fade = np.clip((tread.width / 2 - across) / _MARK_EDGE_M, 0, 1)
         depth = -DEPTH_M * np.exp(-0.5 * (along / SD_M) ** 2) * fade * fade * (3 - 2 * fade)
         where = (np.abs(along) <= tread.spacing / 2) & (across <= tread.width / 2)

@@ -95,9 +95,9 @@ class ReferencePath:
         steps = np.diff(self.points, axis=0) / np.array(self.lengths)[:, None]
         return [(*point, *step) for point, step in zip(self.points[:-1].tolist(), steps.tolist(), strict=True)]
 
-    def beside(self, x: float, y: float, line: int) -> tuple[float, float]:
+    def along_and_offset(self, x: float, y: float, segment: int) -> tuple[float, float]:
         """Return the distance along a segment, m from its start, and the offset to the left, m."""
-        from_x, from_y, along, across = self._lines[line]
+        from_x, from_y, along, across = self._lines[segment]
         dx, dy = x - from_x, y - from_y
         return dx * along + dy * across, along * dy - across * dx
 
@@ -141,12 +141,12 @@ class Driver:
 
     def command(self, x: float, y: float, heading: float) -> Command:
         """Return the command at a position and update the offset from the path."""
-        along, self.offset = self.path.beside(x, y, self.line)
+        along, self.offset = self.path.along_and_offset(x, y, self.line)
         while along >= self.path.lengths[self.line] and self.line + 1 < len(self.path.lengths):
             bend = wrapped(self.path.headings[self.line + 1] - self.path.headings[self.line])
             self.line += 1
             self.turning = self.law.steering != "crab" and abs(bend) > TURN_ABOVE
-            along, self.offset = self.path.beside(x, y, self.line)
+            along, self.offset = self.path.along_and_offset(x, y, self.line)
         done = sum(self.path.lengths[: self.line]) + along
         headway, self.done = max(done - self.done, 0.0), done
         self.heading_error = wrapped(heading - self.path.headings[self.line])

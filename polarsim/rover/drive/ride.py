@@ -92,7 +92,7 @@ class RunningDrive:
         self.headway: list[float] = []  # m, per row
         self.moving_since = 0  # row from which progress is expected
         self.frames: list[tuple[float, np.ndarray, np.ndarray]] = []
-        self._shown = job.world.level.copy()
+        self._stored_level = job.world.level.copy()
         self.step = 0
         self.settled = False
         self.ended: str | None = None
@@ -105,9 +105,9 @@ class RunningDrive:
             if not self.settled:
                 self._settle()
             while self.ended is None and self.step < until:
-                self._events()
+                self._run_scheduled()
                 if self.ended is None:
-                    ahead = min(self._next(), until)
+                    ahead = min(self._next_scheduled_step(), until)
                     self.simulation.advance((ahead - self.step) * self.simulation.dt)
                     self.step = ahead
         except OffGridError as error:
@@ -125,8 +125,8 @@ class RunningDrive:
         self.simulation.zero()
         self.settled = True
 
-    def _events(self) -> None:
-        """Run the events of this step: command, row, frame, end."""
+    def _run_scheduled(self) -> None:
+        """Run what is scheduled for this step: command, row of the log, changes of the ground, end."""
         if self.step % self._every["control"] == 0:
             self.simulation.apply(self.driver.command(*self._plane_pose()))
         if self.step % self._every["log"] == 0:
@@ -137,7 +137,7 @@ class RunningDrive:
                 self.estimator.log()
             self._check_headway()
         if self.step == self._frame_step(len(self.frames)):
-            self._show()
+            self._store_ground()
         if self.driver.finished:
             self.ended = "finished"
 
@@ -164,19 +164,19 @@ class RunningDrive:
         if self.simulation.time >= longest:
             self.ended, self.reason = "out of time", f"the end of the path was not reached after {longest:g} s"
 
-    def _show(self) -> None:
-        """Store the cells that changed since the last frame."""
+    def _store_ground(self) -> None:
+        """Store the cells of the ground that changed since the last frame."""
         level = self.simulation.ground.state[..., LEVEL].astype(np.float32)
-        cells = np.flatnonzero(np.abs(level - self._shown) > MIN_LEVEL_CHANGE).astype(np.int32)
+        cells = np.flatnonzero(np.abs(level - self._stored_level) > MIN_LEVEL_CHANGE).astype(np.int32)
         levels = level.ravel()[cells]
-        self._shown.ravel()[cells] = levels
+        self._stored_level.ravel()[cells] = levels
         self.frames.append((self.simulation.time, cells, levels))
 
     def _frame_step(self, frame: int) -> int:
         return round(frame / self.job.drive.picture_hz / self.simulation.dt)
 
-    def _next(self) -> int:
-        """Return the next step with an event."""
+    def _next_scheduled_step(self) -> int:
+        """Return the next step for which something is scheduled."""
         due = [(self.step // every + 1) * every for every in self._every.values()]
         return min(*due, max(self._frame_step(len(self.frames)), self.step + 1))
 

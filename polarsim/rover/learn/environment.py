@@ -244,7 +244,7 @@ class TraverseEnvironment(gymnasium.Env[dict[str, np.ndarray], np.ndarray]):
             self.map.add(update)
 
     def _along(self, state: RoverState) -> float:
-        return self.line.beside(float(state.position[0]), float(state.position[1]), 0)[0]
+        return self.line.along_and_offset(float(state.position[0]), float(state.position[1]), 0)[0]
 
     def _observation(self, state: RoverState) -> dict[str, np.ndarray]:
         observation = {

@@ -48,7 +48,7 @@ def crop(grid: HazardGrid, state: RoverState) -> np.ndarray:
 def observation_values(state: RoverState, line: ReferencePath, look_age_s: float) -> np.ndarray:
     """Return (len(STATE),) float32 for a state and a straight line."""
     x, y, heading = float(state.position[0]), float(state.position[1]), state.heading
-    along, offset = line.beside(x, y, 0)
+    along, offset = line.along_and_offset(x, y, 0)
     dx, dy = (line.points[-1] - (x, y)).tolist()
     bearing, error = math.atan2(dy, dx) - heading, wrapped(heading - line.headings[0])
     roll, pitch = state.tilt

@@ -76,7 +76,7 @@ class Pilot(Driver):
 
     def command(self, x: float, y: float, heading: float) -> Command:
         """Return the command at a pose; observe and plan when due."""
-        self.done, self.offset = self.path.beside(x, y, 0)
+        self.done, self.offset = self.path.along_and_offset(x, y, 0)
         self.heading_error = wrapped(heading - self.path.headings[0])
         self._update_travelled(x, y)
         now = self._simulation.time

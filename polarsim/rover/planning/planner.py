@@ -199,7 +199,7 @@ class Planner:
         Near the rover, `free` allows less clearance. Paths may cross unobserved ground, at a cost, but end where at
         least half of the wheels are on observed ground. A rover without observations therefore stops.
         """
-        stand, required = LatticeFrame(x, y, heading), self.required_room(field, np.array([x, y, heading]))
+        frame, required = LatticeFrame(x, y, heading), self.required_room(field, np.array([x, y, heading]))
         number = np.arange(np.prod(self._shape)).reshape(self._shape)
         starts, ends, costs, all_edges = [], [], [], edges(self.options.curvature_1_m)
         for edge in all_edges:
@@ -208,7 +208,7 @@ class Planner:
             u = STEP * self._columns[columns][None, :, None] + edge.places[:, 0]
             v = STEP * self._rows[rows][:, None, None] + edge.places[:, 1]
             headings = heading + edge.places[:, 2]
-            places = np.stack(np.broadcast_arrays(*stand.to_world(u, v), headings), axis=-1)
+            places = np.stack(np.broadcast_arrays(*frame.to_world(u, v), headings), axis=-1)
             cost, free = self._cost(field, places, edge, np.hypot(u, v) < _LEAVING_M, required)
             from_here = number[edge.start, rows, columns]
             end_nodes = number[edge.end][
@@ -224,9 +224,9 @@ class Planner:
         )
         here = int(number[0, len(self._rows) // 2, 3])
         distance, before = csgraph.dijkstra(graph, indices=np.array(here), return_predecessors=True)
-        distance = np.where(self._ends_unseen(field, stand), np.inf, distance.reshape(self._shape))
-        best = self._best(distance, stand, goal)
-        return None if best is None else self._path(best, here, before, stand)
+        distance = np.where(self._ends_unseen(field, frame), np.inf, distance.reshape(self._shape))
+        best = self._best(distance, frame, goal)
+        return None if best is None else self._path(best, here, before, frame)
 
     def _points(self, places: np.ndarray, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         cos, sin = np.cos(places[..., 2])[..., None], np.sin(places[..., 2])[..., None]
@@ -250,19 +250,19 @@ class Planner:
         free = np.asarray((clearance > np.where(near, required, 0.0)).all(axis=-1))
         return edge.length * (1 + nearness + _UNSEEN_COST * unseen) + bend, free
 
-    def _ends_unseen(self, field: HazardField, stand: LatticeFrame) -> np.ndarray:
+    def _ends_unseen(self, field: HazardField, frame: LatticeFrame) -> np.ndarray:
         """Return (headings, rows, columns) bool: nodes with more than half of the wheels on unobserved ground."""
         angle, v, u = np.meshgrid(angles(), STEP * self._rows, STEP * self._columns, indexing="ij")
-        places = np.stack([*stand.to_world(u, v), stand.heading + angle], axis=-1)
+        places = np.stack([*frame.to_world(u, v), frame.heading + angle], axis=-1)
         return np.asarray(field.at(field.unseen, *self._points(places, self.wheels)).mean(axis=-1) > _MAX_UNSEEN)
 
-    def _best(self, distance: np.ndarray, stand: LatticeFrame, goal: np.ndarray) -> int | None:
-        x, y = stand.to_world(STEP * self._columns[None, None], STEP * self._rows[None, :, None])
+    def _best(self, distance: np.ndarray, frame: LatticeFrame, goal: np.ndarray) -> int | None:
+        x, y = frame.to_world(STEP * self._columns[None, None], STEP * self._rows[None, :, None])
         dx, dy = goal[0] - x, goal[1] - y
         remaining = np.hypot(dx, dy)
-        off = np.arctan2(dy, dx) - stand.heading - angles()[:, None, None]
+        off = np.arctan2(dy, dx) - frame.heading - angles()[:, None, None]
         off = np.abs((off + np.pi) % (2 * np.pi) - np.pi) * (remaining > 0.5)
-        gain = math.hypot(goal[0] - stand.x, goal[1] - stand.y) - remaining
+        gain = math.hypot(goal[0] - frame.x, goal[1] - frame.y) - remaining
         total = np.where(
             np.isfinite(distance) & ((gain >= _MIN_GAIN_M) | (remaining < _GOAL_M)) & (distance > 0),
             distance + _GOAL_WEIGHT * (remaining + _TURNED_COST * off),
@@ -271,7 +271,7 @@ class Planner:
         best = int(np.argmin(total))
         return best if np.isfinite(total.ravel()[best]) else None
 
-    def _path(self, best: int, here: int, before: np.ndarray, stand: LatticeFrame) -> np.ndarray:
+    def _path(self, best: int, here: int, before: np.ndarray, frame: LatticeFrame) -> np.ndarray:
         nodes = [best]
         while nodes[-1] != here:
             nodes.append(int(before[nodes[-1]]))
@@ -282,4 +282,4 @@ class Planner:
             edge = by_ends[int(k), int(m), int(next_column - column), int(next_row - row)]
             places.append(edge.places + np.array([STEP * self._columns[column], STEP * self._rows[row], 0.0]))
         local = np.concatenate(places)
-        return np.column_stack([*stand.to_world(*local[:, :2].T), stand.heading + local[:, 2]])
+        return np.column_stack([*frame.to_world(*local[:, :2].T), frame.heading + local[:, 2]])
