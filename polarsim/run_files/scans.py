@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from scipy.spatial import Delaunay
+import shapely
 
 from polarsim.errors import FormatError, with_path
 from polarsim.formats import nasa
 from polarsim.formats.clouds import read_cloud
+from polarsim.geometry.casters import make_caster
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.stereo import StereoRig, rectified_left
 from polarsim.run_files.inventory import Inventory
@@ -129,21 +130,15 @@ def interpolate(points: np.ndarray, focal_px: float, lens: Lens) -> np.ndarray:
 
     `focal_px`: focal length of the range map. Triangles across gaps or depth edges are excluded.
     """
-    in_image = points[:, :2] / points[:, 2:]
-    triangles = Delaunay(in_image)
-    corners = triangles.simplices
-    distance = np.linalg.norm(points, axis=1)[corners]
-    side = np.linalg.norm(in_image[corners] - in_image[np.roll(corners, 1, axis=1)], axis=-1)
+    # GEOS keeps the depth of the points and takes half of the time of Qhull. Its triangles are closed rings.
+    in_image = shapely.linestrings(np.column_stack([points[:, :2] / points[:, 2:], points[:, 2]]))
+    in_image = shapely.get_coordinates(shapely.delaunay_triangles(in_image), include_z=True).reshape(-1, 4, 3)[:, :3]
+    corners = np.concatenate([in_image[..., :2], np.ones_like(in_image[..., :1])], axis=-1) * in_image[..., 2:]
+    distance = np.linalg.norm(corners, axis=-1)
+    side = np.linalg.norm(in_image[..., :2] - np.roll(in_image[..., :2], 1, axis=1), axis=-1)
     joined = np.ptp(distance, axis=1) < _allowed_jump(distance.min(axis=1), focal_px)
     joined &= focal_px * side.max(axis=1) < MAX_GAP_PX
-    pixels = lens.pixel_directions().reshape(-1, 3)
-    pixels /= pixels[:, 2:]
-    triangle = triangles.find_simplex(pixels[:, :2])
-    shown = (triangle >= 0) & joined[triangle]
-    pixels, triangle = pixels[shown], triangle[shown]
-    origin = triangles.transform[triangle, 2]
-    first = np.einsum("nij,nj->ni", triangles.transform[triangle, :2], pixels[:, :2] - origin)
-    barycentric = np.column_stack([first, 1 - first.sum(axis=1)])
-    # The inverse depth of a plane is linear in the image.
-    inverse_depth = np.einsum("nk,nk->n", barycentric, 1 / points[:, 2][corners[triangle]])
-    return np.asarray(pixels / inverse_depth[:, None])
+    surface = make_caster(corners[joined].reshape(-1, 3), np.arange(3 * joined.sum()).reshape(-1, 3))
+    directions = lens.pixel_directions().reshape(-1, 3)
+    depth, _ = surface.nearest(np.zeros_like(directions), directions)
+    return np.asarray((directions * depth[:, None])[np.isfinite(depth)])
