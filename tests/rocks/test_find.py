@@ -89,7 +89,7 @@ def run(folder, **changed):
 @pytest.fixture(scope="module")
 def worked(three_rocks, tripods, tmp_path_factory):
     folder = tmp_path_factory.mktemp("rocks")
-    write_scene(folder, three_rocks, tripods)
+    write_scene(folder, three_rocks, tripods, reduction=0.35)
     run(folder)
     return folder
 
@@ -189,9 +189,10 @@ def test_a_terrain_without_scans_is_level_ground_without_rocks(tmp_path, caplog)
 
 
 @pytest.mark.parametrize("method", [None, "survey"], ids=["no pose", "unconfirmed pose"])
-def test_a_scan_without_a_confirmed_pose_is_excluded(worked, method, caplog):
-    inventory = find.read_inventory(worked / "inventory.json")
-    localised = rigs.read_all_localised(worked / "cameras")
+def test_a_scan_without_a_confirmed_pose_is_excluded(three_rocks, tripods, tmp_path, method, caplog):
+    write_scene(tmp_path, three_rocks, tripods, reduction=0.1)
+    inventory = find.read_inventory(tmp_path / "inventory.json")
+    localised = rigs.read_all_localised(tmp_path / "cameras")
     both = find.read_scans(inventory, localised, polar().files, polar().sandbox)
     lost = {} if method is None else {"C": replace(localised["C"], method=method)}
     one = find.read_scans(inventory, {"A": localised["A"], **lost}, polar().files, polar().sandbox)
