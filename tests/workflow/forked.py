@@ -6,6 +6,7 @@ Snakemake, which starts scripts with it. Otherwise jobs run as usual: the same s
 
 from __future__ import annotations
 
+import gc
 import importlib
 import json
 import os
@@ -23,7 +24,9 @@ from pathlib import Path
 
 LONGEST_S = 1800  # timeout of a command, also on busy machines
 CHECKOUT = Path(__file__).parents[2]
-LATE = ("open3d", "snakemake.cli", "torch._dynamo")  # imported inside functions
+LATE = (  # imported inside functions; the last four by each plan
+    "open3d", "snakemake.cli", "torch._dynamo", "nbformat", "smart_open", "snakemake.report.html_reporter", "yte",
+)  # fmt: skip
 
 
 class Server:
@@ -75,11 +78,17 @@ _SERVE = "import sys; from tests.workflow.forked import serve; serve(sys.argv[1]
 
 
 def serve(address: str, owner: int) -> None:
-    """Import the modules of all scripts, then fork for every connection until the process `owner` ends."""
-    scripts = [path.read_text() for path in (CHECKOUT / "workflow/scripts").glob("*.py")]
-    imported = set(re.findall(r"^from (polarsim\S*) import", "".join(scripts), re.MULTILINE))
+    """Import the modules of all rules and scripts, then fork for every connection until the process `owner` ends."""
+    from polarsim.digest import script_digest  # the client has no site packages
+
+    scripts = list((CHECKOUT / "workflow/scripts").glob("*.py"))
+    texts = "".join(path.read_text() for path in [*scripts, *(CHECKOUT / "workflow/rules").glob("*.smk")])
+    imported = set(re.findall(r"^from (polarsim\S*) import", texts, re.MULTILINE))
     for name in sorted({*imported, *LATE}):
         importlib.import_module(name)
+    for script in scripts:
+        script_digest(script)  # the digests of modules are cached, and every plan needs them
+    gc.freeze()  # collections of forks skip these objects and do not copy their memory
     with socket.socket(socket.AF_UNIX) as server:
         server.bind(f"{address}.new")
         server.listen(64)
