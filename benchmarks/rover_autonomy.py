@@ -123,7 +123,8 @@ def medians(every: pd.DataFrame) -> pd.DataFrame:
         row["drives"] = int((drives["metric"] == "collisions").sum())
         for metric, (statistic, digits) in SUMMARISED.items():
             values = drives.loc[drives["metric"] == metric, "value"].dropna().to_numpy(float)
-            row[metric] = _with_interval(values, statistic, digits) if len(values) else MISSING
+            unit = ", %" if metric == END_ERROR else ""
+            row[metric + unit] = _with_interval(values, statistic, digits) if len(values) else MISSING
         rows.append(row)
     return pd.DataFrame(rows)
 
