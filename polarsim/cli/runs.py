@@ -157,7 +157,8 @@ def explore(
         ),
     ] = None,
     width: Annotated[
-        int | None, typer.Option(min=240, max=16384, help="Image width, px; default: half of the photos' width.")
+        int | None,
+        typer.Option(min=240, max=16384, help="Image width, px; default: half of the photos' width, at least 968."),
     ] = None,
     port: Annotated[
         int | None,

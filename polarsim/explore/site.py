@@ -19,7 +19,7 @@ from polarsim.explore.tables import facts_of_rocks, picture_table, shown_labels,
 from polarsim.explore.terrain import terrain_setup, thinned_terrain
 from polarsim.formats import arrow
 from polarsim.formats.files import check_new_folder, writing_folder
-from polarsim.photo import PhotoKey, Terrain, terrain_text
+from polarsim.photo import REFERENCE_WIDTH_PX, PhotoKey, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.run_files.run import PHOTO, Run
 
@@ -31,10 +31,15 @@ NEXT_RUN = "data/next_run.json"
 def page_of_run(run: Run, width: int | None = None) -> Files:
     """Return all files of a run's page; the server answers no other addresses.
 
-    `width` is the width of the images, px; None: half of the photos' width.
+    `width` is the width of the images, px; None: `default_width`.
     """
-    pictures = _pictures(run, width or run.site.images.width // 2)
+    pictures = _pictures(run, width or default_width(run.site.images.width))
     return {**page_files(), **_tables(run), **_terrains(run), **pictures, **_drives(run)}
+
+
+def default_width(photo_width: int) -> int:
+    """Return half of a photo width, px, but at least half of the reference width; small photos are not enlarged."""
+    return max(photo_width // 2, min(photo_width, REFERENCE_WIDTH_PX // 2))
 
 
 def page_files() -> Files:

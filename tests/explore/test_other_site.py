@@ -9,7 +9,7 @@ from PIL import Image
 
 from polarsim.errors import LabelError
 from polarsim.explore.corrections import Corrections
-from polarsim.explore.site import page_of_run
+from polarsim.explore.site import default_width, page_of_run
 from polarsim.run_files.run import Run
 from tests.support.other_run import MODEL, TERRAIN, boxes_of, keys_of, make_run
 from tests.support.other_site import SIZE, one_camera, other_site
@@ -47,9 +47,9 @@ def test_every_file_of_the_page_can_be_made(page):
         content()
 
 
-def test_images_are_half_as_wide_as_photos(site, page):
+def test_images_of_small_photos_have_their_size(site, page):
     picture = Image.open(io.BytesIO(page[f"data/pictures/photo/{keys_of(site)[0]}.jpg"]()))
-    assert picture.size == (SIZE[0] // 2, SIZE[1] // 2)
+    assert picture.size == SIZE
 
 
 def test_cameras_lamps_and_labels_of_a_named_terrain(site, page):
@@ -77,3 +77,8 @@ def test_corrections_fit_into_the_photo(site, run):
     with pytest.raises(LabelError, match="from 0 to 640"):
         corrections.save(key, [{**boxes[0], "x1": 641.0}])
     assert corrections.prepare_run()["overlay"].endswith("corrections.yaml")
+
+
+@pytest.mark.parametrize(("photo", "shown"), [(1936, 968), (2448, 1224), (1200, 968), (612, 612)])
+def test_large_photos_are_halved_and_small_ones_keep_their_pixels(photo, shown):
+    assert default_width(photo) == shown

@@ -205,6 +205,13 @@ def test_filters_select_images(page, address):
     until(page, "document.querySelector('.tile small').textContent.startsWith('photo, IoU 0.90')")
 
 
+def test_the_values_of_a_tile_are_visible_below_a_long_key(page, address):
+    shown(page, address)
+    page.evaluate("document.querySelector('.tile span').textContent = 'north-yard-a_south-gate_off_135_L_00040'")
+    tile, values = (page.locator(name).first.bounding_box() for name in (".tile", ".tile small"))
+    assert values["y"] + values["height"] <= tile["y"] + tile["height"]
+
+
 def test_a_tile_opens_the_comparison_and_the_slider_divides_it(page, address):
     shown(page, address, "f.domain=photo")
     page.locator(f"[data-key='{KEYS[1]}']").click()

@@ -18,7 +18,7 @@ export function build(section) {
   controls = h('div', { class: 'bar' });
   marks = h('div', { class: 'bar' });
   canvases = [h('canvas', { role: 'img', 'aria-label': 'right image' }), h('canvas', { role: 'img', 'aria-label': 'left image' })];
-  svg = s('svg', { viewBox: `0 0 ${run.about.width} ${run.about.height}`, role: 'img', 'aria-label': 'labels' });
+  svg = s('svg', { viewBox: `0 0 ${run.about.width} ${run.about.height}`, role: 'img', 'aria-label': 'labels', style: `--scale: ${overlay.photoScale()}` });
   divider = h('div', { class: 'divider' });
   tags = [h('span', { class: 'tag left' }), h('span', { class: 'tag right' })];
   status = h('span', { role: 'status', id: 'prediction-count' });

@@ -81,7 +81,7 @@ function tileOf(row) {
   const values = [domain, ...value(domain === 'photo' ? 'IoU' : 'SSIM', 'score'), ...value('conf.', 'confidence')];
   const picture = h('img', { src: smallUrl(domain, key), alt: '', onload: () => brighten(picture) });
   return h('button', { type: 'button', class: 'tile', onclick: () => choose(row), 'data-key': key },
-    picture, h('span', { text: key }), h('small', { text: values.join(', ') }));
+    picture, h('span', { text: key, title: key }), h('small', { text: values.join(', ') }));
 }
 
 /** Normalise the brightness of short exposures for display. */

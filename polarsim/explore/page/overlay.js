@@ -35,10 +35,13 @@ export async function draw(svg, key) {
     ...(shows('b') ? kinds.map((one) => box(one, one.confidence < DOUBTFUL ? 'doubtful' : '')) : []),
     ...(seen ?? []).map((one) => box(one, `seen ${one.false_positive ? 'false' : ''}`)),
     ...(shows('i') ? kinds.map(tag).filter(Boolean) : []),
-    ...(seen ? seen.map((one) => s('text', { x: one.x0, y: one.y1 + 20, text: one.confidence.toFixed(2) })) : []),
+    ...(seen ? seen.map((one) => s('text', { x: one.x0, y: one.y1 + 20 * photoScale(), text: one.confidence.toFixed(2) })) : []),
   );
   return { own, seen };
 }
+
+/** Height of the photos relative to POLAR's, for texts in pixels of the photo: the window limits the height. */
+export const photoScale = () => run.about.height / 1216;
 
 const centre = (one) => [(one.x0 + one.x1) / 2, (one.y0 + one.y1) / 2];
 
@@ -55,7 +58,7 @@ function box(one, more) {
 function tag(one) {
   if (one.rock < 0) return null;
   const sure = one.confidence < 0.995 ? ` ${one.confidence.toFixed(2).slice(1)}` : '';
-  return s('text', { class: one.kind, x: one.x0, y: one.kind === 'rock' ? one.y0 - 6 : one.y1 + 20, text: `${one.rock}${sure}` });
+  return s('text', { class: one.kind, x: one.x0, y: one.kind === 'rock' ? one.y0 - 6 * photoScale() : one.y1 + 20 * photoScale(), text: `${one.rock}${sure}` });
 }
 
 /** Lines from every shadow to the nearest label of the same rock. */
