@@ -102,12 +102,15 @@ def filled(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     if known.all():
         return values.copy()
     start = _from_coarser(values, known) if min(values.shape) > 2 else np.full(values.shape, values[known].mean())
-    result = np.where(known, values, start)
+    height = np.where(known, values, start).ravel()
+    cell = np.arange(values.size).reshape(values.shape)
+    padded = np.pad(cell, 1, mode="edge")
+    hole, above, below, left, right = (
+        numbers[~known] for numbers in (cell, padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:])
+    )
     for _ in range(_RELAXATIONS):
-        padded = np.pad(result, 1, mode="edge")
-        mean = (padded[:-2, 1:-1] + padded[2:, 1:-1] + padded[1:-1, :-2] + padded[1:-1, 2:]) / 4
-        result = np.where(known, values, mean)
-    return result
+        height[hole] = (height[above] + height[below] + height[left] + height[right]) / 4
+    return height.reshape(values.shape)
 
 
 def _from_coarser(values: np.ndarray, known: np.ndarray) -> np.ndarray:
