@@ -116,6 +116,13 @@ def test_render_writes_a_12_bit_picture_of_a_lit_plane(polarsim, tmp_path):
     assert json.loads((tmp_path / "sun.json").read_text())["options"]["blur_px"] == 0.6
 
 
+def test_a_render_of_a_site_without_a_common_calibration_names_the_option_of_the_lens(polarsim, tmp_path):
+    done = polarsim("render", tmp_path, tmp_path / "yard.png", "--site", "yard")
+    assert done.returncode == 1
+    (line,) = done.stderr.strip().splitlines()
+    assert "--cameras" in line
+
+
 def test_the_camera_the_lamp_and_the_exposure_of_an_image_are_those_of_the_site(polarsim, tmp_path):
     """The sidecar has the first position and lamp, and the usual exposure, of a yard with other lenses."""
     corners = np.array([[-1.5, -3, 0], [1.5, -3, 0], [1.5, 3, 0], [-1.5, 3, 0]])

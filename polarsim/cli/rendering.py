@@ -124,6 +124,7 @@ def render(
     import numpy as np
 
     from polarsim.config import render_options
+    from polarsim.errors import ConfigError
     from polarsim.formats import png
     from polarsim.formats.calibrations import stated_rig
     from polarsim.geometry.camera import Camera
@@ -142,6 +143,11 @@ def render(
     sidecar = out.with_suffix(".json")
     refuse_existing_folder(sidecar)
     chosen = read_site(site)
+    if cameras is None and chosen.cameras.calibration is None:
+        raise ConfigError(
+            f"the site {chosen.name} has a calibration per terrain: add --cameras with the lens of a position, such as "
+            "results/RUN/cameras/TerrainNN/PosX.json"
+        )
     rig = read_localised(cameras).rig if cameras else stated_rig(chosen)
     tripod = first_tripod(chosen)
     centre = np.array(camera or tripod.camera_m)
