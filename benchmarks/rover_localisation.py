@@ -35,7 +35,7 @@ from polarsim.rover.drive.ride import CONTROL_HZ, RunningDrive
 from polarsim.rover.drive.state import RoverState
 from polarsim.rover.localisation.localiser import Localiser
 from polarsim.rover.localisation.stereo_motion import StereoMotion
-from polarsim.rover.perception.observation import rectification, right_of
+from polarsim.rover.perception.observation import moved_aside, rectification
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.camera_names import FRONT
 from polarsim.rover.vehicle.mounts import mount_of
@@ -93,8 +93,8 @@ class Estimates:
 
     def _pairs(self, base: Pose) -> dict[str, np.ndarray]:
         """Return the 8-bit stereo pair (2, h, w) of each Sun."""
-        left = self._mount.at(base)
-        views = [self._camera.render(camera, self._suns, [], labels=False) for camera in (left, right_of(left, BASE_M))]
+        pair = (mount.at(base) for mount in (self._mount, moved_aside(self._mount, BASE_M)))
+        views = [self._camera.render(camera, self._suns, [], labels=False) for camera in pair]
         name = ("localisation", self._job.seed, self._count)
         return {
             sun: tone.to_8_bits(

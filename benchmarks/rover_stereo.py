@@ -29,7 +29,7 @@ from polarsim.rover.cameras.rover_camera import RoverCamera, near_path
 from polarsim.rover.drive.job import DriveJob, job_of
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.localisation.stereo_motion import StereoMotion
-from polarsim.rover.perception.observation import rectification, right_of
+from polarsim.rover.perception.observation import moved_aside, rectification
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.camera_names import FRONT
 from polarsim.rover.vehicle.mounts import mount_of
@@ -69,6 +69,7 @@ def radiances(job: DriveJob, bases: list[Pose]) -> tuple[RoverCamera, list[Pose]
         job.world, job.vehicle, followed, cameras, RenderOptions(noise=True), models=("hapke",), finer=1
     )
     mount = mount_of(job.vehicle.camera(FRONT), SCALE)
+    right = moved_aside(mount, BASELINE_M)
     suns = {name: named_sun(name, cameras.sun_elevation_deg) for name in (*SUNS, NIGHT)}
     lights = [job.vehicle.light(name) for name in lights_ahead(job.vehicle)]
     still = {wheel.code: 0.0 for wheel in job.vehicle.wheels}
@@ -77,7 +78,7 @@ def radiances(job: DriveJob, bases: list[Pose]) -> tuple[RoverCamera, list[Pose]
         wheels = {w.code: base @ Pose(np.eye(3), np.array(w.position_m)) for w in job.vehicle.wheels}
         camera.show(job.world.level, links_at(job.vehicle, base, wheels, still, still))
         left = mount.at(base)
-        both = [camera.render(side, suns, lights, labels=False) for side in (left, right_of(left, BASELINE_M))]
+        both = [camera.render(side, suns, lights, labels=False) for side in (left, right.at(base))]
         found.append(np.array([[side.olat_images["hapke", name] for name in suns] for side in both]))
         poses.append(left.world_from_camera)
     return camera, poses, found

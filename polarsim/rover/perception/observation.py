@@ -1,7 +1,7 @@
 """Observations by the rover's cameras at a time, depending on the mode.
 
-Detector and stereo use the front camera and a second camera to the right of it. In mode `truth`, cameras all around the
-rover observe labels.
+The detector uses the front camera, stereo a pair of smaller cameras on both sides of it, so that both see the ground
+ahead of all wheels. In mode `truth`, cameras all around the rover observe labels.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import ndimage
@@ -43,7 +43,7 @@ from polarsim.rover.perception.map_updates import (
 )
 from polarsim.rover.perception.options import MODES_WITH_DETECTOR, Mode, OnboardDetector
 from polarsim.rover.vehicle.camera_names import FRONT
-from polarsim.rover.vehicle.mounts import mount_of
+from polarsim.rover.vehicle.mounts import Mount, mount_of
 from polarsim.rover.vehicle.table import Vehicle
 from polarsim.rover.world.surface import World
 from polarsim.run_files.instances import GROUND, ROCK_IDS
@@ -51,8 +51,8 @@ from polarsim.run_files.instances import GROUND, ROCK_IDS
 _BESIDE_M = 2.0  # distance from the straight line within which changes of the ground are rendered
 _MODES_WITH_DEPTH = ("stereo", "both")
 _NEAREST_M = 1.5  # minimum depth of stereo
-_STEREO_BASE_M = 0.3  # baseline from the front camera to the second camera, to the right
-_STEREO_SCALE = 0.5  # size of pictures for stereo matching relative to the front camera's pictures
+_STEREO_BASE_M = 0.3  # baseline of the stereo pair; the front camera is in the middle
+_STEREO_SCALE = 0.5  # size of the pair's pictures relative to the front camera's pictures
 # Cameras of the vehicle that also observe labels, if present: six of VIPER's eight, at a small scale.
 _AROUND = ("ncl", "acl", "hfp", "hfs", "hap", "has")
 _AROUND_SCALE = 0.125
@@ -65,13 +65,14 @@ _EVEN, _EVEN_PX = 1.5, 5
 
 @dataclass(frozen=True)
 class Observation:
-    """Map updates at a time, the true pose of the front camera, and the stereo pair of pictures (h, w) uint8.
+    """Map updates at a time, the true pose of the pair's left camera, and the stereo pair of pictures (h, w) uint8.
 
-    `shown`: the front camera's picture (h, w) uint8, and `found`: (n, 5) boxes in it above the confidence threshold.
+    `shown`: the picture of the front camera or of the pair's left camera, (h, w) uint8, and `found`: (n, 5) boxes in it
+    above the confidence threshold.
     """
 
     updates: list[MapUpdate]
-    camera: Camera
+    left: Camera
     pair: tuple[np.ndarray, np.ndarray] | None = None
     shown: np.ndarray | None = None
     found: np.ndarray = field(default_factory=lambda: np.zeros((0, 5)))
@@ -109,9 +110,10 @@ class Perception:
         """
         self.world, self.vehicle, self.mode, self.light = world, vehicle, mode, light
         self.onboard, self.seed, self._threads = cameras.onboard, seed, threads
-        self.pairs = localised or mode in _MODES_WITH_DEPTH  # whether both cameras take pictures
+        self.pairs = localised or mode in _MODES_WITH_DEPTH  # whether the pair takes pictures
         self.mount = mount_of(vehicle.camera(FRONT), cameras.scale)
-        self._small = mount_of(vehicle.camera(FRONT), cameras.scale * _STEREO_SCALE)
+        small = mount_of(vehicle.camera(FRONT), cameras.scale * _STEREO_SCALE)
+        self.left, self.right = (moved_aside(small, side * _STEREO_BASE_M / 2) for side in (-1, 1))
         around = [camera.name for camera in vehicle.cameras if camera.name in _AROUND]
         self._round = [mount_of(vehicle.camera(name), _AROUND_SCALE) for name in (FRONT, *around)]
         noisy = render.model_copy(update={"noise": True})
@@ -124,7 +126,7 @@ class Perception:
             if detector is None:
                 raise RoverError(f"mode {mode}: rover.cameras.onboard.weights is not set")
             self._detector = FrontCameraDetector(detector, self.mount.lens.width, rocks_only=True)
-        self.rectification = rectification(self.mount.lens.scaled(_STEREO_SCALE), _STEREO_BASE_M)
+        self.rectification = rectification(small.lens, _STEREO_BASE_M)
         self._count = 0
 
     def observe(
@@ -137,60 +139,48 @@ class Perception:
         with self._timed("scene"):
             base = self._camera.show_state(state, level)
         with self._timed("pictures"):
-            taken = self._pictures(base)
-        pair = self._pair(taken) if self.pairs else None
+            front, taken = self._pictures(base)
+        pair = self._pair(taken) if taken else None
         if localiser is not None and pair is not None:
             with self._timed("localisation"):
                 localiser.add_pair(*pair)
         believed = base if localiser is None else localiser.pose
-        camera = self.mount.at(believed)
-        shown: np.ndarray | None = None
+        camera, left = self.mount.at(believed), self.left.at(base)
+        shown = pair[0] if pair else None
         detections = np.zeros((0, 5))
         if self.mode == "truth":
-            shown = pair[0] if pair else None
-            return Observation([self._update_from_labels(base, believed, grid)], self.mount.at(base), pair, shown)
+            return Observation([self._update_from_labels(base, believed, grid)], left, pair, shown)
         updates: list[MapUpdate] = []
         if self._detector is not None:
+            assert front is not None
             with self._timed("detector"):
-                (shown,), (rows,) = self._detector.detect([taken[0]])
+                (shown,), (rows,) = self._detector.detect([front])
             rocks = (rows[:, 5] == BOX_CLASSES.index(ROCK)) & (rows[:, 4] >= self.onboard.confidence)
             detections = np.asarray(rows[rocks, :5], float)
             with self._timed("map"):
-                lit, ground = bright_pixels(taken[0], _LEAST_GREY), self._ground(believed, localiser is None)
+                lit, ground = bright_pixels(front, _LEAST_GREY), self._ground(believed, localiser is None)
                 updates.append(update_from_boxes(detections[:, :4], detections[:, 4], lit, camera, ground, grid))
             detections[:, :4] *= shown.shape[1] / camera.lens.width
         if self.mode in _MODES_WITH_DEPTH:
             assert pair is not None
             with self._timed("stereo"):
-                points = self._points(*pair, bright_pixels(self._small_picture(taken[0]), _LEAST_GREY), camera)
+                points = self._points(*pair, bright_pixels(taken[0], _LEAST_GREY), self.left.at(believed))
             with self._timed("map"):
                 updates.append(update_from_depth(points, camera, grid))
-        shown = pair[0] if pair and shown is None else shown
-        return Observation(updates, self.mount.at(base), pair, shown, detections)
+        return Observation(updates, left, pair, shown, detections)
 
-    def _pictures(self, base: Pose) -> list[np.ndarray]:
-        """Return the 12-bit pictures (h, w) of the front camera and, for pairs, the second camera.
-
-        Stereo matches small pictures, so the second camera, and without a detector also the first, is rendered small.
-        """
-        cameras = []
-        if self.pairs or self._detector is not None:
-            cameras.append(self._small.at(base) if self._detector is None else self.mount.at(base))
-        if self.pairs:
-            cameras.append(right_of(self._small.at(base), _STEREO_BASE_M))
-        taken = [self._picture(item, number) for number, item in enumerate(cameras)]
+    def _pictures(self, base: Pose) -> tuple[np.ndarray | None, list[np.ndarray]]:
+        """Return the 12-bit pictures (h, w) of the front camera, if a detector needs it, and of the pair, if any."""
+        front = None if self._detector is None else self._picture(self.mount.at(base), "front")
+        pair = {"left": self.left, "right": self.right} if self.pairs else {}
+        taken = [self._picture(mount.at(base), name) for name, mount in pair.items()]
         self._count += 1
-        return taken
-
-    def _small_picture(self, grey: np.ndarray) -> np.ndarray:
-        """Return a picture in the size of stereo matching."""
-        lens = self.rectification.lens
-        return tone.shrink(grey, max(lens.width, lens.height))
+        return front, taken
 
     def _pair(self, taken: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """Return small 8-bit pictures by the same tone curve, since matching compares grey values."""
+        """Return 8-bit pictures of the pair by the same tone curve, since matching compares grey values."""
         with self._timed("stereo"):
-            left, right = tone.to_8_bits(np.stack([self._small_picture(grey) for grey in taken]))
+            left, right = tone.to_8_bits(np.stack(taken))
         return left, right
 
     def _ground(self, base: Pose, known: bool) -> HeightFunction:
@@ -223,7 +213,7 @@ class Perception:
         kept = (ids == GROUND) | (ids >= ROCK_IDS)  # excludes the rover's body
         return hits.point[kept].astype(float), np.maximum(ids[kept] - ROCK_IDS, 0)
 
-    def _picture(self, camera: Camera, which: int) -> np.ndarray:
+    def _picture(self, camera: Camera, which: str) -> np.ndarray:
         """Return the 12-bit picture (h, w)."""
         light = self.light
         name = ("autonomy", self.seed, self._count, which, light.sun, light.exposure_ms)
@@ -250,9 +240,9 @@ def has_texture(grey: np.ndarray) -> np.ndarray:
     return np.asarray(square - mean**2 > _EVEN**2)
 
 
-def right_of(camera: Camera, base_m: float) -> Camera:
-    """Return the second camera of the pair."""
-    return Camera(camera.world_from_camera @ Pose(np.eye(3), np.array([base_m, 0.0, 0.0])), camera.lens)
+def moved_aside(mount: Mount, right_m: float) -> Mount:
+    """Return the mount of an equal camera at a distance to the right."""
+    return replace(mount, base_from_camera=mount.base_from_camera @ Pose(np.eye(3), np.array([right_m, 0.0, 0.0])))
 
 
 def rectification(lens: Lens, base_m: float) -> Rectification:

@@ -165,5 +165,5 @@ def _with_stereo(job: DriveJob, perception: Perception) -> Localiser:
     return Localiser(
         job.vehicle, job.seed, job.soil_options.gravity_m_s2,
         stereo=StereoMotion(rig),
-        base_from_camera=perception.mount.base_from_camera @ rig.left_from_rectified,
+        base_from_camera=perception.left.base_from_camera @ rig.left_from_rectified,
     )  # fmt: skip

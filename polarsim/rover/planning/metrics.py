@@ -133,7 +133,7 @@ def _of_pilot(outcome: Outcome, vehicle: Vehicle, options: AutonomyOptions) -> l
         *((part, f"points of {most:.0f}", score[part]) for part, most in POINTS.items()),
         *((f"CPU for a second driven, {part}", "s", spent / seconds) for part, spent in perception.seconds.items()),
     ]
-    taken = [(item.pair, item.camera.world_from_camera) for _, item in pilot.observations if item.pair is not None]
+    taken = [(item.pair, item.left.world_from_camera) for _, item in pilot.observations if item.pair is not None]
     if len(taken) > 2:
         pairs, cameras = zip(*taken, strict=True)
         rectified = perception.rectification.left_from_rectified

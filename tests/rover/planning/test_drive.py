@@ -24,6 +24,7 @@ from polarsim.rover.drive.ride import RunningDrive
 from polarsim.rover.localisation.localiser import ESTIMATE_COLUMNS
 from polarsim.rover.localisation.motion import Motion
 from polarsim.rover.localisation.sensors import SENSOR_COLUMNS
+from polarsim.rover.perception.ground_view import ground_below
 from polarsim.rover.perception.hazard_grid import PARTS, HazardGrid
 from polarsim.rover.perception.observation import Observation, Perception
 from polarsim.rover.planning import drive as drive_module
@@ -280,3 +281,18 @@ def test_headlights_illuminate_the_ground_at_night_and_noise_in_the_dark_is_not_
     assert dark.pair[0].std() > 0
     assert not (dark.updates[0].weight > 0).any()
     np.testing.assert_array_equal(lit.pair, observe(ImagingCondition("night", 1024.0, ahead)).pair)  # any threads
+
+
+def test_both_cameras_of_the_stereo_pair_see_the_ground_ahead_of_the_wheels_of_both_sides(job):
+    light = ImagingCondition("3", 256.0)
+    perception = Perception(job.world, job.vehicle, job.route, "stereo", light, CAMERAS, 0, render=driven.RENDER)
+    pair = [mount.at(Pose.identity()) for mount in (perception.left, perception.right)]
+    x, y = np.meshgrid(np.linspace(1.0, 5.0, 81), np.linspace(0.0, 2.0, 81))
+
+    def seen(side: int) -> np.ndarray:
+        ground = np.stack([x, side * y, np.full(x.shape, ground_below(job.vehicle))], axis=-1)
+        return np.all([camera.inside(camera.project(ground)) for camera in pair], axis=0)
+
+    np.testing.assert_array_equal(seen(1), seen(-1))
+    wheel = job.vehicle.wheels[0]
+    assert seen(1)[(x > 2.9) & (y < wheel.position_m[1] + 0.15)].all()  # the planner's gap of 0.15 m
