@@ -108,13 +108,17 @@ def _check_ranges(config: Config) -> None:
 
 
 def _check_scans(config: Config) -> None:
-    """Check that each terrain of local data has scans, if the run reads scans."""
+    """Check that all terrains of local data have scans if one has; without any, the first job of a terrain fails."""
     if not config.has_scans or not _is_local(config):
         return
     site, root = config.site, config.source.root
-    for terrain in config.terrains:
-        if not site_files.find_range_maps(site, root, terrain) and not site_files.find_clouds(site, root, terrain):
-            raise no_scan_error(site, terrain, root)
+    missing = [
+        terrain
+        for terrain in config.terrains
+        if not site_files.find_range_maps(site, root, terrain) and not site_files.find_clouds(site, root, terrain)
+    ]
+    if 0 < len(missing) < len(config.terrains):
+        raise no_scan_error(site, missing[0], root)
 
 
 def _check_seeds(config: Config) -> None:
