@@ -158,7 +158,11 @@ def explore(
     ] = None,
     width: Annotated[
         int | None,
-        typer.Option(min=240, max=16384, help="Image width, px; default: half of the photos' width, at least 968."),
+        typer.Option(
+            min=240,
+            max=16384,
+            help="Image width, px; default: half of the photos' width, but 968 for photos of 968 to 1936 px.",
+        ),
     ] = None,
     port: Annotated[
         int | None,

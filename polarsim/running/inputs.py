@@ -117,7 +117,7 @@ def _check_scans(config: Config) -> None:
         for terrain in config.terrains
         if not site_files.find_range_maps(site, root, terrain) and not site_files.find_clouds(site, root, terrain)
     ]
-    if 0 < len(missing) < len(config.terrains):
+    if missing and len(missing) < len(config.terrains):
         raise no_scan_error(site, missing[0], root)
 
 

@@ -14,6 +14,7 @@ from polarsim.photo import PhotoKey, Terrain, terrain_text
 from polarsim.run_files.inventory import Inventory
 from polarsim.site import Site
 from polarsim.sources.source import TerrainContent, path_texts, relative_names
+from polarsim.wording import counted
 
 log = logging.getLogger("polarsim")
 
@@ -109,8 +110,8 @@ class FilesSource:
 def stray_text(site: Site, root: Path, strays: Sequence[Path]) -> str:
     """Return the number of stray files of a terrain and a name, and the reason why they are no photos."""
     return (
-        f"{len(strays)} files skipped, such as {strays[0].relative_to(root).as_posix()}: expected {site.files.photos} "
-        "with positions, lamps and exposures of the site"
+        f"{counted(len(strays), 'file')} skipped, such as {strays[0].relative_to(root).as_posix()}: expected "
+        f"{site.files.photos} with positions, lamps and exposures of the site"
     )
 
 

@@ -115,7 +115,7 @@ def test_photos_of_a_lamp_position_or_exposure_that_the_site_lacks_are_counted_a
     png.write_png(tmp_path / "raw" / path, np.full(SIZE[::-1], 10, np.uint8))
     out = index(tmp_path, other_site(), tmp_path / "raw")
     (message,) = [record.getMessage() for record in caplog.records if "skipped" in record.getMessage()]
-    assert f"1 files skipped, such as {path}" in message
+    assert f"1 file skipped, such as {path}" in message
     assert read_inventory(out / "inventory.json").stray == (path,)
 
 

@@ -106,7 +106,7 @@ def test_files_below_a_folder_are_counted(polarsim, tmp_path):
     assert result.returncode == 0
     rows = [line.replace("│", " ").split() for line in result.stdout.splitlines() if "yard-b" in line]
     assert rows[0] == ["yard-b", "1", "of", "56", "1", "none", "none"]
-    assert "yard-b: 1 files skipped, such as yard-b/gate/dark-on/other.png" in " ".join(result.stdout.split())
+    assert "yard-b: 1 file skipped, such as yard-b/gate/dark-on/other.png" in " ".join(result.stdout.split())
 
 
 def test_marked_values_are_listed_with_exit_code_1(polarsim, tmp_path):
