@@ -23,8 +23,9 @@ def run(
     targets: Annotated[
         list[str] | None,
         typer.Argument(
-            help="Stages (acquire, cameras, rocks, labels, render, detect, tables, geometry, gap, cover_photos, rover, "
-            "rover_autonomy, publish) or files; default: all. Unlisted options are passed to Snakemake."
+            help="Stages (acquire, cameras, rocks, labels, render, detect, tables), further stages (geometry, "
+            "rock_sizes, rock_diameters, gap, before_after, cover_photos, real_tables, elsewhere, field_detector, "
+            "rover, rover_autonomy, publish) or files; default: all. Unlisted options are passed to Snakemake."
         ),
     ] = None,
     configfile: ConfigFiles = None,

@@ -42,6 +42,16 @@ def test_stages_and_all_are_targets():
     refuse_unknown(CHECKOUT, "mine", ["all", "labels", "geometry", "rover"], [])
 
 
+def test_help_names_every_stage(polarsim, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "500")  # no line breaks inside names
+    text = polarsim("run", "--help").stdout
+    with pytest.raises(CallError) as error:
+        refuse_unknown(CHECKOUT, "mine", ["no_stage"], [])
+    stages = str(error.value).partition("Stages: ")[2].split(", ")
+    assert [stage for stage in stages if stage not in text] == []
+    assert "before_after" in stages
+
+
 def test_a_file_without_a_rule_is_a_usage_error(monkeypatch):
     with pytest.raises(CallError, match=r"labels\.csv") as error:
         refuse(monkeypatch, 1, "MissingRuleException:\nNo rule to produce results/mine/tables/labels.csv\n")
