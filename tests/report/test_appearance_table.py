@@ -137,7 +137,8 @@ def test_shown_photos_range_from_the_best_to_the_worst():
     assert shown_photos(table[:0]) == []
 
 
-def test_the_figure_shows_photo_twin_control_and_difference(tmp_path):
+def drawn_figure(tmp_path, terrains: tuple[str, ...]) -> np.ndarray:
+    """Return the figure of a photo of terrain 3 that its twin equals; the control is a twin of terrain 11."""
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     light = 800 + 600 * np.sin(x / 61) * np.cos(y / 83)
     key, other = KEYS[0], KEYS[12]
@@ -147,16 +148,26 @@ def test_the_figure_shows_photo_twin_control_and_difference(tmp_path):
     photos = tmp_path / "photos"
     png.write_png(photos / f"{key}.png", png.read_png(tmp_path / "photo.png"))
     twins = {"hapke": {key: tmp_path / f"hapke/Terrain03/{key}.png"}}
-    others = {"hapke": {other: tmp_path / f"hapke/Terrain11/{other}.png"}}
+    others = {"hapke": {other: tmp_path / f"hapke/Terrain11/{other}.png"} if "11" in terrains else {}}
     write_parquet(
         tmp_path / "pairs.parquet", compare_twins({key: ComparedPhoto(photos / f"{key}.png")}, twins, others, {})
     )
     draw_appearance(
         pairs=[tmp_path / "pairs.parquet"], photos=[photos],
-        twins=[tmp_path / f"hapke/Terrain{terrain}" for terrain in ("03", "11")], drawn=None,
+        twins=[tmp_path / f"hapke/Terrain{terrain}" for terrain in terrains], drawn=None,
         figure=tmp_path / "figure.png", width=800,
     )  # fmt: skip
-    figure = png.read_png(tmp_path / "figure.png")[..., :3].astype(int)
+    return png.read_png(tmp_path / "figure.png")[..., :3].astype(int)
+
+
+def test_the_figure_says_if_there_is_no_control(tmp_path):
+    grey = drawn_figure(tmp_path, ("03",)).mean(axis=-1)
+    lower = grey[int(0.41 * len(grey)) : int(0.7 * len(grey)), :390]  # below the photo
+    assert 0.001 < (lower < 128).mean() < 0.1  # text, no image
+
+
+def test_the_figure_shows_photo_twin_control_and_difference(tmp_path):
+    figure = drawn_figure(tmp_path, ("03", "11"))
     coloured = np.ptp(figure, axis=-1) > 60
     rows = np.flatnonzero(coloured.any(axis=1))
     assert rows.min() > 0.7 * figure.shape[0]  # only the bar has colour, since the twin equals the photo

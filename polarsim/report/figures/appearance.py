@@ -114,7 +114,9 @@ def _draw_photo(
     model, row = str(rows.index[-1]), rows.iloc[-1]
     of_control = {other: path for other, path in twins[model].items() if other.terrain == row["control_terrain"]}
     control = twin_of_same_view(key, of_control)
-    if control is not None:
+    if control is None:
+        lower[0].set_title("No control: no twin of another\nterrain under the same lamps")
+    else:
         title = f"Control: terrain {terrain_text(control.terrain)}, {model}\n{_scores(row, 'control_')}"
         show_image(lower[0], as_grey(photo.toned(of_control[control])[0]), title)
 
