@@ -10,6 +10,7 @@ from polarsim.formats.tables import label_table, typed, write_csv, write_parquet
 from polarsim.geometry.boxes import box_around_points
 from polarsim.geometry.casters import make_caster
 from polarsim.photo import BOX_CLASSES, PhotoKey
+from polarsim.report.figures import comparison
 from polarsim.report.figures.canvas import FIGURE_WIDTH, PREDICTED, rgb
 from polarsim.report.figures.comparison import draw_comparison
 from polarsim.report.figures.cover_photos import cover_key
@@ -240,6 +241,22 @@ def test_detection_and_ipd_are_drawn_with_and_without_rocks(tmp_path, kinds):
     for name in ("detection", "ipd"):
         assert is_drawn(tmp_path / f"{name}.png")
         assert (coloured(tmp_path / f"{name}.png") > 0.05) == ("rock" in kinds)
+
+
+def test_differences_of_all_twins_share_a_colour_bar(tmp_path, monkeypatch):
+    """With a bar each, their texts overlapped with three twins."""
+    bars = []
+    monkeypatch.setattr(comparison, "difference_bar", lambda figure, axes, *_: bars.append(len(axes)))
+    png.write_png(tmp_path / "photo.png", np.full((1216, 1936), 700, np.uint16))
+    twins = {model: tmp_path / model for model in ("principled", "hapke", "fitted")}
+    for folder in twins.values():
+        png.write_png(folder / f"{KEY}.png", np.full((1216, 1936), 300, np.uint16))
+    write_parquet(tmp_path / "labels.parquet", label_table([]))
+    draw_comparison(
+        key=KEY, **described(tmp_path, {KEY: tmp_path / "photo.png"}), twins=twins, labels=tmp_path / "labels.parquet",
+        rendered=None, figure=tmp_path / "figure.png", size=(1936, 1216), width=2 * NARROW,
+    )  # fmt: skip
+    assert bars == [3]
 
 
 def test_a_comparison_shows_the_available_images(tmp_path):

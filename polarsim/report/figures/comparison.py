@@ -32,6 +32,7 @@ from polarsim.tone import display_white_level, to_8bit
 
 COMPARISON_WIDTH = 2000  # px; up to four panels per row
 _LETTERS = 42  # of the rock ids in the width of a panel
+_LEGEND_LINE = 0.1  # height of a line of the legend above the histogram, relative to the height of the panel
 TITLE, BAR = 0.1, 0.24  # height of the lines of a title, and of a colour bar, relative to the width of a panel
 
 
@@ -162,16 +163,19 @@ def _draw(
         grid = figure.subplots(rows, max(2, len(columns)), squeeze=False)
         for axes in grid.ravel():
             axes.set_axis_off()
+        with_bar: dict[float, list[Any]] = {}
         for cells, panels in zip(grid.T, columns, strict=False):
             for axes, panel in zip(cells, panels, strict=False):
-                _draw_panel(figure, axes, panel)
+                _draw_panel(axes, panel)
+                if panel.full:
+                    with_bar.setdefault(panel.full, []).append(axes)
+        for full, below in with_bar.items():
+            difference_bar(figure, below, full, STOPS_MEANING if full == STOPS else TONES_MEANING)
 
 
-def _draw_panel(figure: Any, axes: Any, panel: Panel) -> None:
+def _draw_panel(axes: Any, panel: Panel) -> None:
     if panel.pixels is not None:
         show_image(axes, panel.pixels, panel.title)
-    if panel.full:
-        difference_bar(figure, [axes], panel.full, STOPS_MEANING if panel.full == STOPS else TONES_MEANING)
     if panel.stops is not None:
         axes.set_axis_on()
         axes.set_title(panel.title)
@@ -192,4 +196,4 @@ def _draw_stops(axes: Any, stops: Mapping[str, np.ndarray]) -> None:
     axes.axvline(0, color=FAINT, linewidth=0.8)
     axes.set(xlabel="x = log2(twin / photo), stops", ylabel="share of compared pixels, %", ylim=(0, None))
     axes.legend(loc="upper left", fontsize="small", frameon=True, framealpha=1, edgecolor="none")
-    axes.set_ylim(0, 1.35 * axes.get_ylim()[1])
+    axes.set_ylim(0, axes.get_ylim()[1] / (0.92 - _LEGEND_LINE * len(stops)))
