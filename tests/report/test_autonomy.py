@@ -215,3 +215,16 @@ def test_estimated_paths_are_drawn_with_a_key_and_each_source_of_the_pose_has_a_
     sheets.append(Figure(layout="constrained"))
     autonomy_paths.draw_paths(folders=folders[:2], figure=tmp_path / "known.png", origin=ORIGIN)
     assert len(sheets[-1].axes) == 1  # without estimates there are no errors
+
+
+def test_paths_with_and_without_lights_have_different_marks(tmp_path, monkeypatch):
+    names = ("stereo_fused_1_0256_off_hapke_seed0", "stereo_fused_1_0256_on_hapke_seed0")
+    folders = [write_case(tmp_path / name, True) for name in names]
+    sheet = Figure(layout="constrained")
+    monkeypatch.setattr(autonomy_paths, "page", lambda *_: nullcontext(sheet))
+    autonomy_paths.draw_paths(folders=folders, figure=tmp_path / "ways.png", origin=ORIGIN)
+    for axes in sheet.axes:
+        unlit, lit = (line for line in axes.lines if line.get_marker() == "o")
+        assert unlit.get_markerfacecolor() == lit.get_color() != lit.get_markerfacecolor()
+    texts = [text.get_text() for text in sheet.legends[0].get_texts()]
+    assert "lights on" in texts

@@ -20,6 +20,7 @@ from polarsim.schemas.rover import ANY, HIGH_M, MODES, ODOMETRY
 _MAP_SHARE, _ERRORS_SHARE = 0.45, 0.25  # heights of the panels over the width of the figure
 _TRUE = {"linewidth": 4.0, "alpha": 0.4, "solid_capstyle": "butt"}
 _ESTIMATED = {"linewidth": 1.4, "linestyle": "--"}
+_LIT = {"marker": "o", "markerfacecolor": "white"}
 _MIN_ERROR_MM = 1.0  # of the logarithmic axis
 _MARKS = 0.12  # distance of the marks of a path, share of the diagonal of the map
 
@@ -41,8 +42,8 @@ def draw_paths(*, folders: Sequence[Path], figure: Path, origin: dict[str, str])
         axis, *others = sheet.subplots(len(shares), height_ratios=shares, squeeze=False)[:, 0]
         _draw_rocks(axis, drives[0] / "world")
         for folder, path in paths.items():
-            colour, marker = colours[mode_and_pose(folder)[0]], SUN_MARKERS[_sun_of(folder)]
-            axis.plot(path["x_m"], path["y_m"], color=colour, marker=marker, markevery=_MARKS, **_TRUE)
+            colour = colours[mode_and_pose(folder)[0]]
+            axis.plot(path["x_m"], path["y_m"], color=colour, markevery=_MARKS, **_mark_of(folder), **_TRUE)
             if folder in estimated:
                 axis.plot(path["estimated_x_m"], path["estimated_y_m"], color=colour, **_ESTIMATED)
         keys = [legend_line(color=colours[mode], linewidth=3, label=mode) for mode in modes]
@@ -52,6 +53,8 @@ def draw_paths(*, folders: Sequence[Path], figure: Path, origin: dict[str, str])
                 legend_line(color=INK, **_ESTIMATED, label="path as estimated by the rover"),
             ]
             keys += _draw_errors(others[0], estimated, colours)
+            if len({lit for folder in estimated for lit in light_of(folder)[2:3]}) > 1:
+                keys.append(legend_line(color=FAINT, linestyle="", **_LIT, label="lights on"))
         sheet.legend(handles=keys, loc="outside lower center", ncols=min(len(keys), 7), columnspacing=1.4)
         axis.set_aspect("equal")
         axis.set_xlabel("east, m")
@@ -86,7 +89,7 @@ def _draw_errors(axis: Any, paths: Mapping[Path, pd.DataFrame], colours: Mapping
         largest = path.groupby(np.floor(path["along_m"]))["error_mm"].max().clip(lower=_MIN_ERROR_MM)
         axis.plot(
             largest.index + 0.5, largest, color=colours[mode], linewidth=1.4,
-            linestyle=":" if pose == ODOMETRY else "-", marker=SUN_MARKERS[sun], markersize=6,
+            linestyle=":" if pose == ODOMETRY else "-", markersize=6, **_mark_of(folder),
         )  # fmt: skip
     axis.set_yscale("log")
     axis.set_xlim(left=0)
@@ -103,6 +106,12 @@ def _draw_errors(axis: Any, paths: Mapping[Path, pd.DataFrame], colours: Mapping
 def _sun_of(folder: Path) -> str:
     """Return the Sun of a drive, or `any` if the drive does not depend on it."""
     return [*light_of(folder), ANY][0]
+
+
+def _mark_of(folder: Path) -> dict[str, str]:
+    """Return the mark of a drive's Sun, with a white centre if the lights are on."""
+    lit = _LIT if light_of(folder)[2:3] == ["on"] else {}
+    return lit | {"marker": SUN_MARKERS[_sun_of(folder)]}
 
 
 def _draw_rocks(axis: Any, world: Path) -> None:
