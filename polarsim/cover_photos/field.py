@@ -27,8 +27,9 @@ from polarsim.formats.files import write_text
 from polarsim.photo import BOX_CLASSES, REFERENCE_WIDTH_PX
 from polarsim.scenes.options import SCENE_NAME
 
-WIDTHS = (256, 384, 512, 640)  # candidate inference widths, px: scenes are 640 px wide
+WIDTHS = (192, 256, 384, 512, 640)  # candidate inference widths, px: scenes are 640 px wide
 _GATES_PX = (64.0, 128.0, 256.0, 384.0)  # candidate gates: rocks are up to 70 % as wide as the image
+_MOST_WIDTHS = 3
 _HALVES = (0, 1)
 Labels = tuple[np.ndarray, np.ndarray]  # classes (n,), boxes (n, 4)
 
@@ -109,7 +110,7 @@ def predict_held_out(
 
 def _chosen(images: HeldOutImages, options: PredictionOptions) -> tuple[ClassInferenceWidths, Calibration]:
     sizes = ClassInferenceWidths.named(options) or choose_sizes(
-        images.labels, images.found, options.nms_iou, REFERENCE_WIDTH_PX, _GATES_PX
+        images.labels, images.found, options.nms_iou, REFERENCE_WIDTH_PX, _GATES_PX, _MOST_WIDTHS
     )
     return sizes, fit_calibration(images.labels, images.merged(sizes, options.nms_iou))
 

@@ -62,12 +62,12 @@ class Texture:
     offsets: np.ndarray  # (SHADOW_IDS, 2) position of each object in the noise, px
 
     @classmethod
-    def draw(cls, contrast: Range, random: np.random.Generator) -> Texture:
-        """Return a random texture with a range of contrasts."""
+    def draw(cls, ground: Range, rocks: Range, random: np.random.Generator) -> Texture:
+        """Return a random texture with ranges of contrasts on the ground and on rocks."""
         turn = Rotation.from_euler("z", random.uniform(0, 2 * np.pi)).as_matrix()[:, :2]
         axes = (turn + np.outer([0, 0, 1], random.uniform(-1, 1, 2))) * [1, random.uniform(1, 1.8)]
-        ground, rocks = log_uniform(contrast, random), log_uniform(contrast, random)
-        return cls(axes, ground, rocks, random.uniform(0, 1), random.uniform(0, _TILE, (SHADOW_IDS, 2)))
+        contrasts = log_uniform(ground, random), log_uniform(rocks, random)
+        return cls(axes, *contrasts, random.uniform(0, 1), random.uniform(0, _TILE, (SHADOW_IDS, 2)))
 
     def factors(self, points: np.ndarray, ids: np.ndarray, view: FieldView, towards_sun: np.ndarray) -> np.ndarray:
         """Return factors (n,) float32 of the radiance at points (n, 3) of the surfaces with ids (n,)."""

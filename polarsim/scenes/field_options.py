@@ -49,21 +49,23 @@ class FieldRanges:
     hurst: Range = (0.55, 1.0)
     hills: Range = (0.0, 0.12)  # elevation of hills at the horizon, tangent
 
-    elevation_deg: Range = (3, 60)  # of the Sun
-    black_sky_share: float = 0.3  # share of scenes without light of the sky
-    sky_fill: Range = (0.1, 1.2)  # irradiance of the sky over the Sun's, in the remaining scenes
+    elevation_deg: Range = (5, 75)  # of the Sun
+    black_sky_share: float = 0.15  # share of scenes without light of the sky
+    sky_fill: Range = (0.1, 1.5)  # irradiance of the sky over the Sun's, in the remaining scenes
     sky: Range = (0.4, 2.5)  # radiance of the sky over that of bright ground
     haze: Range = (20, 800)  # distance over `TARGET_M` at which haze halves contrast, log-uniform
 
     albedo_ratio: Range = (0.35, 2.6)  # mean albedo of rocks over that of the ground, log-uniform
     rock_spread: float = 0.15  # standard deviation of albedo between rocks
+    rock_spots: Range = (0.0, 0.3)  # standard deviation of the logarithm of albedo within a rock
     dust: Range = (0.0, 0.9)  # share of the ground's albedo on upward faces of rocks
     patch_sd: Range = (0.02, 0.2)  # standard deviation of the albedo of ground
-    texture: Range = (0.02, 0.3)  # contrast of texture below the mesh, for ground and for rocks
+    texture: Range = (0.02, 0.3)  # contrast of texture below the mesh on the ground
+    rock_texture: Range = (0.03, 0.6)  # the same on rocks
 
     blur_px: Range = (0.2, 1.3)
     electrons_per_dn: Range = (3, 30)
-    exposure: Range = (0.3, 1.1)  # 90th percentile of the ground over white
+    exposure: Range = (0.25, 0.85)  # 90th percentile of the ground over white
     gamma: Range = (1.0, 2.2)
     jpeg_share: float = 0.7  # share of images that were compressed
     jpeg_quality: Range = (35, 95)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.ndimage import map_coordinates
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
@@ -21,6 +22,11 @@ _TRIANGLE_PX = 2.0  # maximum side of the triangles of a rock in the image, if t
 _TUMBLED_SHARE, _TILT_SD_DEG = 0.5, 8  # share of rocks tilted at random; tilt of the others, which lie flat
 _CLEARANCE = 0.8  # minimum distance of a rock from the camera over its size
 _EVENNESS = (0.0, 0.6)  # from even in the image (0) to even on the ground (1)
+_LAYERED_SHARE, _LAYER_DEPTH = 0.35, (0.01, 0.08)  # share of layered rocks; depth over the size of a rock, log-uniform
+_ROUGH_SHARE, _RELIEF = 0.6, (0.004, 0.05)  # share of rough rocks; standard deviation over the size, log-uniform
+_PITTED_SHARE = 0.35  # share of rough rocks with pits instead of bumps
+_COARSEST, _FINEST = 0.5, 1 / 32  # range of the structure of relief over the size
+_LATTICE = 16  # side of the periodic lattice of an octave
 _SIDES = 24  # of a wheel
 _GOLDEN = (1 + np.sqrt(5)) / 2
 _CORNERS = np.array(  # icosahedron
@@ -71,8 +77,9 @@ def scatter_field_rocks(
         position, extent = candidates[best], float(size_m[best])
         centres, extents = np.vstack([centres, position]), np.append(extents, extent)
         pixel_m = float(view.depth_at(position[0])) / view.camera.lens.fx
-        copy = shapes[int(random.integers(len(shapes)))].mesh(1.0, min(_TRIANGLE_PX * pixel_m / extent, 1.0))
-        vertices = extent * weather(copy.vertices, random)
+        side = min(_TRIANGLE_PX * pixel_m / extent, 1.0)
+        copy = shapes[int(random.integers(len(shapes)))].mesh(1.0, side)
+        vertices = extent * weather(copy.vertices, side, random)
         rotation = draw_rotation(_TUMBLED_SHARE, _TILT_SD_DEG, random).as_matrix()
         points = vertices @ rotation.T + np.array([*position, 0.0])
         drop_rock(points, top, view.cells_of(points), random.uniform(*ranges.sunk) ** 2)
@@ -80,10 +87,11 @@ def scatter_field_rocks(
     return rocks
 
 
-def weather(vertices: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Return the vertices (v, 3) of a rock of unit size, stretched, cut by planes and layered at random, of unit size.
+def weather(vertices: np.ndarray, finest: float, random: np.random.Generator) -> np.ndarray:
+    """Return the vertices (v, 3) of a rock of unit size: stretched, cut by planes, layered, rough or porous; unit size.
 
-    Scanned and carved rocks are few, and their shapes would otherwise be repeated.
+    Scanned and carved rocks are few and smooth: their shapes would otherwise be repeated, and a detector would take
+    every edge inside a real rock for the boundary of a smaller rock. `finest`: side of the triangles.
     """
     points = vertices * np.exp(random.normal(0, 0.25, 3))
     for _ in range(random.integers(7)):  # facets of angular rocks
@@ -92,13 +100,43 @@ def weather(vertices: np.ndarray, random: np.random.Generator) -> np.ndarray:
         height = points @ normal
         excess = np.maximum(height - random.uniform(0.35, 0.95) * height.max(), 0)
         points = points - random.uniform(0.7, 1.0) * excess[:, None] * normal
-    if random.random() < 0.25:  # weathered layers
-        layer = np.sin(points[:, 2] * random.uniform(20, 60) + random.uniform(0, 6)) + random.normal(0, 0.3)
-        points = points * np.column_stack([1 + 0.05 * layer, 1 + 0.05 * layer, np.ones(len(points))])
+    if random.random() < _LAYERED_SHARE:
+        points = _layered(points, random)
+    if random.random() < _ROUGH_SHARE:
+        relief = rock_noise(points, finest, random.uniform(0.3, 1.0), random)
+        if random.random() < _PITTED_SHARE:
+            relief = -2 * np.maximum(relief - random.uniform(-0.2, 0.8), 0)
+        distance = np.linalg.norm(points, axis=1, keepdims=True)
+        points = points * (1 + log_uniform(_RELIEF, random) * relief[:, None] / np.maximum(distance, 0.1))
     if random.random() < 0.3:  # slabs
         points = points * [1, 1, random.uniform(0.3, 0.6)]
     low, high = points.min(axis=0), points.max(axis=0)
     return np.asarray((points - (low + high) / 2) / (high - low).max())
+
+
+def _layered(points: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """Return the points (v, 3) of a rock with layers that are eroded to different depths, at a slight tilt."""
+    axis = np.array([*random.normal(0, 0.3, 2), 1.0])
+    axis /= np.linalg.norm(axis)
+    height = points @ axis
+    count = int(random.integers(4, 25))
+    ends = np.sort(random.uniform(height.min(), height.max(), count))
+    places = np.stack([ends, ends + random.uniform(0.1, 0.8) * np.diff(ends, append=height.max())], axis=1).ravel()
+    depth = log_uniform(_LAYER_DEPTH, random) * np.interp(height, places, random.standard_normal(count).repeat(2))
+    across = points - height[:, None] * axis
+    return np.asarray(points + depth[:, None] * across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 0.1))
+
+
+def rock_noise(points: np.ndarray, finest: float, hurst: float, random: np.random.Generator) -> np.ndarray:
+    """Return noise (v,) at points (v, 3) of a rock of unit size, with structure from half a rock to `finest`; sd 1."""
+    total, amplitude, length = np.zeros(len(points)), 1.0, _COARSEST
+    turned = points @ Rotation.random(random_state=random).as_matrix()
+    while length >= max(2 * finest, _FINEST) or length == _COARSEST:
+        lattice = random.standard_normal((_LATTICE,) * 3)
+        places = turned.T / length + random.uniform(0, _LATTICE, (3, 1))
+        total += amplitude * map_coordinates(lattice, places, order=1, mode="grid-wrap")
+        amplitude, length = amplitude * 2**-hurst, length / 2
+    return np.asarray(total / max(float(total.std()), 1e-9))
 
 
 def scatter_gravel(view: FieldView, heights: np.ndarray, ranges: FieldRanges, random: np.random.Generator) -> Mesh:

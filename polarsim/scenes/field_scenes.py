@@ -9,6 +9,7 @@ import numpy as np
 
 from polarsim.geometry.heightfields import grid_mesh
 from polarsim.geometry.images import resize
+from polarsim.geometry.meshes import Mesh
 from polarsim.photo import BLACK_LEVEL, NO_ROCK, REFERENCE_SIZE_PX, REFERENCE_WIDTH_PX, WHITE_LEVEL
 from polarsim.render.hits import cast_strip
 from polarsim.render.lamps import Lamp
@@ -24,7 +25,7 @@ from polarsim.run_files.scene import TerrainMesh
 from polarsim.scenes.field_effects import Texture, add_sky, compress, draw_atmosphere
 from polarsim.scenes.field_ground import draw_ground
 from polarsim.scenes.field_options import FieldRanges, log_uniform
-from polarsim.scenes.field_rocks import draw_parts, scatter_field_rocks, scatter_gravel
+from polarsim.scenes.field_rocks import draw_parts, rock_noise, scatter_field_rocks, scatter_gravel
 from polarsim.scenes.field_view import FieldView, draw_view
 from polarsim.scenes.layout import FIRST_ROCK, RockShape
 from polarsim.scenes.scene_image import SceneImage, labels_with_contrast, tone_curve
@@ -33,6 +34,7 @@ _SKY_LAMPS = 4  # directions from which the sky shines, in a ring
 _SKY_ELEVATION_DEG = (25, 75)
 _BRIGHT_GROUND = 90  # percentile of the radiance of the ground that defines the exposure
 _MIN_BRIGHT = 0.4  # minimum radiance of bright ground over that of the image
+_SPOT = 0.02  # smallest spots of albedo over the size of a rock
 _LAMP_DISTANCE = 10.0  # distance of lamps over that of `Lamp.sun`, for parallel light on hills
 # Minimum visible area at full photo width, px: 30 px for a rock in an image 640 px wide.
 _MIN_ROCK_PX, _MIN_SHADOW_PX, _MIN_SHADOW_WIDTH_PX, _MIN_PART_PX = 275, 550, 9, 90
@@ -70,7 +72,7 @@ def render_field_scene(
     shape = camera.lens.shape
     for name, sun in suns.items():
         atmosphere = draw_atmosphere(ranges, random)
-        texture = Texture.draw(ranges.texture, random)
+        texture = Texture.draw(ranges.texture, ranges.rock_texture, random)
         light = rendering.olat_images[model, name] + np.float32(atmosphere.fill) * diffuse
         detail = texture.factors(hits.point, ids_of_hits, scene.view, sun.position)
         light.reshape(-1)[hits.pixel] *= detail
@@ -128,18 +130,26 @@ def draw_field_scene(shapes: Sequence[RockShape], ranges: FieldRanges, random: n
     ratio, dust = log_uniform(ranges.albedo_ratio, random), random.uniform(*ranges.dust)
     gravel_albedo = np.repeat(ratio * (1 + 0.3 * random.standard_normal(len(gravel.vertices) // 12)), 12)
     rock_albedo = ratio * np.maximum(0.3, 1 + ranges.rock_spread * random.standard_normal(len(rocks)))
+    spotted = random.uniform(*ranges.rock_spots)
     albedo = np.concatenate(
         [
             ground_albedo.ravel(),
             np.clip(gravel_albedo, 0.2, 3),
             *(np.full(len(part.vertices), random.uniform(0.3, 3)) for part in parts),
-            *(np.full(len(rock.vertices), factor) for rock, factor in zip(rocks, rock_albedo, strict=True)),
+            *(factor * _spots(rock, spotted, random) for rock, factor in zip(rocks, rock_albedo, strict=True)),
         ]
     )
     of_rocks = slice(int(counts[: 2 + len(parts)].sum()), None)
     dusty = dust * np.clip((terrain_mesh.normals[of_rocks, 2] - 0.3) / 0.4, 0, 1)
     albedo[of_rocks] = (1 - dusty) * albedo[of_rocks] + dusty
     return FieldScene(terrain_mesh, albedo.astype(np.float32), view, _draw_options(ranges, random))
+
+
+def _spots(rock: Mesh, deviation: float, random: np.random.Generator) -> np.ndarray:
+    """Return albedo factors (v,) of the vertices of a rock with minerals, coatings and dust in spots."""
+    size = float(np.ptp(rock.vertices, axis=0).max())
+    centred = (rock.vertices - rock.vertices.mean(axis=0)) / size
+    return np.exp(deviation * rock_noise(centred, _SPOT, random.uniform(0.2, 1.0), random))
 
 
 def _draw_options(ranges: FieldRanges, random: np.random.Generator) -> RenderOptions:

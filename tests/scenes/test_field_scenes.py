@@ -1,6 +1,7 @@
 """Scenes beyond the sandbox: views, ground, rocks of many sizes, and labels that agree with the rendered rocks."""
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import get_args
 
 import numpy as np
@@ -14,7 +15,7 @@ from polarsim.run_files.instances import GROUND, ROCK_IDS, SHADOW_IDS
 from polarsim.scenes.field_effects import Atmosphere, Texture, add_sky
 from polarsim.scenes.field_ground import draw_ground, octaves
 from polarsim.scenes.field_options import FieldRanges, GroundKind
-from polarsim.scenes.field_rocks import scatter_field_rocks, scatter_gravel, weather
+from polarsim.scenes.field_rocks import rock_noise, scatter_field_rocks, scatter_gravel, weather
 from polarsim.scenes.field_scenes import draw_field_scene
 from polarsim.scenes.field_view import draw_view
 from polarsim.scenes.layout import power_law
@@ -112,10 +113,23 @@ def test_rocks_have_their_sizes_in_the_image_and_touch_the_ground(shapes):
             assert low[2] > -1e-9
 
 
-def test_weathered_rocks_keep_unit_size(shapes, rng):
+def test_weathered_rocks_keep_unit_size_and_differ(shapes, rng):
     unit = shapes[0].mesh(1.0, 0.2).vertices
-    for _ in range(20):
-        assert np.ptp(weather(unit, rng), axis=0).max() == pytest.approx(1)
+    weathered = [weather(unit, 0.2, rng) for _ in range(20)]
+    for points in weathered:
+        assert np.ptp(points, axis=0).max() == pytest.approx(1)
+    assert min(np.abs(first - second).max() for first, second in pairwise(weathered)) > 0.02
+
+
+def test_rock_noise_is_continuous_and_finer_with_a_finer_mesh(rng):
+    points = np.column_stack([np.linspace(-0.5, 0.5, 2001), np.zeros((2001, 2))])
+    steps = []
+    for finest in (0.2, 0.01):
+        noise = np.array([rock_noise(points, finest, 0.5, rng) for _ in range(20)])
+        assert noise.std(axis=1) == pytest.approx(np.ones(20))
+        assert np.abs(np.diff(noise)).max() < 0.2  # steps of half a thousandth of the rock
+        steps.append(np.abs(np.diff(noise)).mean())
+    assert steps[1] > 1.5 * steps[0]
 
 
 def test_gravel_faces_outwards_and_is_small(rng):
@@ -155,7 +169,7 @@ def test_labels_agree_with_masks(rendered):
         assert picture.shape == mask.shape == (121, 192)
         classes, boxes = yolo.read_boxes(folder / "labels" / f"{path.stem}.txt", (192, 121))
         assert (boxes >= -1e-3).all()
-        assert (boxes <= [192, 121] * 2).all()
+        assert (boxes <= np.add([192, 121] * 2, 1e-3)).all()
         labelled = np.zeros(mask.shape, bool)
         for x0, y0, x1, y1 in np.rint(boxes[classes == 0] + [-1, -1, 1, 1]).astype(int).clip(0):
             labelled[y0:y1, x0:x1] = True
@@ -193,11 +207,12 @@ def test_rocks_are_numbered_and_parts_are_not(shapes):
 def test_texture_keeps_the_mean_and_differs_between_objects(rng):
     view = views(1)[0]
     points = np.column_stack([view.draw_points(5000, 0.0, rng), np.zeros(5000)]).astype(np.float32)
-    texture = Texture.draw((0.2, 0.2), rng)
+    texture = Texture.draw((0.2, 0.2), (0.4, 0.4), rng)
     ground = texture.factors(points, np.full(5000, GROUND), view, np.array([1.0, 1, 1]))
     rock = texture.factors(points, np.full(5000, ROCK_IDS + 3), view, np.array([1.0, 1, 1]))
     assert ground.mean() == pytest.approx(1, abs=0.05)
     assert 0.03 < ground.std() < 0.5
+    assert 1.5 * ground.std() < rock.std() < 3 * ground.std()
     assert abs(np.corrcoef(ground, rock)[0, 1]) < 0.5
     assert texture.offsets.shape == (SHADOW_IDS, 2)
 
