@@ -19,7 +19,9 @@ class FieldRanges:
 
     Sizes are relative to the width of the image at the distance of the object, so that a scene represents gravel in
     front of a hand lens as well as boulders on a slope. The ranges cover published photos of rovers and landers on
-    the Moon and Mars. They were not selected by the metrics of a detector.
+    the Moon and Mars. Light and exposure are those of images for which `polarsim detect` uses the detector: few pixels
+    are dark or clipped. Values were not selected by the metrics of a detector; surfaces of rocks became rough, layered,
+    porous and spotted because detectors divided such rocks in photos of the Curiosity rover.
     """
 
     scale: float = 0.33  # width of rendered images relative to a photo, as in `SceneOptions`
@@ -31,7 +33,7 @@ class FieldRanges:
     largest: Range = (0.1, 0.7)  # maximum size of rocks, log-uniform
     size_power: Range = (0.8, 2.4)  # exponent of the power law of the number of larger rocks
     near_rocks: int = 5  # maximum number of additional rocks in the foreground
-    near_share: float = 0.6  # share of scenes with such rocks
+    near_share: float = 0.75  # share of scenes with such rocks
     near_size: Range = (0.1, 0.7)  # log-uniform
     perspective_share: float = 0.5  # share of scenes with one power law of sizes in metres; remaining: in the image
     piled_share: Range = (0.0, 0.4)  # share of the rocks of a scene in piles
