@@ -17,6 +17,7 @@ from polarsim.detect.inference_widths import (
     InferenceWidths,
     choose_sizes,
     merge,
+    widths_text,
 )
 from polarsim.detect.options import PredictionOptions
 from polarsim.detect.predict import predict_images
@@ -27,9 +28,8 @@ from polarsim.formats.files import write_text
 from polarsim.photo import BOX_CLASSES, REFERENCE_WIDTH_PX
 from polarsim.scenes.options import SCENE_NAME
 
-WIDTHS = (192, 256, 384, 512, 640)  # candidate inference widths, px: scenes are 640 px wide
+WIDTHS = (256, 384, 512, 640)  # candidate inference widths, px: scenes are 640 px wide
 _GATES_PX = (64.0, 128.0, 256.0, 384.0)  # candidate gates: rocks are up to 70 % as wide as the image
-_MOST_WIDTHS = 3
 _HALVES = (0, 1)
 Labels = tuple[np.ndarray, np.ndarray]  # classes (n,), boxes (n, 4)
 
@@ -110,7 +110,7 @@ def predict_held_out(
 
 def _chosen(images: HeldOutImages, options: PredictionOptions) -> tuple[ClassInferenceWidths, Calibration]:
     sizes = ClassInferenceWidths.named(options) or choose_sizes(
-        images.labels, images.found, options.nms_iou, REFERENCE_WIDTH_PX, _GATES_PX, _MOST_WIDTHS
+        images.labels, images.found, options.nms_iou, REFERENCE_WIDTH_PX, _GATES_PX
     )
     return sizes, fit_calibration(images.labels, images.merged(sizes, options.nms_iou))
 
@@ -119,11 +119,6 @@ def _card(detector: detectors.Detector, labels: Sequence[Labels], boxes: Sequenc
     ranked = metrics.rank_classes(labels, boxes, np.array([0.5]))
     precision = [float(metrics.precision_at_recalls(of_class).mean()) for of_class in ranked]
     counts = [sum(int((classes == number).sum()) for classes, _ in labels) for number in range(len(BOX_CLASSES))]
-    widths = "; ".join(
-        f"{kind}s {' and '.join(map(str, sizes))} px"
-        + (f" (boxes below {gates[0]:g} px of 1,936: the larger width)" if gates else "")
-        for kind, (sizes, gates) in zip(BOX_CLASSES, detector.sizes, strict=True)
-    )
     parameters = sum(value.numel() for value in detector.state.values())
     rows = "\n".join(
         f"| {kind} | {count} | {value:.3f} |" for kind, count, value in zip(BOX_CLASSES, counts, precision, strict=True)
@@ -131,7 +126,8 @@ def _card(detector: detectors.Detector, labels: Sequence[Labels], boxes: Sequenc
     return f"""# Detector of rocks and shadows in images unlike POLAR's
 
 - **Model**: {detectors.detector_name(detector.model)}, {parameters:,} parameters in half precision, {detector.epochs}
-  epochs at {detector.imgsz} px, initialised with {detector.start}. Inference widths: {widths}.
+  epochs at {detector.imgsz} px, initialised with {detector.start}. Inference widths:
+  {widths_text(detector.sizes)}.
 - **Training data**: rendered scenes beyond the sandbox (`covers.scenes.kind: field`): generated rocks of 1 to 70 % of
   the image width on natural ground, under any Sun and sky. No photos.
 - **Calibration**: expected calibration error {calibration_error(labels, boxes):.3f} on held-out scenes (IoU 0.5). It

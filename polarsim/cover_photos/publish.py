@@ -14,12 +14,12 @@ from polarsim.cover_photos.widths import WidthPredictions, read_folds, together,
 from polarsim.detect import detectors
 from polarsim.detect.calibration import Calibration, calibrate_boxes, calibration_error, fit_calibration
 from polarsim.detect.grouping import labels_by_photo
-from polarsim.detect.inference_widths import ClassInferenceWidths, merge
+from polarsim.detect.inference_widths import ClassInferenceWidths, merge, widths_text
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
 from polarsim.formats import tables
 from polarsim.formats.files import write_text
-from polarsim.photo import BOX_CLASSES, REFERENCE_WIDTH_PX
+from polarsim.photo import BOX_CLASSES
 from polarsim.schemas.covers import COVER_SCORES, FINE_TUNED, SINGLE
 from polarsim.wording import counted
 
@@ -98,11 +98,6 @@ def _card(detector: detectors.Detector, scores: pd.DataFrame, errors: tuple[floa
         for row in scores.itertuples()
     ]
     worst = scores[(scores["terrain"] != ALL) & (scores["kind"] == BOX_CLASSES[0])].sort_values("map50").iloc[0]
-    widths = "; ".join(
-        f"{kind}s {' and '.join(map(str, sizes))} px"
-        + (f" (boxes below {gates[0]:g} px of {REFERENCE_WIDTH_PX:,}: the larger width)" if gates else "")
-        for kind, (sizes, gates) in zip(BOX_CLASSES, detector.sizes, strict=True)
-    )
     parameters = sum(value.numel() for value in detector.state.values())
     tuned = (scores["trained"] == FINE_TUNED).all()
     photos = (
@@ -116,7 +111,8 @@ def _card(detector: detectors.Detector, scores: pd.DataFrame, errors: tuple[floa
 Default detector of `polarsim detect PICTURES --out FOLDER`.
 
 - **Model**: {detectors.detector_name(detector.model)}, {parameters:,} parameters in half precision. Predicts
-  boxes of the classes {" and ".join(BOX_CLASSES)} in grey images of any size. Inference widths: {widths}.
+  boxes of the classes {" and ".join(BOX_CLASSES)} in grey images of any size. Inference widths:
+  {widths_text(detector.sizes)}.
 - **Training data**: rendered images: generated rocks, then scanned rocks of the POLAR-Sim release, on generated sand
   with random cameras and lamps. {photos}
 - **Calibration**: expected calibration error {errors[1]:.3f} (IoU 0.5), without calibration {errors[0]:.3f}; the

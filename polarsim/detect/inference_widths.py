@@ -68,6 +68,19 @@ class ClassInferenceWidths:
         return ClassInferenceWidths(tuple(sizes.within(widest) for sizes in self.by_class))
 
 
+def widths_text(by_class: Sequence[tuple[tuple[int, ...], tuple[float, ...]]]) -> str:
+    """Return the widths and gates of each class as text."""
+
+    def joined(values: Sequence[float]) -> str:
+        return " and ".join(f"{value:g}" for value in values)
+
+    return "; ".join(
+        f"{kind}s {joined(widths)} px"
+        + (f" (boxes below {joined(gates)} px of {REFERENCE_WIDTH_PX:,}: the next larger width)" if gates else "")
+        for kind, (widths, gates) in zip(BOX_CLASSES, by_class, strict=True)
+    )
+
+
 def merge(found: Mapping[int, np.ndarray], sizes: ClassInferenceWidths, nms_iou: float, width: int) -> np.ndarray:
     """Merge the boxes (n, 6) of one image at each width.
 
@@ -91,25 +104,20 @@ def choose_sizes(
     nms_iou: float,
     width: int,
     gates_px: Sequence[float] = GATES_PX,
-    most: int = 2,
 ) -> ClassInferenceWidths:
     """Return the widths and gates with the maximum AP@0.5 of each class.
 
-    Candidates are all combinations of at most `most` widths with gates of `gates_px`. The images should show places
-    that are used neither for training nor for the evaluation. Classes without labels get the sizes with the best mean
-    AP@0.5.
+    Candidates are single widths and pairs of widths with gates of `gates_px`. The images should show places that are
+    used neither for training nor for the evaluation. Classes without labels get the sizes with the best mean AP@0.5.
 
     Labels are classes (n,) and boxes (n, 4) of each image, pixels of a photo of a `width`; `found` are the boxes of
     each image at each inference width, as in `merge`.
     """
     if not any(len(classes) for classes, _ in labels):
         raise DetectError("inference widths cannot be chosen: no image has labels")
-    candidates = [
-        InferenceWidths(widths, gates[::-1])
-        for count in range(1, most + 1)
-        for widths in combinations(sorted(found), count)
-        for gates in combinations(sorted(gates_px), count - 1)
-    ]
+    widths = sorted(found)
+    candidates = [InferenceWidths((single,)) for single in widths]
+    candidates += [InferenceWidths(pair, (gate,)) for pair in combinations(widths, 2) for gate in gates_px]
 
     def precisions(sizes: InferenceWidths) -> np.ndarray:
         """Return AP@0.5 (classes,); NaN for classes without labels."""
