@@ -40,8 +40,8 @@ def photos_of_run(
 
 
 @reader("photo")
-def convert_photo(path: Path, form: Images) -> np.ndarray:
-    """Read a photo of a site and return it (h, w) uint16 in polarsim's photo format.
+def read_stored(path: Path, form: Images) -> np.ndarray:
+    """Read a photo of a site with the values of the file: (h, w) or, in colour, (h, w, 3; RGB order).
 
     Raises
     ------
@@ -55,10 +55,18 @@ def convert_photo(path: Path, form: Images) -> np.ndarray:
         raise FormatError(f"8 bits, expected {form.bits} (images.bits of the site)")
     height, width = pixels.shape[:2]
     if (width, height) != form.size:
-        raise FormatError(f"{width} x {height} pixels, expected {form.width} x {form.height}")
+        raise FormatError(
+            f"{width} x {height} pixels, expected {form.width} x {form.height} (images.width and images.height of the "
+            "site)"
+        )
     if (largest := int(pixels.max(initial=0))) > form.white_level:
         raise FormatError(
             f"value {largest}, expected at most {form.white_level} (images.bits and images.white of the site, "
             "in the low bits)"
         )
-    return in_photo_format(pixels, form)
+    return pixels
+
+
+def convert_photo(path: Path, form: Images) -> np.ndarray:
+    """Read a photo of a site and return it (h, w) uint16 in polarsim's photo format; see `read_stored` for errors."""
+    return in_photo_format(read_stored(path, form), form)

@@ -13,6 +13,7 @@ import numpy as np
 
 from polarsim.acquire.path_fields import PathFields, find_fields, largest_group
 from polarsim.acquire.site_draft import ImageForm, Scans, draft_text
+from polarsim.acquire.value_range import bits_of, saturated_value
 from polarsim.errors import FormatError, PolarsimError
 from polarsim.formats import nasa, png
 from polarsim.formats.calibrations import read_stated
@@ -22,8 +23,6 @@ from polarsim.site_file_names import FIELD
 from polarsim.wording import counted
 
 _MAX_SAMPLES = 24  # number of images of which pixels are read
-_BITS = (8, 10, 12, 14, 16)
-_SATURATED_SHARE = 1e-4  # minimum share of pixels with the largest value if it is the white level
 _DARK_SHARE, _BLACK_SHARE = 0.05, 0.25  # of the largest value: median of a photo without light, and black level
 _CALIBRATION = re.compile(r"(?i).*\.(calibration|ya?ml)|(.*/)?cameras\.txt")
 _FAR = 100.0  # median distance of a cloud above which the unit is millimetres
@@ -80,8 +79,7 @@ def image_form(folder: Path, names: Sequence[str]) -> ImageForm:
     _require_equal(folder, {name: f"{8 * pixels.itemsize} bits" for name, pixels in sample.items()})
     first = next(iter(sample.values()))
     largest = max(int(pixels.max()) for pixels in sample.values())
-    bits = 8 if first.dtype == np.uint8 else next(bits for bits in _BITS[1:] if largest < 2**bits)
-    saturated = max(float((pixels == largest).mean()) for pixels in sample.values()) > _SATURATED_SHARE
+    bits, white = bits_of(list(sample.values())), saturated_value(list(sample.values()))
     medians = [int(np.median(pixels)) for pixels in sample.values()]
     # A photo without light shows the black level; in other photos the darkest pixels are in shadows.
     shadows = min(int(np.percentile(pixels, 1)) for pixels in sample.values())
@@ -91,7 +89,7 @@ def image_form(folder: Path, names: Sequence[str]) -> ImageForm:
         height=first.shape[0],
         bits=bits,
         black=darkest if darkest < _BLACK_SHARE * largest else 0,
-        white=largest if saturated and largest < 2**bits - 1 and largest > 2 ** (bits - 1) else None,
+        white=None if white == 2**bits - 1 else white,
         colour=any(pixels.ndim == 3 for pixels in sample.values()),
         jpeg=names[0].lower().endswith((".jpg", ".jpeg")),
     )

@@ -25,7 +25,8 @@ def check_site(
 ) -> None:
     """Print the stages that are possible with a site, and the reasons why others are not.
 
-    With a folder, also counts the photos, scans and calibrations of each terrain.
+    With a folder, also counts the photos, scans and calibrations of each terrain, and compares a photo of each camera
+    with the image format of the site.
 
     Exit code 0: valid; 1: invalid, or values are to be filled in.
     """
@@ -42,14 +43,18 @@ def check_site(
     print_table(("stage", "possible", "how, or why not"), rows, f"Site {config.site.name}")
     if config.data_source.has_scans and config.source.root.is_dir() and (root or is_configuration(site)):
         found = found_files(config)
+        columns = ("terrain", "photos", "format", "stray files", "scans", "calibration")
         files = [
-            (one.terrain, f"{one.photos} of {one.expected}", one.stray, ", ".join(one.scans) or "none", one.calibration)
+            (
+                one.terrain, f"{one.photos} of {one.expected}", one.format, one.stray, ", ".join(one.scans) or "none",
+                one.calibration,
+            )
             for one in found
-        ]
-        print_table(("terrain", "photos", "stray files", "scans", "calibration"), files, str(config.source.root))
+        ]  # fmt: skip
+        print_table(columns, files, str(config.source.root))
         for one in found:
-            if one.note:
-                typer.echo(f"{one.terrain}: {one.note}")
+            for note in one.notes:
+                typer.echo(f"{one.terrain}: {note}")
 
 
 @command()

@@ -1,13 +1,16 @@
 """What a run can do at its site."""
 
+import numpy as np
 import pytest
 import yaml
 
 from polarsim.config import parse_config
 from polarsim.errors import ConfigError, FormatError
+from polarsim.formats import png
+from polarsim.running.found_files import found_files
 from polarsim.running.inputs import check_paths
 from polarsim.running.site_stages import plan_lines, stage_states
-from tests.support.other_site import CONTENT
+from tests.support.other_site import CONTENT, SIZE
 
 
 def config(source=None, **changes):
@@ -96,17 +99,95 @@ def test_shipped_sites_are_checked_by_name(polarsim, name):
     assert "cameras" in result.stdout
 
 
+def write_photo(tmp_path, name, pixels=None):
+    """Write a photo below the folder `raw` and return its path."""
+    path = tmp_path / "raw" / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    png.write_png(path, np.full(SIZE[::-1], 10, np.uint8) if pixels is None else pixels)
+    return path
+
+
+def check_photos(polarsim, tmp_path, **images):
+    """Return the result of `check-site` for the photos below `raw`, with another image format of the site."""
+    (tmp_path / "site.yaml").write_text(yaml.safe_dump(CONTENT | {"images": CONTENT["images"] | images}))
+    return polarsim("check-site", tmp_path / "site.yaml", "--root", tmp_path / "raw")
+
+
 def test_files_below_a_folder_are_counted(polarsim, tmp_path):
     (tmp_path / "site.yaml").write_text(yaml.safe_dump(CONTENT))
-    photo = tmp_path / "raw/yard-b/gate/dark-on/left_0640.png"
-    photo.parent.mkdir(parents=True)
-    photo.touch()
+    photo = write_photo(tmp_path, "yard-b/gate/dark-on/left_0640.png")
     (photo.parent / "other.png").touch()
     result = polarsim("check-site", tmp_path / "site.yaml", "--root", tmp_path / "raw")
     assert result.returncode == 0
     rows = [line.replace("│", " ").split() for line in result.stdout.splitlines() if "yard-b" in line]
-    assert rows[0] == ["yard-b", "1", "of", "56", "1", "none", "none"]
+    assert rows[0] == ["yard-b", "1", "of", "56", "8", "bits,", "grey", "1", "none", "none"]
     assert "yard-b: 1 file skipped, such as yard-b/gate/dark-on/other.png" in " ".join(result.stdout.split())
+
+
+@pytest.mark.parametrize("camera", ["left", "right"])
+@pytest.mark.parametrize(
+    ("images", "pixels", "found", "expected"),
+    [
+        ({"width": 612}, np.zeros((480, 640), np.uint8), "640 x 480", "612 x 480"),
+        ({"height": 500}, np.zeros((480, 640, 3), np.uint8), "640 x 480", "640 x 500"),
+        ({"bits": 12}, np.zeros((480, 640), np.uint8), "8 bits", "expected 12"),
+        ({"bits": 8}, np.full((480, 640), 3000, np.uint16), "value 3000", "at most 255"),
+        ({"bits": 12, "black": 16}, np.zeros((480, 640, 3), np.uint16), "(480, 640, 3)", "single channel"),
+        ({"bits": 12, "black": 16}, np.full((480, 640), 5000, np.uint16), "value 5000", "12 bits"),
+    ],
+    ids=["width", "height", "8 instead of 12 bits", "12 instead of 8 bits", "colour of used photos", "14 bits"],
+)  # fmt: skip
+def test_a_photo_of_another_size_or_depth_is_a_one_line_error(
+    polarsim, tmp_path, camera, images, pixels, found, expected
+):
+    photo = write_photo(tmp_path, f"yard-b/gate/lamp45-off/{camera}_0040.png", pixels)
+    result = check_photos(polarsim, tmp_path, **images)
+    assert result.returncode == 1
+    (line,) = result.stderr.strip().splitlines()
+    assert line.startswith(f"error: {photo}: ")
+    assert found in line
+    assert expected in line
+
+
+def test_the_format_of_each_camera_is_stated(tmp_path):
+    for name in ("yard-a/gate/lamp45-off/left_0040.png", "yard-b/gate/lamp45-off/left_0040.png"):
+        write_photo(tmp_path, name)
+    write_photo(tmp_path, "yard-b/gate/lamp45-off/right_0040.png", np.full((*SIZE[::-1], 3), 10, np.uint8))
+    formats = [found.format for found in found_files(config({"root": str(tmp_path / "raw")}))]
+    assert formats == ["8 bits, grey", "L: 8 bits, grey; R: 8 bits, colour, converted to grey"]
+
+
+@pytest.mark.parametrize(
+    ("largest", "images", "noted"),
+    [(4095, {"bits": 14}, True), (4000, {"bits": 14}, True), (4095, {"bits": 14, "white": 4095}, False)],
+)
+def test_saturation_below_the_white_level_of_the_site_is_named(tmp_path, largest, images, noted):
+    ramp = np.tile(np.linspace(64, 4500, SIZE[0]).astype(np.uint16), (SIZE[1], 1))
+    photo = write_photo(tmp_path, "yard-a/gate/lamp45-off/left_0160.png", np.minimum(ramp, largest))
+    changed = CONTENT["images"] | images
+    (found, _) = found_files(config({"root": str(tmp_path / "raw")}, images=changed))
+    expected = f"{photo} is saturated at {largest}, expected 16383 (images.bits and images.white of the site)"
+    assert found.notes == ((expected,) if noted else ())
+
+
+def test_a_photo_without_saturated_pixels_has_no_note(tmp_path):
+    ramp = np.tile(np.linspace(64, 4000, SIZE[0]).astype(np.uint16), (SIZE[1], 1))
+    write_photo(tmp_path, "yard-a/gate/lamp45-off/left_0160.png", ramp)
+    (found, _) = found_files(config({"root": str(tmp_path / "raw")}, images=CONTENT["images"] | {"bits": 14}))
+    assert found.notes == ()
+
+
+def test_one_photo_of_each_terrain_and_camera_is_read(tmp_path):
+    for camera in ("left", "right"):
+        write_photo(tmp_path, f"yard-a/mast/lamp45-off/{camera}_0160.png")
+        for other in ("lamp45-off", "lamp45-on", "dark-off"):
+            for time in ("0010", "0040", "0640"):
+                path = tmp_path / f"raw/yard-a/gate/{other}/{camera}_{time}.png"
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(b"no image")
+    (found, _) = found_files(config({"root": str(tmp_path / "raw")}))
+    assert found.format == "8 bits, grey"
+    assert found.photos == 2 + 2 * 5  # lamps have no exposure of 640 ms, other photos no exposures of 10 and 40 ms
 
 
 def test_marked_values_are_listed_with_exit_code_1(polarsim, tmp_path):
