@@ -6,12 +6,14 @@ import pytest
 
 from polarsim.annotate.overlay import OverlayStyle, draw_labels
 from polarsim.formats.tables import label_table
+from polarsim.geometry.size_frequency import fit_abundance
 from polarsim.photo import COLOURS
 from polarsim.render.parameters import HAPKE_SETS
 from polarsim.report.figures.brdf import line_style
 from polarsim.report.figures.canvas import FIGURE_WIDTH, name_positions, note, page
 from polarsim.report.figures.detections import _with_boxes
 from polarsim.report.figures.offsets import RANGES_MM, range_mm
+from polarsim.report.figures.rock_sizes import draw_numbers, draw_terrains
 from tests.support.label_rows import label_row
 
 LETTER = (0.09, 0.13)
@@ -69,3 +71,27 @@ def test_the_letter_size_of_labels_can_be_set():
 def test_a_long_note_is_not_cut(tmp_path):  # by _words_are_whole
     with page(tmp_path / "note.png", FIGURE_WIDTH, 300) as sheet:
         note(sheet, "The smallest phase angle in this run is 17.4 degrees (01_A_off_30_R_0128), too far from " * 2)
+
+
+@pytest.mark.parametrize(
+    "diameters",
+    [
+        {"yard-a": np.geomspace(0.07, 0.36, 34), "yard-b": np.geomspace(0.04, 0.14, 11)},
+        {"yard-a": np.array([0.36]), "a-long-name-of-a-test-yard": np.geomspace(0.03, 0.3, 30)},
+        {1: np.geomspace(0.05, 0.3, 50), 3: np.array([0.9]), 6: np.zeros(0), 11: np.array([0.1, 0.2])},
+    ],
+)
+def test_names_of_terrains_are_inside_the_axes_of_rock_sizes(tmp_path, diameters):
+    every, areas = np.concatenate(list(diameters.values())), dict.fromkeys(diameters, 18.0)
+    area = sum(areas.values())
+    with page(tmp_path / "sizes.png", FIGURE_WIDTH, 640) as sheet:
+        axes = sheet.subplots(1, 3)[0]
+        draw_terrains(axes, diameters, areas)
+        draw_numbers(axes, every, area, fit_abundance(every, area, 0.08), 0.08)
+        sheet.draw_without_rendering()
+        frame = axes.get_window_extent()
+        names = {text.get_text(): text.get_window_extent() for text in axes.texts}
+    assert len(names) == sum(len(values) > 0 for values in diameters.values())
+    for name, box in names.items():
+        assert frame.x0 <= box.x0 < box.x1 <= frame.x1, name
+        assert frame.y0 <= box.y0 < box.y1 <= frame.y1, name

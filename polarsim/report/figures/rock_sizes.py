@@ -47,9 +47,7 @@ def draw_rock_sizes(
         area = sum(areas.values())
         fit = fit_abundance(every, area, smallest)
         if len(areas) > 1:
-            for terrain, values in diameters.items():
-                if len(values):
-                    _steps(number, values, np.full(len(values), 1 / areas[terrain]), FAINT, 0.8, terrain_text(terrain))
+            draw_terrains(number, diameters, areas)
         draw_numbers(number, every, area, fit, smallest)
         draw_shares(share, every, area, fit, smallest)
         if rocks["true_a_m"].notna().any():
@@ -127,7 +125,7 @@ def draw_numbers(axes: Any, diameters: np.ndarray, area: float, fit: Abundance, 
     count = np.arange(1, len(ordered) + 1)
     low, high = poisson_interval(count)
     axes.fill_between(ordered, low / area, high / area, step="pre", color=SERIES[0], alpha=0.2, linewidth=0)
-    _steps(axes, diameters, np.full(len(diameters), 1 / area), SERIES[0], 2, "")
+    _steps(axes, diameters, np.full(len(diameters), 1 / area), SERIES[0], 2)
     _draw_law(axes, number_density, fit, smallest, ordered[0])
     axes.set(yscale="log", ylabel="rocks of at least D per m$^2$", ylim=(0.3 / area, None))
     _scale_lengths(axes, "diameter D, m", diameters)
@@ -135,9 +133,22 @@ def draw_numbers(axes: Any, diameters: np.ndarray, area: float, fit: Abundance, 
     axes.grid(visible=True)
 
 
+def draw_terrains(axes: Any, diameters: Mapping[Terrain, np.ndarray], areas: Mapping[Terrain, float]) -> None:
+    """Draw the cumulative number of rocks per m^2 of each terrain, with its name above the smallest rock."""
+    every = np.concatenate(list(diameters.values()))
+    middle = np.sqrt(every.min() * every.max())  # of the logarithmic axis
+    for terrain, values in diameters.items():
+        if len(values):
+            _steps(axes, values, np.full(len(values), 1 / areas[terrain]), FAINT, 0.8)
+            smallest = values.min()
+            side = "left" if smallest < middle else "right"
+            place = smallest, len(values) / areas[terrain]
+            axes.annotate(terrain_text(terrain), place, color=FAINT, fontsize="small", ha=side, va="bottom")
+
+
 def draw_shares(axes: Any, diameters: np.ndarray, area: float, fit: Abundance, smallest: float) -> None:
     """Draw the cumulative share of the ground that rocks cover, with the law."""
-    _steps(axes, diameters, np.pi / 4 * diameters**2 / area, SERIES[0], 2, "")
+    _steps(axes, diameters, np.pi / 4 * diameters**2 / area, SERIES[0], 2)
     _draw_law(axes, covered_share, fit, smallest, diameters.max())
     axes.set(yscale="log", ylabel="share covered by rocks of at least D")
     _scale_lengths(axes, "diameter D, m", diameters)
@@ -159,12 +170,10 @@ def draw_forms(axes: Any, rocks: pd.DataFrame) -> None:
     axes.set_title("Form (Zingg)")
 
 
-def _steps(axes: Any, diameters: np.ndarray, weights: np.ndarray, colour: str, width: float, label: str) -> None:
+def _steps(axes: Any, diameters: np.ndarray, weights: np.ndarray, colour: str, width: float) -> None:
     """Draw the sum of weights (n,) of rocks of at least each diameter (n,) as a step function."""
     order = np.argsort(-diameters)
     axes.step(diameters[order], weights[order].cumsum(), where="pre", color=colour, linewidth=width)
-    if label:
-        axes.annotate(label, (diameters[order[0]], weights[order[0]]), color=FAINT, fontsize="small")
 
 
 def _scale_lengths(axes: Any, label: str, lengths: np.ndarray) -> None:
