@@ -46,6 +46,10 @@ MIN_MATCHED = 0.15  # minimum share of the pixels of a left photo that match the
 MIN_FEATURES, MIN_FEATURE_SHARE = 100, 0.5
 MIN_CROSSINGS = 40  # minimum number of matched windows of two positions
 ROUNDS = ((0.010, 0.15), (0.008, 0.04))  # cell and maximum displacement of matched orthophotos, metres
+_CONSEQUENCES = (  # of a round without matched windows
+    "; only epipolar lines correct the calibration, and distances may be off by 1%",
+    " with the corrected calibration; the range maps are registered like scans",
+)
 _CLIPPED = WHITE_LEVEL - 100  # grey values that may be clipped
 _FEATURE_SCALE, _MAX_FEATURES = 0.5, 4000
 _MAX_EPIPOLAR_PX = 6.0  # from the epipolar line of the uncorrected calibration, photos of the reference width
@@ -195,7 +199,7 @@ def _calibrated_by_ground(
 ) -> tuple[StereoRig, Mapping[str, Pose]]:
     """Return rig and `level_from_left` of positions, corrected by ground that pairs of positions measure.
 
-    Without such ground, return `rig` and no poses.
+    Without such ground, return the rig of the round before and no poses.
     """
     poses = _registered(site, terrain, seen, area)
     for number, (cell, reach) in enumerate(ROUNDS):
@@ -208,9 +212,8 @@ def _calibrated_by_ground(
                 crossings[pair] = crossing
         if not crossings:
             log.warning(
-                "terrain %s: no two positions show the same ground; only epipolar lines correct the calibration, and "
-                "distances may be off by 1%%", terrain_text(terrain),
-            )  # fmt: skip
+                "terrain %s: no two positions show the same ground%s", terrain_text(terrain), _CONSEQUENCES[number]
+            )
             return rig, {}
         rig, poses = correct_calibration(stated, list(features.values()), crossings, poses)
         rig, poses = rounded_rig(rig), {position: rounded(pose) for position, pose in poses.items()}

@@ -7,6 +7,7 @@ import pytest
 from scipy import ndimage
 
 from polarsim.acquire.index import photo_table
+from polarsim.cameras import range_maps
 from polarsim.cameras.crossings import Ortho, match_orthophotos
 from polarsim.cameras.disparities import FULL, HALF, StereoPhotos, _without_speckles, measure_points
 from polarsim.cameras.range_maps import measure_ranges, possible_matches
@@ -164,6 +165,33 @@ def test_windows_of_maps_are_found_at_their_displacement():
     assert len(first) > 900
     np.testing.assert_allclose((second - first)[:, :2], np.broadcast_to([-0.03, 0.04], (len(first), 2)), atol=0.003)
     np.testing.assert_allclose((second - first)[:, 2], 0.003 - 0.02 * 0.03, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("windows", "corrected", "message"),
+    [((0,), False, "only epipolar lines"), ((300, 0), True, "registered like scans")],
+)
+def test_without_matched_ground_the_rig_of_the_round_before_is_kept(
+    monkeypatch, caplog, stations, windows, corrected, message
+):
+    points = np.random.default_rng(0).uniform([-1, -1, 0], [1, 1, 0.1], (300, 3))
+    pixels = {name: stereo_pixels(TRUE, pose, points) for name, pose in stations.items()}
+    stated = replace(TRUE, right=replace(TRUE.right, cx=TRUE.right.cx + 1.2))
+    counts = iter(windows)
+
+    def find_crossing(*_):
+        count = next(counts)
+        return Crossing(*(StereoPixels(of.left[:count], of.right[:count]) for of in pixels.values()))
+
+    monkeypatch.setattr(range_maps, "_registered", lambda *_: stations)
+    monkeypatch.setattr(range_maps, "measure_points", lambda *_: None)
+    monkeypatch.setattr(range_maps, "find_crossing", find_crossing)
+    photos = dict.fromkeys(stations)
+    rig, poses = range_maps._calibrated_by_ground(polar(), 3, stated, stated, photos, pixels, photos, AREA)
+    assert poses == {}
+    error = abs(rig.right.cx - rig.left.cx - TRUE.right.cx + TRUE.left.cx)
+    assert error < 0.2 if corrected else rig == stated
+    assert message in caplog.text
 
 
 def test_a_terrain_without_stereo_photos_is_an_error_with_the_table(tmp_path):
