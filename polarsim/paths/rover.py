@@ -99,6 +99,10 @@ class RoverPaths:
         """Return the detections in the pictures that figures show; empty without a detector on board."""
         return f"{self.first}/{FRONT}/{self.rover.shown_set}/detections.parquet" if self.detector else []
 
+    def width_of_drives(self, wildcards: Wildcards) -> float | None:
+        """Return the width of the ground of autonomous drives; None for drives along a path."""
+        return self.rover.autonomy.width_m if wildcards.drives == "autonomy" else None
+
     # Autonomous drives, one per case
 
     def autonomy_options(self) -> Options:

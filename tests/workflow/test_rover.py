@@ -35,6 +35,7 @@ def test_a_job_a_drive_and_one_a_view_of_it(dry_run, tmp_path, name, drives, vie
     jobs = planned(done)
     assert (jobs["drive_rover"], jobs["render_drive"], jobs["write_bag"]) == (drives, drives * views, drives)
     assert jobs["measure_drive"] == drives
+    assert jobs["cut_rocks"] == 1
     assert jobs["detect_drive"] == drives  # by the packaged detector
     assert jobs.get("film_drive") == (None if name == "overlays/rover" else drives)
     assert jobs["draw_front"] == jobs["draw_drive"] == jobs["summarise_drives"] == jobs["summarise_onboard"] == 1
@@ -60,10 +61,10 @@ def test_a_drive_of_all_that_it_depends_on_then_tables_and_figures(checkout, sna
     cases = {f"{case}_seed5" for case in own}
     assert set(re.findall(r"output: results/demo/rover/autonomy/([\w-]+)/figures\.parquet", text)) == cases
     assert jobs["drive_alone"] == len(cases) == 2 + 8 + 24
-    assert len(re.findall(r"input: .*Terrain11, site\.tif", text)) == len(cases)  # another ground repeats the drives
+    assert len(re.findall(r"Terrain11, site\.tif, \S+/autonomy\.npz", text)) == len(cases)  # other ground, other drives
     trained = re.findall(r"site\.tif.*detect/position/(seed\d)/detectors/hapke\.pt", text)
     assert [trained.count(seed) for seed in ("seed0", "seed1")] == [8, 8]
-    assert jobs["summarise_autonomy"] == jobs["rank_detectors"] == jobs["draw_autonomy"] == 1
+    assert jobs["summarise_autonomy"] == jobs["rank_detectors"] == jobs["draw_autonomy"] == jobs["cut_rocks"] == 1
     assert "results/demo/detect/ipd.parquet" in re.search(r"rule rank_detectors:\n +input: (.*)", text)[1]
     assert "drive_rover" not in jobs
     for name in ("tables/rover_autonomy_effects.csv", "figures/rover_ways.png", "figures/rover_maps.png"):
@@ -182,7 +183,7 @@ def test_drives_end_in_tables_figures_and_a_bag_and_one_more_seed_keeps_finished
         (checkout / "config/small.yaml").write_text(yaml.safe_dump(content))
         # The call excludes the rules of meshes and writes only missing files.
         targets = ("rover", "results/small/rover/autonomy.parquet")
-        allowed = ("--allowed-rules", "rover", "write_urdf", "draw_front", *OF_A_DRIVE, *OF_ALL)
+        allowed = ("--allowed-rules", "rover", "cut_rocks", "write_urdf", "draw_front", *OF_A_DRIVE, *OF_ALL)
         done = snakemake(checkout, *targets, "--configfile", "config/small.yaml", *options, *allowed)
         assert done.returncode == 0, done.stderr[-3000:]
         return done

@@ -85,6 +85,7 @@ wildcard_constraints:
     cover_trained=one_of(COVERS.trainings),
     view=one_of(DRIVES.views),
     case=one_of(DRIVES.cases),
+    drives="path|autonomy",
 
 
 def of_run(pattern, **wildcards):

@@ -21,11 +21,30 @@ rule rover:
         of_run("results/{run}/figures/{name}.png", name=DRIVES.figures) if DRIVES.seeds else [],
 
 
+rule cut_rocks:
+    """Convex parts of the rocks for all drives along a path (`path`) or all autonomous drives (`autonomy`)."""
+    input:
+        meshes=expand("results/{{run}}/meshes/Terrain{terrain}", terrain=DRIVES.terrains),
+        dem=DRIVES.elevation_model,  # read through params.world
+    output:
+        parts="results/{run}/rover/rock_parts/{drives}.npz",
+    resources:
+        mem_mb=memory_per_attempt(2000),
+        runtime=60,
+    params:
+        world=options("rover.world"),
+        path_m=ROVER.drive.path_m,
+        autonomous_width_m=DRIVES.width_of_drives,
+    script:
+        "../scripts/cut_rocks.py"
+
+
 rule drive_rover:
     """Physics of one drive: rover on deformable ground, composed of terrains or an elevation model, with rocks."""
     input:
         meshes=expand("results/{{run}}/meshes/Terrain{terrain}", terrain=DRIVES.terrains),
         dem=DRIVES.elevation_model,  # read through params.world
+        parts="results/{run}/rover/rock_parts/path.npz",
         vehicle=DRIVES.vehicle,  # read through params.drive
         soils=DRIVES.soils,  # read through params.soil
     output:

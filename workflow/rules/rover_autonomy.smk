@@ -15,6 +15,7 @@ rule drive_alone:
     input:
         meshes=expand("results/{{run}}/meshes/Terrain{terrain}", terrain=DRIVES.terrains),
         dem=DRIVES.elevation_model,  # read through params.world
+        parts="results/{run}/rover/rock_parts/autonomy.npz",
         vehicle=DRIVES.vehicle,  # read through params.drive_options
         soils=DRIVES.soils,  # read through params.soil
         weights=DRIVES.weights_of_case,  # read through params.detector

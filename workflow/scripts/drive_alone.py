@@ -17,6 +17,7 @@ with reporting(log=snakemake.log[0]):
     drive_case(
         case=snakemake.wildcards.case,
         meshes=list_of_paths(snakemake.input.meshes)[0].parent,
+        parts=Path(snakemake.input.parts),
         folder=Path(snakemake.output.figures).parent,
         world=WorldOptions(**snakemake.params.world),
         soil=SoilOptions(**snakemake.params.soil),

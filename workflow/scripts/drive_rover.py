@@ -12,6 +12,7 @@ from polarsim.rover.world.options import WorldOptions
 with reporting(log=snakemake.log[0]):
     run_drive(
         meshes=list_of_paths(snakemake.input.meshes)[0].parent,
+        parts=Path(snakemake.input.parts),
         folder=Path(snakemake.output.trace).parent,
         world=WorldOptions(**snakemake.params.world),
         soil=SoilOptions(**snakemake.params.soil),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +20,7 @@ from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import Vehicle, read_vehicle
 from polarsim.rover.world.dem import dem_world
 from polarsim.rover.world.options import WorldOptions
+from polarsim.rover.world.rock_parts import RockPart, read_rock_parts, rock_parts, write_rock_parts
 from polarsim.rover.world.stitch import read_terrain_meshes, rough_world, stitch
 from polarsim.rover.world.surface import World
 
@@ -30,6 +32,8 @@ STEER_LIMIT_DEG = 30.0  # maximum steering angle of a wheel in both directions
 # Differences between seeds at `spread` 1: uniform within these bounds for starts, normally distributed for heights.
 ALONG_M, OFFSET_M, HEADING_DEG, GROUND_SD_M = 0.10, 0.02, 1.0, 0.0005
 LOG_HZ = 100.0  # rows of a trace per second
+AHEAD_M = 3.0  # from the start of an autonomous drive to the first terrain, and from the last terrain to the end
+BEHIND_M = 1.5  # ground behind the rover's centre at the start, for the rear wheels and a margin
 SAMPLE = 0.1  # m between points of the path at which the wheel positions are checked
 
 
@@ -45,6 +49,7 @@ class DriveJob:
     world_options: WorldOptions
     seed: int
     log_hz: float = LOG_HZ
+    rock_parts: Sequence[RockPart] | None = None  # None: the simulation cuts the rocks
 
     @cached_property
     def route(self) -> ReferencePath:
@@ -71,12 +76,49 @@ class DriveJob:
         return SteeringLaw(speed, GAIN_RAD_M, HEADING_GAIN, limit, self.drive.steering, INTEGRAL_RAD_M2)
 
 
-def job_of(*, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, seed: int) -> DriveJob:
-    """Return the drive that the options describe, over the meshes of a run (`meshes/TerrainNN/`)."""
+def job_of(
+    *, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, seed: int, parts: Path | None = None
+) -> DriveJob:
+    """Return the drive that the options describe, over the meshes of a run (`meshes/TerrainNN/`).
+
+    `parts` is a file of `cut_rocks` for the same meshes and options.
+    """
+    ground = rough_world(_smooth_world(meshes, world, drive), drive.spread * GROUND_SD_M, seed)
+    cut = read_rock_parts(parts, ground) if parts else None
+    vehicle, measured = read_vehicle(drive.vehicle), read_soil(soil.table, soil.soil)
+    return DriveJob(ground, vehicle, measured, drive, soil, world, seed, rock_parts=cut)
+
+
+def cut_rocks(
+    *, meshes: Path, parts: Path, world: WorldOptions, drive: DriveOptions, autonomous_width_m: float | None
+) -> None:
+    """Write the convex parts of the rocks of all drives along a path, or of all autonomous drives if they have a width.
+
+    The rocks do not depend on the seed.
+    """
+    if autonomous_width_m is not None:
+        world, drive = widened(world, drive, autonomous_width_m)
+    ground = _smooth_world(meshes, world, drive)
+    write_rock_parts(parts, rock_parts(ground), ground)
+
+
+def _smooth_world(meshes: Path, world: WorldOptions, drive: DriveOptions) -> World:
+    """Return the world without the noise of a seed."""
     terrains = [read_terrain_meshes(meshes / f"Terrain{terrain_text(name)}", name) for name in world.terrains]
-    ground = dem_world(world, terrains, np.array(path_of(world, drive))) if world.dem else stitch(terrains, world)
-    ground = rough_world(ground, drive.spread * GROUND_SD_M, seed)
-    return DriveJob(ground, read_vehicle(drive.vehicle), read_soil(soil.table, soil.soil), drive, soil, world, seed)
+    return dem_world(world, terrains, np.array(path_of(world, drive))) if world.dem else stitch(terrains, world)
+
+
+def widened(world: WorldOptions, drive: DriveOptions, width_m: float) -> tuple[WorldOptions, DriveOptions]:
+    """Return the options of an autonomous drive: its straight line, and ground before, behind and at its sides."""
+    # The grid of an elevation model surrounds the path, that of a strip surrounds the terrains.
+    room = {"width_m": width_m, "margin_m": BEHIND_M + (0.0 if world.dem else AHEAD_M)}
+    return world.model_copy(update=room), drive.model_copy(update={"path_m": straight_line(world, drive)})
+
+
+def straight_line(world: WorldOptions, drive: DriveOptions) -> tuple[Point, Point]:
+    """Return the line of an autonomous drive, from the path's first point to the last."""
+    points = path_of(world, drive, AHEAD_M)
+    return points[0], points[-1]
 
 
 def path_of(world: WorldOptions, drive: DriveOptions, beyond_m: float = 0.0) -> tuple[Point, ...]:

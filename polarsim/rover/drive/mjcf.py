@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from polarsim.rover.vehicle.mounts import link_from_part
 from polarsim.rover.vehicle.table import WHEELS, ShapePart, Vehicle, WheelPart, cube_inertia
-from polarsim.rover.world.hulls import RockPart
+from polarsim.rover.world.rock_parts import RockPart
 from polarsim.rover.world.surface import World
 
 # MuJoCo's collision bits: two geoms collide if one's `contype` shares a bit with the other's `conaffinity`.

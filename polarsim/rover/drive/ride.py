@@ -37,10 +37,12 @@ def run_drive(
     soil: SoilOptions,
     drive: DriveOptions,
     seed: int,
+    parts: Path | None = None,
     progress: Progress | None = None,
 ) -> Trace:
-    """Drive over the meshes of a run (`meshes/TerrainNN/`) and write the drive's files, see `drive_to_end`."""
-    return drive_to_end(job_of(meshes=meshes, world=world, soil=soil, drive=drive, seed=seed), folder, progress)
+    """Drive over the meshes of a run (`meshes/TerrainNN/`) and write its files, see `job_of` and `drive_to_end`."""
+    job = job_of(meshes=meshes, world=world, soil=soil, drive=drive, seed=seed, parts=parts)
+    return drive_to_end(job, folder, progress)
 
 
 def drive_to_end(job: DriveJob, folder: Path, progress: Progress | None = None) -> Trace:
@@ -85,7 +87,7 @@ class RunningDrive:
         require_on_grid(job)
         self.job, self.route = job, job.route
         self.driver, self.estimator = driver or Driver(job.route, job.law), estimator
-        self.simulation = Simulation(job.world, job.vehicle, job.soil, job.soil_options, job.start)
+        self.simulation = Simulation(job.world, job.vehicle, job.soil, job.soil_options, job.start, job.rock_parts)
         dt = self.simulation.dt
         self._every = {what: _steps(hz, dt) for what, hz in (("control", CONTROL_HZ), ("log", job.log_hz))}
         self.rows: list[np.ndarray] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
@@ -20,8 +21,8 @@ from polarsim.rover.soil.nodes import make_soil_ground
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.soil.shapes import Bodies, Wheel
 from polarsim.rover.vehicle.table import WHEELS, Vehicle
-from polarsim.rover.world.hulls import rock_parts, shape_table
 from polarsim.rover.world.mesh_heights import under_rocks
+from polarsim.rover.world.rock_parts import RockPart, rock_parts, shape_table
 from polarsim.rover.world.surface import World
 
 SPIN = 2  # index among a wheel's joints: lift, steer, spin
@@ -38,13 +39,19 @@ PARTS = tuple(
 class Simulation:
     """A rover in a world; equal arguments and commands give equal bytes.
 
-    `soil` is the soil as measured; the simulation scales it to the gravity of the options. The rover starts at rest
-    and must settle before it drives. A start off the grid, a rock without volume and a time step that is too large for
-    the soil are errors.
+    `soil` is the soil as measured; the simulation scales it to the gravity of the options. `parts` are the convex parts
+    of the world's rocks, computed if missing. The rover starts at rest and must settle before it drives. A start off
+    the grid, a rock without volume and a time step that is too large for the soil are errors.
     """
 
     def __init__(
-        self, world: World, vehicle: Vehicle, soil: Soil, options: SoilOptions | None = None, start: Start | None = None
+        self,
+        world: World,
+        vehicle: Vehicle,
+        soil: Soil,
+        options: SoilOptions | None = None,
+        start: Start | None = None,
+        parts: Sequence[RockPart] | None = None,
     ) -> None:
         import mujoco  # an optional dependency
 
@@ -56,7 +63,7 @@ class Simulation:
         self.soil = soil.at_gravity(options.gravity_m_s2)
         self._law = self.soil.law(options.slip_sinkage)
         energy.require_small_step(vehicle, self._law, options)
-        parts = rock_parts(world)  # collision geometry of the rocks
+        parts = rock_parts(world) if parts is None else parts
         self.rock_shapes = shape_table(parts)
         self.rocks = np.array([shape["rock"] for shape in self.rock_shapes], int)
         self.ground = make_soil_ground(world.level, world.cell, world.x0, world.y0, under_rocks(world))

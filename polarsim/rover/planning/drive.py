@@ -21,8 +21,8 @@ from polarsim.render.hits import one_blas_thread
 from polarsim.render.options import RenderOptions
 from polarsim.rover.cameras.options import CameraSuiteOptions, ImagingCondition
 from polarsim.rover.drive.energy import EnergyError
-from polarsim.rover.drive.job import DriveJob, job_of, path_of
-from polarsim.rover.drive.options import DriveOptions, Point
+from polarsim.rover.drive.job import DriveJob, job_of, straight_line, widened
+from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.ride import RunningDrive
 from polarsim.rover.drive.trace import Trace, write_trace
 from polarsim.rover.localisation.localiser import Localiser
@@ -37,10 +37,8 @@ from polarsim.rover.world.options import WorldOptions
 from polarsim.run_files.localisation import ESTIMATE, LOCALISATION, SENSORS
 from polarsim.schemas.rover import FUSED, ODOMETRY
 
-_AHEAD_M = 3.0  # from the start to the first terrain, and from the last terrain to the end
 _LOG_HZ = 20.0
 _CHUNK_S = 10.0
-_BEHIND_M = 1.5  # ground behind the rover's centre at the start, for the rear wheels and a margin
 MAP, PICTURES = "map.npz", "pictures"
 WIDTH_PX = 640  # of the pictures
 _QUALITY = 85
@@ -59,30 +57,29 @@ class Outcome:
 
 
 def job_for(
-    *, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, options: AutonomyOptions, seed: int
+    *,
+    meshes: Path,
+    world: WorldOptions,
+    soil: SoilOptions,
+    drive: DriveOptions,
+    options: AutonomyOptions,
+    seed: int,
+    parts: Path | None = None,
 ) -> DriveJob:
-    """Return a drive over the ground of a run, widened before, behind and at the sides of the path."""
-    # The grid of an elevation model surrounds the path, that of a strip surrounds the terrains.
-    room = {"width_m": options.width_m, "margin_m": _BEHIND_M + (0.0 if world.dem else _AHEAD_M)}
-    drive = drive.model_copy(update={"path_m": _line(world, drive)})
-    return job_of(meshes=meshes, world=world.model_copy(update=room), soil=soil, drive=drive, seed=seed)
+    """Return a drive over the ground of a run, widened before, behind and at the sides of the path; see `job_of`."""
+    world, drive = widened(world, drive, options.width_m)
+    return job_of(meshes=meshes, world=world, soil=soil, drive=drive, seed=seed, parts=parts)
 
 
 def autonomous_job(job: DriveJob, options: AutonomyOptions) -> DriveJob:
     """Return the drive along the straight line on which modes are compared, with the logging of autonomous drives."""
     changed = {
-        "path_m": _line(job.world_options, job.drive),
+        "path_m": straight_line(job.world_options, job.drive),
         "speed_m_s": options.speed_m_s,
         "longest_s": options.longest_s,
     }
     drive = job.drive.model_copy(update=changed | {"picture_hz": OBSERVATIONS_HZ})
     return replace(job, drive=drive, log_hz=_LOG_HZ)
-
-
-def _line(world: WorldOptions, drive: DriveOptions) -> tuple[Point, Point]:
-    """Return the straight line from the path's first point to the last."""
-    points = path_of(world, drive, _AHEAD_M)
-    return points[0], points[-1]
 
 
 def write_outcome(folder: Path, outcome: Outcome, options: AutonomyOptions) -> None:

@@ -55,11 +55,17 @@ def drive_case(
     cameras: CameraSuiteOptions,
     render: RenderOptions,
     detector: OnboardDetector | None,
+    parts: Path | None = None,
     threads: int = 1,
 ) -> None:
-    """Run a drive, measure it and write its folder: the drive's files, events, and then `figures.parquet`."""
+    """Run a drive, measure it and write its folder: the drive's files, events, and then `figures.parquet`.
+
+    `parts` is a file of `drive.job.cut_rocks`.
+    """
     chosen = parse_case(case)
-    job = job_for(meshes=meshes, world=world, soil=soil, drive=drive_options, options=options, seed=chosen.seed)
+    job = job_for(
+        meshes=meshes, world=world, soil=soil, drive=drive_options, options=options, seed=chosen.seed, parts=parts
+    )
     vehicle = read_vehicle(drive_options.vehicle)
     light = chosen.light(vehicle)
     outcome = run_autonomous_drive(

@@ -5,13 +5,13 @@ A convex hull fills hollows. `convex_parts` cuts a rock until the surface of the
 parts within this bound. The mesh itself is inside the parts, since each of its triangles belongs to a part. The
 deviation is measured where lines from points of the mesh, along its normals, leave the part; between these points it
 may be larger by tenths of a millimetre. A rock that would need more than `MAX_PARTS` parts has a larger deviation, see
-`RockPart.deviation_m`. A drive records the deviation of each rock.
+`rock_parts.RockPart`. A drive records the deviation of each rock.
 """
 
 from __future__ import annotations
 
 from bisect import insort
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
 
@@ -22,7 +22,6 @@ from scipy.spatial import ConvexHull, KDTree, QhullError
 from polarsim.errors import RoverError
 from polarsim.geometry.rays_embree import EmbreeCaster
 from polarsim.geometry.vectors import cross
-from polarsim.rover.world.surface import World
 
 DEVIATION_M = 0.0045  # m; a part with a larger deviation from the mesh is cut in two
 MAX_PARTS = 256  # maximum number of convex parts of a rock
@@ -37,38 +36,6 @@ _NEIGHBOURS = 6  # maximum number of adjacent parts with which a part is joined 
 _BATCH = 128  # number of points whose distances are searched together
 _LEVEL = 0.05  # maximum horizontal component of the normal of a surface that is open from above only
 _THICKNESS_M = 0.002  # of flat parts
-
-
-@dataclass(frozen=True)
-class RockPart:
-    """A convex part of a rock."""
-
-    rock: int  # number of the rock in the world
-    corners: np.ndarray  # (n, 3) m
-    deviation_m: float  # maximum distance of the part's surface from the mesh, where it can be reached
-
-
-def rock_parts(world: World) -> list[RockPart]:
-    """Return the convex parts of all rocks on the grid, rock by rock; a rock without volume is an error."""
-    result = []
-    for row in world.rocks_on_grid.to_dict("records"):
-        rock = int(row["rock"])
-        try:
-            parts = convex_parts(*world.rock_mesh(rock))
-        except RoverError as error:
-            raise RoverError(f"terrain {row['terrain']}, rock {row['rock_in_terrain']}: {error}") from error
-        result += [RockPart(rock, corners, deviation) for corners, deviation in parts]
-    return result
-
-
-def shape_table(parts: Iterable[RockPart]) -> list[dict[str, float]]:
-    """Return for each rock its number, `rock`, the number of its `parts`, and the maximum `deviation_m`."""
-    shapes: dict[int, dict[str, float]] = {}
-    for part in parts:
-        shape = shapes.setdefault(part.rock, {"rock": part.rock, "parts": 0, "deviation_m": 0.0})
-        shape["parts"] += 1
-        shape["deviation_m"] = max(shape["deviation_m"], part.deviation_m)
-    return list(shapes.values())
 
 
 def convex_parts(

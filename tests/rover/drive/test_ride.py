@@ -12,19 +12,20 @@ from polarsim.render.olat import NO_LAMP
 from polarsim.rover.cameras.options import CameraSuiteOptions
 from polarsim.rover.cameras.suite import CameraSuite
 from polarsim.rover.drive import energy
+from polarsim.rover.drive import job as drive_job
 from polarsim.rover.drive import ride as drive
 from polarsim.rover.drive.energy import EnergyError
-from polarsim.rover.drive.job import DriveJob, require_on_grid
+from polarsim.rover.drive.job import DriveJob, cut_rocks, require_on_grid
 from polarsim.rover.drive.options import DriveOptions
 from polarsim.rover.drive.ride import drive_to_end, run_drive
 from polarsim.rover.drive.trace import read_trace
-from polarsim.rover.planning import drive as autonomous_drive
 from polarsim.rover.planning.drive import job_for
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.soil.law import read_soil
 from polarsim.rover.soil.options import SoilOptions
 from polarsim.rover.vehicle.table import read_vehicle
 from polarsim.rover.world.options import DemOptions, WorldOptions
+from polarsim.rover.world.rock_parts import rock_parts
 from polarsim.rover.world.surface import bare_world
 from polarsim.run_files.instances import BACKGROUND, ROCK_IDS
 from tests.rover.drives import write_meshes
@@ -120,7 +121,7 @@ def test_a_drive_over_an_elevation_model_is_rendered_up_to_the_horizon(tmp_path,
     driven = read_trace(tmp_path / "drive").world
     assert 0 < len(driven.rocks_on_grid) < len(driven.rocks)
     assert set(driven.rocks["terrain"]) == {3}
-    monkeypatch.setattr(autonomous_drive, "_AHEAD_M", 2.0)
+    monkeypatch.setattr(drive_job, "AHEAD_M", 2.0)
     job = job_for(
         meshes=tmp_path / "meshes", world=world, soil=SoilOptions(), drive=options,
         options=AutonomyOptions(width_m=4.0), seed=0,
@@ -136,3 +137,22 @@ def test_a_drive_over_an_elevation_model_is_rendered_up_to_the_horizon(tmp_path,
     assert sky.min() > 0
     assert np.ptp(sky) > 3
     assert (ids >= ROCK_IDS).sum() > 20
+
+
+@pytest.mark.parametrize("dem", [None, DemOptions(size_m=10, horizon_m=40, drive_m=2, rocks=0.03)])
+def test_drives_with_rocks_cut_once_are_the_same_for_every_seed(tmp_path, dem):
+    write_meshes(tmp_path / "meshes/Terrain03", 3)
+    world = WorldOptions(terrains=(3,), dem=dem, terrain_m=2, width_m=3, margin_m=1.5, cell_m=0.04)
+    options = DriveOptions(longest_s=0.3, picture_hz=2, path_m=((0.4, 0.0), (-0.4, 0.0)))
+    given = {"meshes": tmp_path / "meshes", "world": world, "drive": options}
+    cut_rocks(**given, parts=tmp_path / "parts.npz", autonomous_width_m=None)
+    for seed in (0, 1):
+        folders = tmp_path / f"own{seed}", tmp_path / f"cut{seed}"
+        for folder, parts in zip(folders, (None, tmp_path / "parts.npz"), strict=True):
+            trace = run_drive(**given, folder=folder, soil=SoilOptions(), seed=seed, parts=parts)
+        assert trace.drive["rock_shapes"]
+        assert files_of(folders[0]) == files_of(folders[1])
+    wide, options = tmp_path / "wide.npz", AutonomyOptions(width_m=2.0)
+    cut_rocks(**given, parts=wide, autonomous_width_m=options.width_m)
+    job = job_for(**given, soil=SoilOptions(), options=options, seed=3, parts=wide)
+    assert [part.rock for part in job.rock_parts] == [part.rock for part in rock_parts(job.world)]

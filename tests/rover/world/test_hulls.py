@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull, KDTree
 
-from polarsim.rover.world.hulls import DEVIATION_M, convex_parts, rock_parts, shape_table
+from polarsim.rover.world.hulls import DEVIATION_M, convex_parts
 from polarsim.rover.world.mesh_heights import under_rocks
 from polarsim.rover.world.stitch import TerrainSolids, stitch
 from tests.rover.made_world import SMALL, ball, plane
@@ -61,18 +61,6 @@ def test_the_number_of_parts_is_limited():
     parts = convex_parts(mesh.vertices, mesh.faces, 1e-6, 3)
     assert len(parts) == 3
     assert max(deviation for _, deviation in parts) > 1e-6  # and is reported
-
-
-def test_all_rocks_of_a_world_have_hulls():
-    world = stitch(
-        [TerrainSolids(4, plane(0.0), {7: ball(0.1, 0.2, 0)}), TerrainSolids(1, plane(0.0), {3: ball(0, 0, 0)})], SMALL
-    )
-    parts = rock_parts(world)
-    assert [part.rock for part in parts] == world.rocks["rock"].tolist()
-    assert [(shape["rock"], shape["parts"]) for shape in shape_table(parts)] == [(0, 1), (1, 1)]
-    assert all(0 <= shape["deviation_m"] < 1e-4 for shape in shape_table(parts))
-    centres = [part.corners.mean(axis=0)[:2] for part in parts]
-    np.testing.assert_allclose(centres, world.rocks[["x_m", "y_m"]], atol=2e-3)
 
 
 def bumpy(random: np.random.Generator) -> trimesh.Trimesh:
