@@ -4,9 +4,9 @@
 
 Without --meshes only the flat drive and the slope are simulated. CPU seconds of one thread.
 
-Last metrics (two shared cores under a load of 2): flat ground, 8 s, steps of 2, 1, 0.5, 0.25 ms end at 1.3069, 1.3067,
-1.3067, 1.3067 m, load ripples by 2.7 %, energy missing -0.019, -0.009, -0.005, -0.002 %; 88 us a step of 1 ms with
-bulldozing and the log, 11.3 times real time. Locked on 10 and 15 degrees: 0.008 and 0.037 mm in 10 s.
+Last metrics (two shared cores): flat ground, 8 s, steps of 2, 1, 0.5, 0.25 ms end at 1.3008, 1.3008, 1.3009, 1.3009 m,
+load ripples by 2.7 %, energy missing -0.016, -0.008, -0.004, -0.002 %; 55 us a step of 1 ms with bulldozing and the
+log. Locked on 10 and 15 degrees: 0.007 and 0.019 mm in 10 s. Before the shear displacement was limited to the rim's:
 Ten seeds, 10.5 m, all across, mean +- standard deviation; heading control with combined steering, then P-only:
 demo meshes, terrains 3, 1, 11: 17.9 +- 0.7 mm RMS off the line (77 at most, in the crater of terrain 11), slip 0.104,
 sinkage 13.0 mm (95th percentile 28.0), 144 J/m; P-only 51.0 +- 2.3 mm (168), 0.095, 11.6 mm, 126 J/m.

@@ -23,6 +23,7 @@ from polarsim.rover.soil.nodes import (
     SHEAR_X,
     SHEAR_Z,
     START,
+    TOUCHED,
     YIELD,
     SoilGround,
 )
@@ -136,6 +137,7 @@ def _press_one(
     owner[clear] = FREE
     other = touched & (owner != body)  # a second wheel does not inherit the shear of the first
     state[other, SHEAR_X : SHEAR_Z + 1] = 0
+    state[other, TOUCHED] = state[other, PLASTIC]
     owner[touched] = body
 
     arms = np.stack([x - centre[0], y - centre[1], surface - centre[2]], axis=-1)[touched]
@@ -146,7 +148,14 @@ def _press_one(
     stiffness = law.K_c * numbers[INVERSE_WIDTH] + law.K_phi
     sigma = _pressure(nodes, s[touched], tried[touched], v_n, law, stiffness, exponent)
     slip = velocity - v_n[:, None] * normal
-    tau, direction = _shear(nodes, sigma, normal, slope[touched], slip, law, dt)
+    rim = float(bodies.spins[body] @ rotation[:, 1]) * float(numbers[RADIUS])
+    largest = np.full(len(nodes), SHEAR_CAP * law.K)
+    if abs(rim) >= SLOWEST_RIM:
+        radius = numbers[RADIUS]
+        depth = (s[touched] - nodes[:, TOUCHED]) / radius
+        of_rim = _rim_shear(rotation[:, 1], normal, slope[touched], depth, bodies.velocities[body], slip, rim)
+        largest = np.minimum(largest, radius * of_rim)
+    tau, direction = _shear(nodes, sigma, normal, slope[touched], slip, law, dt, largest)
     nodes[:, LEVEL] = surface[touched]
     state[touched] = nodes
 
@@ -171,12 +180,30 @@ def _pressure(nodes, s, tried, v_n, law, stiffness, exponent):
     return np.where(plastic, curve, np.maximum(tried - law.R * v_n, 0.0))
 
 
-def _shear(nodes, sigma, normal, level, slip, law, dt):
+def _rim_shear(axle, normal, level, depth, velocity, slip, rim):
+    """Return (n,) the shear displacement of points of the rim since they entered the soil, in wheel radii.
+
+    `depth` (n,) in wheel radii, `slip` (n, 3) and `rim` in m/s. The time since the entry is the angle over the rotation
+    rate.
+    """
+    forward = np.cross(axle, level)
+    square = (forward**2).sum(axis=-1)
+    entry_cosine = (normal * level).sum(axis=-1) - depth
+    entry_sine = np.sqrt(np.maximum(square - entry_cosine**2, 0.0))
+    ahead = entry_sine + np.sign(rim) * (normal * forward).sum(axis=-1)
+    square = np.where(square > LEVEL_AXLE, square, np.nan)
+    chord = (depth**2 + ahead**2) / square
+    angle = np.sqrt(chord) * (1 + chord / 24 + chord**2 * 3 / 640 + chord**3 * 5 / 7168)  # 2 asin(sqrt(chord) / 2)
+    along = angle - (forward @ velocity) / rim * ahead / square
+    return np.nan_to_num(np.hypot(along, angle * (slip @ axle) / rim), nan=np.inf)
+
+
+def _shear(nodes, sigma, normal, level, slip, law, dt, largest):
     """Return shear stress and the direction, in the contact surface, in which the soil is dragged."""
     # Shear displacement of a node, along the original ground.
     j = nodes[:, SHEAR_X : SHEAR_Z + 1] + (slip - (slip * level).sum(axis=-1)[:, None] * level) * dt
     length = np.sqrt((j**2).sum(axis=-1))
-    capped = np.minimum(length, SHEAR_CAP * law.K)
+    capped = np.minimum(length, largest)
     nodes[:, SHEAR_X : SHEAR_Z + 1] = j * (capped / np.where(length > 0, length, 1.0))[:, None]
     tau = (law.c + sigma * law.tan_phi) * (1 - np.exp(-capped / law.K))
     tangential = j - (j * normal).sum(axis=-1)[:, None] * normal

@@ -1,8 +1,8 @@
 """Driven wheel at steady slip, in the limit of small steps and cells of the soil contact model, by integrals.
 
-Reference value for `contact`, and a fast forward model for fitting soils. The shear displacement of a fixed node is the
-slip velocity integrated over the time since first contact, which differs from Wong and Reece's (J. Terramechanics 4
-(1967) 81): theirs is that of a point of the rim, smaller by about the ratio of forward and rim speed.
+Reference value for `contact`, and a fast forward model for fitting soils. The shear displacement is the slip velocity
+integrated over the time since first contact of a fixed node, or of a point of the rim (Wong and Reece,
+J. Terramechanics 4 (1967) 81) if this is smaller: a slipping wheel passes a node for longer.
 """
 
 from __future__ import annotations
@@ -29,27 +29,24 @@ class Steady:
     torque: float  # N m
 
 
-def steady_wheel(wheel: Wheel, law: ContactLaw, load: float, slip: float, of_rim: bool = False) -> Steady:
+def steady_wheel(wheel: Wheel, law: ContactLaw, load: float, slip: float) -> Steady:
     """Return the sinkage at which the soil carries `load` newtons, pull and torque; K_e is infinite.
 
-    `slip` is 1 minus the ratio of forward and rim speed, below 1. With `of_rim` the shear displacement is that of
-    Wong and Reece.
+    `slip` is 1 minus the ratio of forward and rim speed, below 1.
     """
 
     def excess(sinkage: float) -> float:
-        return _bear(wheel, law, sinkage, slip, of_rim)[0] - load
+        return _bear(wheel, law, sinkage, slip)[0] - load
 
     deepest = wheel.radius * 0.999
     if excess(deepest) < 0:
         raise RoverError(f"the soil does not carry {load:g} N at slip {slip:g}: the wheel sinks to the axle")
     sinkage = brentq(excess, 1e-7, deepest, xtol=1e-9)
-    _, pull, torque = _bear(wheel, law, sinkage, slip, of_rim)
+    _, pull, torque = _bear(wheel, law, sinkage, slip)
     return Steady(sinkage, pull, torque)
 
 
-def _bear(
-    wheel: Wheel, law: ContactLaw, sinkage: float, slip: float, of_rim: bool = False
-) -> tuple[float, float, float]:
+def _bear(wheel: Wheel, law: ContactLaw, sinkage: float, slip: float) -> tuple[float, float, float]:
     """Return vertical force, pull and torque; angles are zero at the lowest point, positive in front.
 
     A driven rim drags the soil by the component of slip along the ground. With the rim's speed w and the wheel's speed
@@ -61,11 +58,11 @@ def _bear(
     stiffness = law.K_c / wheel.width + law.K_phi
     theta, weight = 0.5 * ahead * NODES + 0.5 * ahead, 0.5 * ahead * WEIGHTS
     sigma = stiffness * (R * (np.cos(theta) - math.cos(ahead))) ** exponent
-    # Integrated over the time since first contact, R cos(theta) dtheta / v.
+    # Of the node, integrated over the time since first contact, R cos(theta) dtheta / v.
     two, three = (ahead_k - k for ahead_k, k in zip(_powers(np.array(ahead)), _powers(theta), strict=True))
-    j = R * (two / (1 - slip) - three)
-    if of_rim:
-        j = R * (ahead - theta - (1 - slip) * (math.sin(ahead) - np.sin(theta)))
+    of_node = R * (two / (1 - slip) - three)
+    of_rim = R * (ahead - theta - (1 - slip) * (math.sin(ahead) - np.sin(theta)))
+    j = np.sign(of_node) * np.minimum(np.abs(of_node), np.abs(of_rim))
     tau = np.sign(j) * (law.c + sigma * law.tan_phi) * (1 - np.exp(-np.abs(j) / law.K))
     area = wheel.width * R * weight  # of the rim
     each = sigma * np.cos(theta) + tau * np.sin(theta), tau * np.cos(theta) - sigma * np.sin(theta), R * tau

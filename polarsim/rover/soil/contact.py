@@ -2,9 +2,10 @@
 
 The model follows Krenn and Hirzinger (2008, 2011) and Chrono's `SCMTerrain` (Serban, Taves and Zhou, J. Comput.
 Nonlinear Dyn. 2023, doi 10.1115/1.4056851), with these differences: the force is normal to the wheel's surface, not to
-the ground's; shear displacement is a vector, so a wheel at rest does not creep, and is reset once the node has been
-clear; only elastic branches are damped, since damped plastic flow would carry load that soil cannot. The NumPy
-reference is `tests/reference/soil.py`.
+the ground's; shear displacement is a vector, so a wheel at rest does not creep, is reset once the node has been clear,
+and is at most that of the rim (Wong and Reece, J. Terramechanics 4 (1967) 81), since a slipping wheel passes a node for
+longer than a point of the rim is in contact; only elastic branches are damped, since damped plastic flow would carry
+load that soil cannot. The NumPy reference is `tests/reference/soil.py`.
 """
 
 from __future__ import annotations
@@ -26,12 +27,21 @@ from polarsim.rover.soil.nodes import (
     SHEAR_Y,
     SHEAR_Z,
     START,
+    TOUCHED,
     YIELD,
 )
-from polarsim.rover.soil.shapes import HALF_WIDTH, INVERSE_WIDTH, RADIUS, axis_product, lowest_wheel_point, wheel_window
+from polarsim.rover.soil.shapes import (
+    HALF_WIDTH,
+    INVERSE_WIDTH,
+    LEVEL_AXLE,
+    RADIUS,
+    axis_product,
+    lowest_wheel_point,
+    wheel_window,
+)
 
 STEEPEST = 0.25  # minimum vertical part of a normal: a flank's area is at most four times its cell
-SLOWEST_RIM = 1e-3  # m/s; the slip of a slower wheel is 0
+SLOWEST_RIM = 1e-3  # m/s; a slower wheel has slip 0 and does not limit the shear displacement
 CLEARANCE = 0.003  # m; height above the soil at which the shear of a node is reset
 SHEAR_CAP = 6.0  # in units of K, maximum stored shear displacement
 # m of rim travel over which a change of slip takes effect, about the length of the contact, since slip digs by moving
@@ -72,6 +82,32 @@ def update_slips(bodies, length, dt):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
+def squared_rim_shear(ax, ay, az, nx, ny, nz, lx, ly, lz, depth, vx, vy, vz, across, inverse_rim):  # type: ignore[no-untyped-def]
+    """Return the square of the shear displacement of a point of the rim since it entered the soil, in wheel radii.
+
+    The displacement along the rim is that of Wong and Reece, that along the axle is the speed over the time since the
+    entry. `ax, ay, az` is the axle, `nx, ny, nz` the normal into the wheel at the point, `lx, ly, lz` that of the
+    ground, `depth` the depth of the node since its first contact, in radii, `vx, vy, vz` the velocity of the centre,
+    m/s, `across` the speed of the point along the axle, m/s, and `inverse_rim` 1 over the speed of the rim, s/m. The
+    rim enters the soil at the level that the node had at its first contact.
+    """
+    fx, fy, fz = ay * lz - az * ly, az * lx - ax * lz, ax * ly - ay * lx  # forward along the ground
+    square = fx * fx + fy * fy + fz * fz  # below 1 if the axle is not parallel to the ground
+    if not square > LEVEL_AXLE:
+        return math.inf
+    # Sines and cosines of the angles of point and entry, from the lowest point to the entry, times sqrt(square).
+    entry_cosine = nx * lx + ny * ly + nz * lz - depth
+    entry_sine = math.sqrt(max(square - entry_cosine * entry_cosine, 0.0))
+    ahead = entry_sine + math.copysign(1.0, inverse_rim) * (nx * fx + ny * fy + nz * fz)  # difference of the sines
+    inverse = 1 / square  # multiplications are faster than divisions
+    chord = (depth * depth + ahead * ahead) * inverse  # squared
+    angle = math.sqrt(chord) * (1 + chord * (1 / 24 + chord * (3 / 640 + chord * (5 / 7168))))  # 1e-4 at 1 rad
+    along = angle - (vx * fx + vy * fy + vz * fz) * inverse_rim * ahead * inverse
+    beside = angle * across * inverse_rim
+    return along * along + beside * beside
+
+
+@njit(error_model="numpy")
 def press_nodes(ground, bodies, law, dt, loads):  # type: ignore[no-untyped-def]  # noqa: C901  one loop over nodes, so that nothing is stored between its parts
     """Press all wheels on the ground and add the forces to `loads`.
 
@@ -84,6 +120,10 @@ def press_nodes(ground, bodies, law, dt, loads):  # type: ignore[no-untyped-def]
         ax, ay, az, radius, half = rotation[0, 1], rotation[1, 1], rotation[2, 1], shape[RADIUS], shape[HALF_WIDTH]
         height = centre[2]
         wx, wy, wz = bodies.spins[body, 0], bodies.spins[body, 1], bodies.spins[body, 2]
+        rim = axis_product(bodies.spins[body], ax, ay, az) * radius
+        turning = abs(rim) >= SLOWEST_RIM
+        inverse_rim, inverse_radius = 1 / rim, 1 / radius
+        ux, uy, uz = velocities[body, 0], velocities[body, 1], velocities[body, 2]
         exponent = law.n + law.n_slip * bodies.slips[body]
         stiffness = law.K_c * shape[INVERSE_WIDTH] + law.K_phi
         first_row, last_row, first, last = wheel_window(ground, shape, centre, rotation)
@@ -121,6 +161,7 @@ def press_nodes(ground, bodies, law, dt, loads):  # type: ignore[no-untyped-def]
                     jx, jy, jz = state[row, column, SHEAR_X], state[row, column, SHEAR_Y], state[row, column, SHEAR_Z]
                 else:
                     owner[row, column] = body
+                    state[row, column, TOUCHED] = plastic
                 vx = velocities[body, 0] + (wy * h - wz * dy)
                 vy = velocities[body, 1] + (wz * dx - wx * h)
                 vz = velocities[body, 2] + (wx * dy - wy * dx)
@@ -142,6 +183,14 @@ def press_nodes(ground, bodies, law, dt, loads):  # type: ignore[no-untyped-def]
                 jz += (sz - up * lz) * dt
                 length = math.sqrt(jx**2 + jy**2 + jz**2)
                 capped = min(length, SHEAR_CAP * law.K)
+                if turning:
+                    across = sx * ax + sy * ay + sz * az
+                    depth = (s - state[row, column, TOUCHED]) * inverse_radius
+                    square = squared_rim_shear(
+                        ax, ay, az, nx, ny, nz, lx, ly, lz, depth, ux, uy, uz, across, inverse_rim
+                    )
+                    if square * radius**2 < capped * capped:
+                        capped = math.sqrt(square) * radius
                 kept = capped / length if length > 0 else capped
                 state[row, column, SHEAR_X] = jx * kept
                 state[row, column, SHEAR_Y] = jy * kept
@@ -151,7 +200,8 @@ def press_nodes(ground, bodies, law, dt, loads):  # type: ignore[no-untyped-def]
                 tx, ty, tz = jx - off * nx, jy - off * ny, jz - off * nz
                 size = math.sqrt(tx**2 + ty**2 + tz**2)
                 if size > 0:
-                    tx, ty, tz = tx / size, ty / size, tz / size
+                    inverse = 1 / size
+                    tx, ty, tz = tx * inverse, ty * inverse, tz * inverse
                 rate = sx * tx + sy * ty + sz * tz
                 if rate < 0:
                     tau = max(tau + law.R * rate, 0.0)

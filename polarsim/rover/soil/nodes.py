@@ -9,8 +9,8 @@ import numpy as np
 from polarsim.errors import RoverError
 
 # Fields of a node. Levels and depths in metres, stress in Pa, shear displacement as a vector in the world frame.
-ORIGINAL, START, LEVEL, PLASTIC, YIELD, FLOW, SHEAR_X, SHEAR_Y, SHEAR_Z = range(9)
-FIELDS = 9
+ORIGINAL, START, LEVEL, PLASTIC, YIELD, FLOW, SHEAR_X, SHEAR_Y, SHEAR_Z, TOUCHED = range(10)
+FIELDS = 10
 FREE, ROCK = -1, -2  # owner of a node without contact, and of a node under a rock
 
 
@@ -19,13 +19,13 @@ class SoilGround(NamedTuple):
 
     `original` is the level before any contact, `start` the reference level for sinkage (raised by displaced soil),
     `level` the current surface, `plastic` the permanent depth, `yield` the largest earlier pressure, `flow` the depth
-    pressed since soil was last moved aside.
+    pressed since soil was last moved aside, `touched` the permanent depth at the first contact with the present wheel.
     """
 
     x0: float
     y0: float
     cell: float
-    state: np.ndarray  # (rows, columns, 9)
+    state: np.ndarray  # (rows, columns, FIELDS)
     normals: np.ndarray  # (rows, columns, 3) normals of the original ground
     owner: np.ndarray  # (rows, columns) int32: index of the wheel in contact with a node, FREE or ROCK
 

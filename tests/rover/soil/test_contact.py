@@ -113,6 +113,47 @@ def test_a_rotated_wheel_has_rotated_forces(lunar):
     np.testing.assert_allclose(forces[1], forces[0], rtol=1e-9)
 
 
+@pytest.mark.parametrize("roll", [1, -1])
+@pytest.mark.parametrize(
+    ("slip", "drift", "rut"), [(1.0, 0.0, 0.0), (0.7, 0.0, 0.0), (0.9, 0.1, 0.0), (0.7, 0.0, 0.012)]
+)
+def test_shear_of_a_slipping_wheel_is_that_of_its_rim(lunar, slip, drift, rut, roll):
+    """Wong and Reece (1967): R ((entry - angle) - (1 - slip) (sin entry - sin angle)); beside, speed times time.
+
+    In a rut of an earlier wheel the rim enters at the bottom of the rut.
+    """
+    law, rim, sinkage, radius = replace(lunar, K_e=4e9).law(), 0.2, 0.018, WHEEL_A.radius
+    ground, speed = flat_ground(1.6, 0.5, 0.02), (1 - slip) * rim * roll
+    for step in range(4001 if rut else 0):
+        height = radius - rut + 0.1 * (step == 4000)  # lifted at the end
+        press(ground, one_wheel((0.4 + 2e-4 * step, 0, height), (rim, 0, 0), rim), law, 1e-3)
+    for step in range(2000):
+        at = (0.8 + speed * (step - 1999) * 1e-3, drift * (step - 1999) * 1e-3, radius - sinkage)
+        press(ground, one_wheel(at, (speed, drift, 0), roll * rim), law, 1e-3)
+    rows, columns = np.nonzero(ground.owner == 0)
+    angle = np.arcsin(roll * (ground.x[columns] - 0.8) / radius)
+    entry = math.acos(1 - (sinkage - rut) / radius)
+    along = radius * (entry - angle - (1 - slip) * (math.sin(entry) - np.sin(angle)))
+    beside = drift * (entry - angle) * radius / rim
+    front = (angle > 0) & (ground.y[rows] < 0.05)  # nodes at the leading edge of a drifting wheel are new
+    shear = np.linalg.norm(ground.state[rows, columns, SHEAR_X : SHEAR_Z + 1], axis=-1)[front]
+    np.testing.assert_allclose(shear, np.hypot(along, beside)[front], rtol=1e-3, atol=1e-5)
+    assert shear.max() > 0.01
+    assert len(set(columns[front])) >= 2
+
+
+def test_a_wheel_that_turns_by_tiny_motions_of_its_brake_keeps_the_shear_that_holds_it(lunar):
+    """Rims below 1 mm/s count as locked, so that small motions of a brake do not let a wheel creep."""
+    ground, law = flat_ground(1.2, 0.4, 0.02), replace(lunar, R=0.0).law()
+    for step in range(500):  # dragged along its axle
+        press(ground, one_wheel((0.6, 1e-4 * step - 0.05, 0.235), (0, 0.1, 0)), law, 1e-3)
+    held = press(ground, one_wheel((0.6, 0, 0.235)), law, 1e-3).forces[0, 1]
+    assert held < -10
+    for rim_speed in (0.9e-3, -0.9e-3):
+        bodies = one_wheel((0.6, 0, 0.235), rim_speed=rim_speed)
+        assert press(ground, bodies, law, 1e-3).forces[0, 1] == pytest.approx(held, rel=1e-3)
+
+
 def test_shear_is_reset_after_a_node_was_clear(lunar):
     ground, law = flat_ground(1.2, 0.4, 0.02), lunar.law()
     low = one_wheel((0.6, 0, 0.235), rim_speed=0.2)

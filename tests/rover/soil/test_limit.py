@@ -9,9 +9,15 @@ from tests.reference.soil_limit import steady_wheel
 from tests.reference.soil_rig import LOAD_A, LOAD_B, WHEEL_A, WHEEL_B
 from tests.rover.conftest import SOILS
 
-# Integrals of a prototype that preceded the code: slip, sinkage mm, pull N, torque N m.
-LIMIT_A = [(0, 17.11, -12.9, 2.86), (0.05, 17.00, 3.5, 6.91), (0.2, 16.71, 42.7, 16.60), (0.8, 16.17, 91.5, 28.66)]
-LIMIT_B = [(0, 9.02, -6.8, 0.51), (0.1, 8.94, 4.4, 2.25), (0.6, 8.67, 35.9, 7.17)]
+# Trapezoidal sums of 4,000 steps of nodes and points of the rim: slip, sinkage mm, pull N, torque N m.
+LIMIT_A = [
+    (0, 17.113, -12.913, 2.858),
+    (0.05, 17.0, 3.491, 6.913),
+    (0.2, 16.751, 36.786, 15.141),
+    (0.8, 16.362, 79.074, 25.584),
+]
+LIMIT_B = [(0, 9.017, -6.783, 0.507), (0.1, 8.944, 3.871, 2.169), (0.6, 8.759, 27.449, 5.845)]
+ON_EARTH = [(0.2, 53.844, 270.649, 132.074), (0.6, 52.675, 374.518, 156.924)]
 
 
 @pytest.mark.parametrize(
@@ -19,16 +25,15 @@ LIMIT_B = [(0, 9.02, -6.8, 0.51), (0.1, 8.94, 4.4, 2.25), (0.6, 8.67, 35.9, 7.17
     [
         ("lunar", WHEEL_A, LOAD_A, LIMIT_A),
         ("hit-simulant", WHEEL_B, LOAD_B, LIMIT_B),
-        ("lunar", WHEEL_A, 1054.6, [(0.2, 53.8, 272, 132.5), (0.6, 52.3, 398, 162.5)]),  # on Earth
+        ("lunar", WHEEL_A, 1054.6, ON_EARTH),
     ],
 )
 def test_the_limit_equals_independent_integrals(name, wheel, load, rows):
     law = read_soil(SOILS, name).law(slip_sinkage=False)
     for slip, sinkage_mm, pull, torque in rows:
         steady = steady_wheel(wheel, law, load, slip)
-        # The prototype rounded to 0.01 mm, 0.1 N, 0.01 N m.
         np.testing.assert_allclose(
-            [1000 * steady.sinkage, steady.pull, steady.torque], [sinkage_mm, pull, torque], atol=0.06, rtol=2e-3
+            [1000 * steady.sinkage, steady.pull, steady.torque], [sinkage_mm, pull, torque], atol=0.001, rtol=1e-4
         )
 
 

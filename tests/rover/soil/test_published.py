@@ -42,11 +42,11 @@ def test_a_wheel_climbs_at_the_slip_at_which_pull_equals_the_downhill_force():
 
 def test_the_fitted_soil_has_the_slip_and_sinkage_of_ex1():
     slips, sinkages = ex1_misses(read_soil(SOILS, "ex1-silica-5").law())
-    assert np.sqrt(np.mean(slips**2)) < 0.07
-    assert np.sqrt(np.mean(sinkages**2)) < 1.1  # mm
+    assert np.sqrt(np.mean(slips**2)) < 0.05
+    assert np.sqrt(np.mean(sinkages**2)) < 1.0  # mm
 
 
-@pytest.mark.parametrize(("curve", "soil", "within_deg"), [(TREC, "trec-grc3", 3.0), (TILT_BED, "mgru3-tilt-bed", 1.5)])
+@pytest.mark.parametrize(("curve", "soil", "within_deg"), [(TREC, "trec-grc3", 2.8), (TILT_BED, "mgru3-tilt-bed", 1.2)])
 def test_fitted_soils_have_the_pull_measured_by_nasa(curve, soil, within_deg):
     misses = misses_deg(curve, read_soil(SOILS, soil).law())
     assert np.sqrt((misses**2).mean()) < within_deg
