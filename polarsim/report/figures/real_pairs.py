@@ -20,6 +20,8 @@ def draw_real_pairs(
 ) -> None:
     """Write a row per photo and a column per domain, with the boxes of rocks that detectors are trained and tested on.
 
+    Titles have the domain, and above the photo its key: keys above all columns would overlap.
+
     Parameters
     ----------
     pictures, labels : mapping of str to Path
@@ -35,5 +37,5 @@ def draw_real_pairs(
                 table = tables[domain]
                 rocks = table[(table["key"] == Path(name).stem) & (table["kind"] == ROCK)]
                 coloured = [(box, COLOURS[ROCK]) for box in rocks[_CORNERS].to_numpy(float)]
-                title = f"{paper.domain_title(domain)}, {Path(name).stem}"
+                title = paper.domain_title(domain) + (f", {Path(name).stem}" if axes is row[0] else "")
                 show_image(axes, boxed(png.read_png(folder / name), coloured, column), title)
