@@ -26,8 +26,8 @@ JsonFile = Annotated[
     Path | None, typer.Option("--json", callback=writes_file(), help="JSON file for the complete report.")
 ]
 CONFIG_HELP = (
-    "Configuration file or overlay; may be repeated. Later files override earlier files. Files without `source` are "
-    "applied to config/config.yaml."
+    "Configuration file or overlay; may be repeated. Later files override earlier files. Files without `source.kind` "
+    "are applied to config/config.yaml."
 )
 ConfigFiles = Annotated[list[Path] | None, typer.Option("--configfile", help=CONFIG_HELP)]
 DEFAULT = "polar"  # site; `polarsim.site` imports pydantic, which most commands do not need

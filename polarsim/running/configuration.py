@@ -22,14 +22,14 @@ _SETTINGS = "--config"
 
 
 def base_configuration(files: Iterable[Path]) -> list[Path]:
-    """Return `BASE` if the files are overlays; an empty list if a file defines `source`."""
-    return [] if any("source" in _mapping(path) for path in files) else [BASE]
+    """Return `BASE` if the files are overlays; an empty list if a file defines `source.kind`."""
+    return [] if any(_defines_source(_mapping(path)) for path in files) else [BASE]
 
 
 def read_configs(files: Sequence[Path], settings: Sequence[str] = ()) -> Config:
     """Merge configuration files and settings; later values override earlier values.
 
-    Files without `source` are applied to `BASE`. Settings are texts `KEY=VALUE` with the value in YAML, as of
+    Files without `source.kind` are applied to `BASE`. Settings are texts `KEY=VALUE` with the value in YAML, as of
     `--config`.
     """
     chosen = [*base_configuration(files), *files]
@@ -47,12 +47,13 @@ def read_configs(files: Sequence[Path], settings: Sequence[str] = ()) -> Config:
 def config_of_module(content: Mapping[str, Any], placed: Callable[[str], str]) -> Config:
     """Validate the configuration that another workflow gives to polarsim as a module.
 
-    Without `source` it is an overlay of the packaged `BASE`: a file of this name in the folder is the other workflow's.
+    Without `source.kind` it is an overlay of the packaged `BASE`: a file of this name in the folder is the other
+    workflow's.
     `placed` is the effect of the module's `prefix` on a path. Paths that it changes become absolute, because the prefix
     is for results, not for the files that the configuration names.
     """
     whole: dict[str, Any] = {}
-    if "source" not in content:
+    if not _defines_source(content):
         _merge(whole, _mapping(packaged(BASE)))
     _merge(whole, content)
     try:
@@ -147,6 +148,12 @@ def _with_paths(part: Any, change: Callable[[Path], Path]) -> Any:
 def _shown(path: Path) -> str:
     """Return a path for messages: relative if it is below the working folder."""
     return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
+
+
+def _defines_source(content: Mapping[str, Any]) -> bool:
+    """Return whether a configuration is complete; overlays may change other keys of `source`, such as `scans`."""
+    source = content.get("source")
+    return isinstance(source, Mapping) and "kind" in source
 
 
 def _mapping(path: Path) -> Mapping[str, Any]:

@@ -13,8 +13,14 @@ import yaml
 
 from polarsim.config import Config, parse_config, read_config
 from polarsim.errors import ConfigError
-from polarsim.formats.yaml_files import read_yaml
-from polarsim.running.configuration import STORED, base_configuration, config_of_run, read_configs, store_config
+from polarsim.running.configuration import (
+    STORED,
+    base_configuration,
+    config_of_module,
+    config_of_run,
+    read_configs,
+    store_config,
+)
 
 CONFIGURATIONS = Path(__file__).parents[2] / "config"
 FIGURE = "results/mine/figures/reflectance.png"  # fastest output of a run, without data
@@ -142,7 +148,7 @@ OVERLAYS = [f"overlays/{path.name}" for path in (CONFIGURATIONS / "overlays").gl
 
 
 def test_base_configurations_define_the_source_and_overlays_do_not():
-    defining = {name for name in (*BASES, *OVERLAYS) if "source" in read_yaml(CONFIGURATIONS / name)}
+    defining = {name for name in (*BASES, *OVERLAYS) if base_configuration([CONFIGURATIONS / name]) == []}
     assert defining == set(BASES)
 
 
@@ -175,6 +181,7 @@ def test_overlays_apply_to_the_demo_unless_a_file_defines_the_source(tmp_path, m
         "config/config.yaml": {"source": {"kind": "analog"}, "rocks": {"rock_cell_mm": 3}},
         "overlay.yaml": {"run": "mine", "rocks": {"ground_mesh_cell_mm": 9}},
         "whole.yaml": {"run": "whole", "source": {"kind": "analog"}},
+        "noscan.yaml": {"run": "noscan", "source": {"scans": False}},
     }.items():
         Path(name).parent.mkdir(exist_ok=True)
         Path(name).write_text(yaml.safe_dump(content))
@@ -184,6 +191,9 @@ def test_overlays_apply_to_the_demo_unless_a_file_defines_the_source(tmp_path, m
     assert read_configs([whole, overlay]).rocks.rock_cell_mm == Config(source={"kind": "analog"}).rocks.rock_cell_mm
     assert (read_configs([whole, overlay]).run, read_configs([overlay, whole]).run) == ("mine", "whole")
     assert base_configuration([overlay, whole]) == []
+    without_scans = read_configs([Path("noscan.yaml")])  # an overlay of the demo, not another photo grid
+    assert (without_scans.rocks.rock_cell_mm, without_scans.source.scans) == (3, False)
+    assert config_of_module({"source": {"scans": False}}, str).terrains == config_of_module({}, str).terrains
 
 
 @pytest.mark.parametrize(
