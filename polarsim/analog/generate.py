@@ -11,7 +11,7 @@ import numpy as np
 from polarsim.analog import scanner
 from polarsim.analog.options import AnalogOptions
 from polarsim.analog.photographs import take_photos
-from polarsim.analog.raw_files import RawFiles, writing_raw_files
+from polarsim.analog.raw_files import RawFiles, raw_folders, writing_raw_files
 from polarsim.analog.rocks import carve, icosphere
 from polarsim.analog.stations import Stations
 from polarsim.analog.terrain import AnalogTerrain, build_terrain
@@ -46,8 +46,8 @@ def generate_terrain(
 ) -> None:
     """Generate a terrain of a site below `root`, in the formats of the site; the receipt is written last.
 
-    Photos are rendered for `keys`. With `options.photos` false, no photos and no labels are written. Existing folders
-    of the terrain are replaced at the end.
+    Photos are rendered for `keys`. With `options.photos` false, no photos and no labels are written. Folders of an
+    earlier simulation are replaced at the end; other data of the terrain are an error.
 
     `truth/labels.parquet` has a row for every rock and cast shadow with at least 12 visible pixels, lit or not.
     `contrast` is the mean of the region minus the mean of the surroundings in the photo, DN; scoring uses it to exclude
@@ -58,10 +58,11 @@ def generate_terrain(
     mismatched = [key for key in keys if key.terrain != terrain or key.position not in site.positions_of(terrain)]
     if mismatched:
         raise ConfigError(f"{mismatched[0]}: not a photo of terrain {terrain_text(terrain)}")
+    places = (f"Labels/Terrain{terrain_text(terrain)}", f"truth/Terrain{terrain_text(terrain)}")
+    _refuse_real_data(root, [*raw_folders(site, terrain), places[0]], root / places[1])
     receipt.unlink(missing_ok=True)
     made = build_terrain(site, terrain, options)
     chosen = sorted(keys) if options.photos else []
-    places = (f"Labels/Terrain{terrain_text(terrain)}", f"truth/Terrain{terrain_text(terrain)}")
     with ExitStack() as stack:
         raw = stack.enter_context(writing_raw_files(site, terrain, root))
         seeds, truth = (stack.enter_context(writing_folder(root / place)) for place in places)
@@ -74,6 +75,16 @@ def generate_terrain(
         tables.write_parquet(truth / "albedo.parquet", albedo.table())
     content = {"terrain": terrain, "folder": raw.folder, "photos": len(chosen)}
     write_json(receipt, content | {"options": options.model_dump(mode="json")})
+
+
+def _refuse_real_data(root: Path, folders: Sequence[str], truth: Path) -> None:
+    """Raise ConfigError for a folder without ground truth, which was not simulated: it would be replaced."""
+    for folder in folders:
+        if not truth.exists() and (root / folder).is_dir() and any((root / folder).iterdir()):
+            raise ConfigError(
+                "exists and was not simulated: use source.kind: files for real data, or another source.root",
+                path=root / folder,
+            )
 
 
 def _write_calibration(site: Site, stations: Stations, raw: RawFiles) -> StereoRig:

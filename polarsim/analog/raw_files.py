@@ -66,13 +66,18 @@ class RawFiles:
 @contextmanager
 def writing_raw_files(site: Site, terrain: Terrain, root: Path) -> Iterator[RawFiles]:
     """Yield the paths of a terrain's files; folders of the terrain are replaced at the end."""
-    files = site.files
-    patterns = [pattern for pattern in (files.photos, files.clouds, files.range_maps, files.calibration) if pattern]
-    folders = dict.fromkeys(_folder(site, terrain, pattern) for pattern in patterns)
     with ExitStack() as stack:
+        folders = raw_folders(site, terrain)
         yield RawFiles(
             site, terrain, root, {folder: stack.enter_context(writing_folder(root / folder)) for folder in folders}
         )
+
+
+def raw_folders(site: Site, terrain: Terrain) -> list[str]:
+    """Return the folders of a terrain's files, relative to the root."""
+    files = site.files
+    patterns = [pattern for pattern in (files.photos, files.clouds, files.range_maps, files.calibration) if pattern]
+    return list(dict.fromkeys(_folder(site, terrain, pattern) for pattern in patterns))
 
 
 def write_photo(path: Path, values: np.ndarray, form: Images) -> None:

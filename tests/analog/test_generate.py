@@ -1,4 +1,5 @@
 import json
+import shutil
 
 import numpy as np
 import pandas as pd
@@ -182,3 +183,21 @@ def test_an_unknown_terrain_and_keys_of_another_terrain_are_rejected(tmp_path):
     with pytest.raises(ConfigError):
         generate(tmp_path, AnalogOptions(), [next(polar().photos_of(3))])
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("folder", ["Terrain11_FreshCrater/PosA_off_30", "Labels/Terrain11"])
+def test_data_that_were_not_simulated_are_kept(tmp_path, folder):
+    """A configuration with the folder of real data, but without `source.kind: files`, would replace them."""
+    photo = tmp_path / "data" / folder / "any.png"
+    photo.parent.mkdir(parents=True)
+    photo.write_bytes(b"real")
+    with pytest.raises(ConfigError, match=r"source\.kind: files") as error:
+        generate(tmp_path / "data", AnalogOptions())
+    assert error.value.path == tmp_path / "data" / folder.removesuffix("/PosA_off_30")
+    assert files_of(tmp_path / "data") == {f"{folder}/any.png": b"real"}
+
+
+def test_an_earlier_simulation_is_replaced(tmp_path, coarse, made):
+    shutil.copytree(made, tmp_path / "data")
+    generate(tmp_path / "data", coarse, keys=KEYS[:1])
+    assert [key for key, _ in site_files.find_photos(polar(), tmp_path / "data", TERRAIN)[0]] == KEYS[:1]
