@@ -78,12 +78,14 @@ def generate_terrain(
 
 
 def _refuse_real_data(root: Path, folders: Sequence[str], truth: Path) -> None:
-    """Raise ConfigError for a folder without ground truth, which was not simulated: it would be replaced."""
-    for folder in folders:
-        if not truth.exists() and (root / folder).is_dir() and any((root / folder).iterdir()):
+    """Raise ConfigError for existing folders without ground truth: they were not simulated and would be replaced."""
+    if truth.exists():
+        return
+    for folder in (root / name for name in folders):
+        if folder.is_dir() and any(folder.iterdir()):
             raise ConfigError(
                 "exists and was not simulated: use source.kind: files for real data, or another source.root",
-                path=root / folder,
+                path=folder,
             )
 
 

@@ -66,8 +66,8 @@ class RawFiles:
 @contextmanager
 def writing_raw_files(site: Site, terrain: Terrain, root: Path) -> Iterator[RawFiles]:
     """Yield the paths of a terrain's files; folders of the terrain are replaced at the end."""
+    folders = raw_folders(site, terrain)
     with ExitStack() as stack:
-        folders = raw_folders(site, terrain)
         yield RawFiles(
             site, terrain, root, {folder: stack.enter_context(writing_folder(root / folder)) for folder in folders}
         )

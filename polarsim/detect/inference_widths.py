@@ -13,6 +13,7 @@ from polarsim.detect.nms import suppress_by_class
 from polarsim.detect.options import PredictionOptions
 from polarsim.errors import DetectError
 from polarsim.photo import BOX_CLASSES, REFERENCE_WIDTH_PX
+from polarsim.wording import enumerated
 
 _OVERLAP = 1.25  # boxes within this factor of a gate are used from both widths before suppression
 GATES_PX = (32.0, 48.0, 64.0, 96.0, 128.0)  # candidate gates between two widths
@@ -70,15 +71,12 @@ class ClassInferenceWidths:
 
 def widths_text(by_class: Sequence[tuple[tuple[int, ...], tuple[float, ...]]]) -> str:
     """Return the widths and gates of each class as text."""
-
-    def joined(values: Sequence[float]) -> str:
-        return " and ".join(f"{value:g}" for value in values)
-
-    return "; ".join(
-        f"{kind}s {joined(widths)} px"
-        + (f" (boxes below {joined(gates)} px of {REFERENCE_WIDTH_PX:,}: the next larger width)" if gates else "")
-        for kind, (widths, gates) in zip(BOX_CLASSES, by_class, strict=True)
-    )
+    texts = []
+    for kind, (widths, gates) in zip(BOX_CLASSES, by_class, strict=True):
+        limits = enumerated(f"{gate:g}" for gate in gates) if gates else ""
+        below = f" (boxes below {limits} px of {REFERENCE_WIDTH_PX:,}: the next larger width)" if gates else ""
+        texts.append(f"{kind}s {enumerated(widths)} px{below}")
+    return "; ".join(texts)
 
 
 def merge(found: Mapping[int, np.ndarray], sizes: ClassInferenceWidths, nms_iou: float, width: int) -> np.ndarray:

@@ -88,7 +88,7 @@ def scatter_field_rocks(
 
 
 def weather(vertices: np.ndarray, finest: float, random: np.random.Generator) -> np.ndarray:
-    """Return the vertices (v, 3) of a rock of unit size: stretched, cut by planes, layered, rough or porous; unit size.
+    """Return vertices (v, 3) of a rock of unit size stretched, cut, layered and roughened at random to unit size.
 
     Scanned and carved rocks are few and smooth: their shapes would otherwise be repeated, and a detector would take
     every edge inside a real rock for the boundary of a smaller rock. `finest`: side of the triangles.
