@@ -53,8 +53,8 @@ def draw_paths(*, folders: Sequence[Path], figure: Path, origin: dict[str, str])
                 legend_line(color=INK, **_ESTIMATED, label="path as estimated by the rover"),
             ]
             keys += _draw_errors(others[0], estimated, colours)
-            if len({lit for folder in estimated for lit in light_of(folder)[2:3]}) > 1:
-                keys.append(legend_line(color=FAINT, linestyle="", **_LIT, label="lights on"))
+        if any(map(_is_lit, drives)):
+            keys.append(legend_line(color=FAINT, linestyle="", **_LIT, label="lights on"))
         sheet.legend(handles=keys, loc="outside lower center", ncols=min(len(keys), 7), columnspacing=1.4)
         axis.set_aspect("equal")
         axis.set_xlabel("east, m")
@@ -110,8 +110,11 @@ def _sun_of(folder: Path) -> str:
 
 def _mark_of(folder: Path) -> dict[str, str]:
     """Return the mark of a drive's Sun, with a white centre if the lights are on."""
-    lit = _LIT if light_of(folder)[2:3] == ["on"] else {}
-    return lit | {"marker": SUN_MARKERS[_sun_of(folder)]}
+    return (_LIT if _is_lit(folder) else {}) | {"marker": SUN_MARKERS[_sun_of(folder)]}
+
+
+def _is_lit(folder: Path) -> bool:
+    return light_of(folder)[2:3] == ["on"]
 
 
 def _draw_rocks(axis: Any, world: Path) -> None:
