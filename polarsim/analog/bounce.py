@@ -10,8 +10,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
-from polarsim.analog.light import SURFACE_OFFSET, DiscLamp, towards
-from polarsim.analog.rays import RayCaster, rays_from
+from polarsim.analog.light import BEFORE_LAMP, SURFACE_OFFSET, DiscLamp, towards
+from polarsim.analog.rays import RayCaster
 from polarsim.analog.rocks import icosphere
 from polarsim.analog.sandbox import HALL_OBJECT, SandboxScene
 from polarsim.analog.view import GBuffer, strips
@@ -50,17 +50,17 @@ class Bounce:
 
 
 def gather_bounce(
-    scene: SandboxScene, caster: RayCaster, lamps: Mapping[str, DiscLamp], rng: np.random.Generator, threads: int
+    scene: SandboxScene, caster: RayCaster, lamps: Mapping[str, DiscLamp], rng: np.random.Generator
 ) -> Bounce:
     """Compute the light of one diffuse reflection and of the hall at selected vertices; interpolate to all vertices."""
     chosen = _chosen_vertices(scene)
     points, normals = scene.vertices[chosen], scene.normals[chosen]
     directions = _hemisphere(normals, rng)
     origins = (points + SURFACE_OFFSET * normals)[:, None]
-    hit = caster.first_hits(rays_from(origins, directions), threads)
-    is_hit = np.isfinite(hit["t_hit"]) & (hit["t_hit"] > 0)
-    face = np.where(is_hit, hit["primitive_ids"], 0)
-    distance = np.where(is_hit, hit["t_hit"], 1).astype(np.float32)
+    hit = caster.first_hits(origins, directions)
+    is_hit = hit.is_hit & (hit.distance > 0)
+    face = np.where(is_hit, hit.face, 0)
+    distance = np.where(is_hit, hit.distance, np.float32(1))
     where = origins + distance[..., None] * directions
     facing = scene.normals[scene.faces[face, 0]]
     facing = np.where(np.einsum("...k,...k->...", facing, directions)[..., None] > 0, -facing, facing)
@@ -68,7 +68,7 @@ def gather_bounce(
     vectors = {}
     similar = _similar_neighbours(scene, chosen[chosen >= scene.first_vertex[HALL_OBJECT]])
     for name, lamp in lamps.items():
-        lit = _lit_radiance(scene, caster, lamp, where, facing, face, threads) * is_hit
+        lit = _lit_radiance(scene, caster, lamp, where, facing, face) * is_hit
         vectors[name] = _interpolate(scene, chosen, weight * np.einsum("nk,nkx->nx", lit, directions), similar)
     from_hall = ((scene.object_of_face[face] == HALL_OBJECT) | ~is_hit).astype(np.float32)
     vectors[AMBIENT] = _interpolate(scene, chosen, weight * np.einsum("nk,nkx->nx", from_hall, directions), similar)
@@ -82,15 +82,13 @@ def _lit_radiance(
     points: np.ndarray,
     normals: np.ndarray,
     face: np.ndarray,
-    threads: int,
 ) -> np.ndarray:
     """Return the radiance of diffuse surfaces under a lamp, with hard shadows."""
     to_lamp, distance = towards(lamp, points)
     cosine = np.einsum("...k,...k->...", normals, to_lamp)
     lit = cosine > 0
     start = (points + SURFACE_OFFSET * normals)[lit]
-    at = caster.first_hits(rays_from(start, (lamp.position - start).astype(np.float32)), threads)["t_hit"]
-    lit[lit] = at > 0.995
+    lit[lit] = ~caster.occluded(start, (lamp.position - start).astype(np.float32), BEFORE_LAMP)
     radiance = scene.albedo_of_face[face] / np.float32(np.pi) * cosine * lamp.irradiance(to_lamp, distance)
     return np.where(lit, radiance, 0).astype(np.float32)
 

@@ -61,7 +61,7 @@ def generate_terrain(
     places = (f"Labels/Terrain{terrain_text(terrain)}", f"truth/Terrain{terrain_text(terrain)}")
     _refuse_real_data(root, [*raw_folders(site, terrain), places[0]], root / places[1])
     receipt.unlink(missing_ok=True)
-    made = build_terrain(site, terrain, options)
+    made = build_terrain(site, terrain, options, threads)
     chosen = sorted(keys) if options.photos else []
     with ExitStack() as stack:
         raw = stack.enter_context(writing_raw_files(site, terrain, root))
@@ -113,7 +113,7 @@ def _write_scans(
         centre = left.translation + rng.normal(0, _SCANNER_OFFSET, 3)
         level = camera_pose(centre, yaw_pitch_roll(left)[0], 0.0)
         sandbox_from_scanner = level @ _CAMERA_FROM_UPRIGHT
-        scan = scanner.scan(made.scene, made.caster, sandbox_from_scanner, rng, options, threads)
+        scan = scanner.scan(made.scene, made.caster, sandbox_from_scanner, rng, options)
         error = scanner.registration_error(rng)
         frames = {"left": error @ left.inverse(), "rectified": error @ (left @ grid.left_from_rectified).inverse()}
         surfaces.append(scanner.join_points(scan, centre))

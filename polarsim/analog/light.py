@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from polarsim.analog.rays import RayCaster, lengths, rays_from
+from polarsim.analog.rays import RayCaster, lengths
 from polarsim.analog.sandbox import SurfaceMaterial
 from polarsim.analog.view import GBuffer, strips
 
 SURFACE_OFFSET = np.float32(0.0015)  # rays start this far above a surface, metres
+BEFORE_LAMP = 0.995  # shadow rays end at this share of the distance from the lamp
 _BEAM_HALF_WIDTH = np.radians(42.0)
 # By material (sand, rock, cloth, dark, grey, white, floor, curtain, metal).
 _ROUGHNESS = np.radians([18, 22, 12, 25, 10, 5, 20, 25, 15]).astype(np.float32)  # standard deviation of facet slopes
@@ -109,7 +110,7 @@ def direct(view: GBuffer, lamp: DiscLamp, visible: np.ndarray) -> np.ndarray:
     return out
 
 
-def visibility(view: GBuffer, caster: RayCaster, lamp: DiscLamp, rng: np.random.Generator, threads: int) -> np.ndarray:
+def visibility(view: GBuffer, caster: RayCaster, lamp: DiscLamp, rng: np.random.Generator) -> np.ndarray:
     """Return the visible share (h, w) of the disc of a lamp.
 
     One ray per pixel is cast to a random point on the disc, and neighbouring pixels are averaged over the width of the
@@ -124,13 +125,11 @@ def visibility(view: GBuffer, caster: RayCaster, lamp: DiscLamp, rng: np.random.
         to_disc = lamp.disc(_unit_disc(rng, view.objects[rows].shape)) - points
         facing = np.einsum("...k,...k->...", view.normals[rows], to_disc) > 0
         facing &= view.material[rows] != SurfaceMaterial.DARK  # no rays for black cloth
-        at = np.full(facing.shape, np.inf, np.float32)
-        at[facing] = caster.first_hits(rays_from(points[facing], to_disc[facing]), threads)["t_hit"]
-        occluded = at < 0.995
-        visible[rows] = ~occluded & facing
-        share = np.clip(at, 0.0, 0.9)
-        width = 2 * lamp.radius * share / (1 - share) / view.footprint[rows]
-        penumbra[rows] = np.where(occluded, width, 0)
+        occluded = np.zeros(facing.shape, bool)
+        occluded[facing] = caster.occluded(points[facing], to_disc[facing], BEFORE_LAMP)
+        visible[rows] = facing & ~occluded
+        share = np.clip(caster.first_hits(points[occluded], to_disc[occluded]).distance, 0.0, 0.9)
+        penumbra[rows][occluded] = 2 * lamp.radius * share / (1 - share) / view.footprint[rows][occluded]
     wide = cv2.dilate(cv2.blur(penumbra, (5, 5)), np.ones((15, 15), np.uint8))
     smooth = cv2.blur(visible, (3, 3))
     for size, min_width in ((5, 5), (11, 12), (21, 30)):

@@ -92,9 +92,7 @@ def take_photos(
         return _label_table([])
     at = sorted({key.position for key in keys})
     lamps = {position: _lamps(site, made.stations, position) for position in at}
-    bounces = gather_bounce(
-        made.scene, made.caster, _named(lamps), generator(options.seed, "bounce", made.terrain), threads
-    )
+    bounces = gather_bounce(made.scene, made.caster, _named(lamps), generator(options.seed, "bounce", made.terrain))
     tokens = _tokens(keys, options.seed)
     rows: list[dict[str, object]] = []
     views = [(position, camera) for position in at for camera in site.cameras.sides]
@@ -156,21 +154,21 @@ def _olat_images(
     options: AnalogOptions, threads: int,
 ) -> LitView:  # fmt: skip
     scene, posed = made.scene, made.stations.camera(position, camera)
-    view = render_gbuffer(scene, made.caster, _textures(options.seed, made.terrain), posed, threads)
+    view = render_gbuffer(scene, made.caster, _textures(options.seed, made.terrain), posed)
     albedo.add(view)
-    rock_caster = scene.rock_caster() if scene.rocks else None
+    rock_caster = scene.rock_caster(threads) if scene.rocks else None
     images, shadows = {}, {}
     hall = _HALL_DN_PER_S * ELECTRONS_PER_DN / 1000 / ELECTRONS / _SAND_ALBEDO
     indirect = bounces.at(scene, view, [AMBIENT, *(_bounce_name(name, position) for name in lamps)])
     images[AMBIENT] = blur_and_vignette(hall * indirect[AMBIENT])
     for name, lamp in lamps.items():
         rng = generator(options.seed, "light", made.terrain, position, camera, name)
-        visible = visibility(view, made.caster, lamp, rng, threads)
+        visible = visibility(view, made.caster, lamp, rng)
         lit = direct(view, lamp, visible)
         lit += indirect.pop(_bounce_name(name, position))
         glare = lamp_glare(lamp, posed, _GLARE * lamp.intensity, rng)
         images[name] = blur_and_vignette(lit) + glare
-        shadows[name] = shadow_regions(scene, made.caster, rock_caster, view, lamp, visible, threads)
+        shadows[name] = shadow_regions(scene, made.caster, rock_caster, view, lamp, visible)
     return LitView(images, rock_regions(view), shadows, view.objects[::_SPARSE, ::_SPARSE] == GROUND_OBJECT)
 
 

@@ -1,59 +1,103 @@
-"""Ray casting with Open3D (Embree)."""
+"""Ray casting for the analog: first hits and occlusion by Embree, signed distances by Open3D."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-_PORTION = 200_000  # rays per call that lists all intersections
+from polarsim.geometry.casters import make_caster
+from polarsim.geometry.rays import Intersector
+
+_PASS = 1e-5  # metres between a hit and the start of the search for the next hit of the same ray
+
+
+@dataclass(frozen=True)
+class FirstHits:
+    """First hits of rays (...)."""
+
+    distance: np.ndarray  # (...) float32, in units of the direction's length; inf: no hit
+    face: np.ndarray  # (...) int32; 0 without a hit
+    weights: np.ndarray  # (..., 2) float32 barycentric weights of the second and third corner
+
+    @property
+    def is_hit(self) -> np.ndarray:
+        return np.isfinite(self.distance)
 
 
 class RayCaster:
-    """Ray caster of triangles: vertices (v, 3) and faces (f, 3)."""
+    """Ray caster of triangles: vertices (v, 3) and faces (f, 3). Results do not depend on the number of threads."""
 
-    def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
-        import open3d as o3d
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray, threads: int = 1) -> None:
+        self._vertices, self._faces, self._threads = vertices, faces, threads
 
-        self._tensor: Any = o3d.core.Tensor
-        self._scene: Any = o3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles(self._as_tensor(vertices, np.float32), self._as_tensor(faces, np.uint32))
+    def first_hits(self, origins: np.ndarray, directions: np.ndarray) -> FirstHits:
+        """Return the first hits of rays along directions (..., 3) from origins (broadcast)."""
+        shape = directions.shape[:-1]
+        hits = self._caster.intersect(*_flat(origins, directions))
+        distance = np.full(np.prod(shape, dtype=int), np.inf, np.float32)
+        face = np.zeros(len(distance), np.int32)
+        weights = np.zeros((len(distance), 2), np.float32)
+        distance[hits.ray], face[hits.ray], weights[hits.ray] = hits.distance, hits.face, hits.weights
+        return FirstHits(distance.reshape(shape), face.reshape(shape), weights.reshape(*shape, 2))
 
-    def first_hits(self, rays: np.ndarray, threads: int) -> dict[str, np.ndarray]:
-        """Return the first hits of rays (..., 6): `t_hit` (inf: no hit), `primitive_ids`, `primitive_uvs` (..., 2)."""
-        hits = self._scene.cast_rays(self._as_tensor(rays, np.float32), nthreads=threads)
-        return {name: hits[name].numpy() for name in ("t_hit", "primitive_ids", "primitive_uvs")}
+    def occluded(self, origins: np.ndarray, directions: np.ndarray, far: float = 1.0) -> np.ndarray:
+        """Return (...) whether a triangle is between the origin and `far` times the direction, as `Caster.occluded`."""
+        return self._caster.occluded(*_flat(origins, directions), far).reshape(directions.shape[:-1])
 
-    def all_hits(self, rays: np.ndarray, threads: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the numbers of all intersecting pairs of ray and triangle; rays (n, 6) end at the direction's tip."""
-        of_ray, of_face = [], []
-        for low in range(0, len(rays), _PORTION):
-            part = self._as_tensor(rays[low : low + _PORTION], np.float32)
-            hits = self._scene.list_intersections(part, nthreads=threads)
-            before = hits["t_hit"].numpy() < 1
-            of_ray.append(hits["ray_ids"].numpy()[before].astype(np.int64) + low)
-            of_face.append(hits["primitive_ids"].numpy()[before].astype(np.int64))
-        return np.concatenate(of_ray), np.concatenate(of_face)
+    def all_hits(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return ray and face of every hit along directions (n, 3), from origins (n, 3) to the direction's tip.
+
+        Surfaces that are less than `_PASS` behind another surface are not hit.
+        """
+        rays, faces = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+        ray, passed = np.arange(len(origins)), np.zeros(len(origins))  # passed: share of the direction
+        step = _PASS / np.linalg.norm(directions, axis=1)
+        while len(ray):
+            start = origins[ray] + passed[ray, None] * directions[ray]
+            hits = self._caster.intersect(start, directions[ray])
+            ray, at = ray[hits.ray], passed[ray[hits.ray]] + hits.distance
+            before = at < 1
+            ray = ray[before]
+            rays.append(ray)
+            faces.append(hits.face[before])
+            passed[ray] = at[before] + step[ray]
+        return np.concatenate(rays), np.concatenate(faces)
 
     def signed_distance(self, points: np.ndarray) -> np.ndarray:
         """Return the distances (n,) of points (n, 3) from closed surfaces, negative inside."""
-        return np.asarray(self._scene.compute_signed_distance(self._as_tensor(points, np.float32)).numpy())
+        return np.asarray(self._open3d_scene.compute_signed_distance(np.ascontiguousarray(points, np.float32)).numpy())
 
-    def _as_tensor(self, values: np.ndarray, dtype: type) -> Any:
-        return self._tensor(np.ascontiguousarray(values, dtype))
+    @cached_property
+    def _caster(self) -> Intersector:
+        return make_caster(self._vertices, self._faces, threads=self._threads)
+
+    @cached_property
+    def _open3d_scene(self) -> Any:
+        import open3d as o3d
+
+        scene = o3d.t.geometry.RaycastingScene()
+        scene.add_triangles(
+            o3d.core.Tensor.from_numpy(np.ascontiguousarray(self._vertices, np.float32)),
+            o3d.core.Tensor.from_numpy(np.ascontiguousarray(self._faces, np.uint32)),
+        )
+        return scene
+
+
+def _flat(origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return origins and directions (n, 3) of rays (..., 3); a common origin (3,) is repeated without a copy."""
+    if origins.ndim > 1:
+        origins = np.broadcast_to(origins, directions.shape).reshape(-1, 3)
+    directions = directions.reshape(-1, 3)
+    return np.broadcast_to(origins, directions.shape), directions
 
 
 def grid_faces(rows: int, columns: int) -> np.ndarray:
     """Return faces (f, 3), two triangles per cell of a grid with vertices numbered row by row."""
     k = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
     return np.concatenate([np.stack([k, k + columns, k + 1], 1), np.stack([k + 1, k + columns, k + columns + 1], 1)])
-
-
-def rays_from(origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Return rays (..., 6) float32 from origins (broadcast) along directions (..., 3)."""
-    rays = np.empty((*directions.shape[:-1], 6), np.float32)
-    rays[..., :3], rays[..., 3:] = origins, directions
-    return rays
 
 
 def lengths(vectors: np.ndarray) -> np.ndarray:

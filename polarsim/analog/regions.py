@@ -9,7 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from polarsim.analog.light import SURFACE_OFFSET, DiscLamp
-from polarsim.analog.rays import RayCaster, rays_from
+from polarsim.analog.rays import RayCaster
 from polarsim.analog.sandbox import GROUND_OBJECT, SandboxScene
 from polarsim.analog.view import GBuffer
 from polarsim.photo import photo_scale
@@ -58,7 +58,6 @@ def shadow_regions(
     view: GBuffer,
     lamp: DiscLamp,
     visible: np.ndarray,
-    threads: int,
 ) -> list[VisibleRegion]:
     """Return the cast shadows on the ground by rock: visible sand that is shaded by rocks only.
 
@@ -70,12 +69,12 @@ def shadow_regions(
         return []
     rows, columns = np.nonzero((view.objects == GROUND_OBJECT) & (visible < _FULLY_LIT))
     start = view.points[rows, columns] + SURFACE_OFFSET * view.normals[rows, columns]
-    rays = rays_from(start, lamp.position.astype(np.float32) - start)
-    shaded = rock_caster.first_hits(rays, threads)["t_hit"] < 1
-    rows, columns, rays = rows[shaded], columns[shaded], rays[shaded]
+    to_lamp = lamp.position.astype(np.float32) - start
+    shaded = rock_caster.occluded(start, to_lamp)
+    rows, columns, start, to_lamp = rows[shaded], columns[shaded], start[shaded], to_lamp[shaded]
     if not len(rows):
         return []
-    ray, face = caster.all_hits(rays, threads)
+    ray, face = caster.all_hits(start, to_lamp)
     rock = scene.object_of_face[face]
     other = np.zeros(len(rows), bool)
     other[ray[rock <= 0]] = True

@@ -53,15 +53,15 @@ class SandboxScene:
     ground: HeightField
     rocks: list[SimulatedRock]
 
-    def caster(self) -> RayCaster:
+    def caster(self, threads: int = 1) -> RayCaster:
         """Return a ray caster of all triangles."""
-        return RayCaster(self.vertices, self.faces)
+        return RayCaster(self.vertices, self.faces, threads)
 
-    def rock_caster(self) -> RayCaster:
+    def rock_caster(self, threads: int = 1) -> RayCaster:
         """Return a ray caster of the rocks only; the scene must have a rock."""
         faces = self.faces[self.object_of_face > 0]
         low, high = int(faces.min()), int(faces.max())
-        return RayCaster(self.vertices[low : high + 1], faces - low)
+        return RayCaster(self.vertices[low : high + 1], faces - low, threads)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.analog.options import AnalogOptions
-from polarsim.analog.rays import RayCaster, grid_faces, rays_from
+from polarsim.analog.rays import RayCaster, grid_faces
 from polarsim.analog.sandbox import SandboxScene
 from polarsim.geometry.lens import Lens
 from polarsim.geometry.meshes import Mesh, join_meshes
@@ -40,7 +40,6 @@ def scan(
     sandbox_from_scanner: Pose,
     rng: np.random.Generator,
     options: AnalogOptions,
-    threads: int,
 ) -> Scan:
     """Scan the angular window from the pose of the upright scanner frame: x ahead, y left, z up."""
     step = np.radians(options.scan_step_deg)
@@ -49,14 +48,13 @@ def scan(
     up, left = np.meshgrid(tilt, pan, indexing="ij")
     rays = np.stack([np.cos(up) * np.cos(left), np.cos(up) * np.sin(left), np.sin(up)], axis=-1)
     directions = sandbox_from_scanner.rotate(rays)
-    hit = caster.first_hits(rays_from(sandbox_from_scanner.translation, directions), threads)
-    face = np.where(np.isfinite(hit["t_hit"]), hit["primitive_ids"], 0)
-    corners = scene.vertices[scene.faces[face]].astype(float)
+    hit = caster.first_hits(sandbox_from_scanner.translation, directions)
+    corners = scene.vertices[scene.faces[hit.face]].astype(float)
     facing = np.cross(corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :])
     facing /= np.maximum(np.linalg.norm(facing, axis=-1, keepdims=True), 1e-12)
     cosine = np.abs(np.einsum("...k,...k->...", facing, directions))
-    albedo = scene.albedo_of_face[face]
-    distance = np.where(hit["t_hit"] < _MAX_RANGE_M, hit["t_hit"], np.nan).astype(float)
+    albedo = scene.albedo_of_face[hit.face]
+    distance = np.where(hit.distance < _MAX_RANGE_M, hit.distance, np.nan).astype(float)
     distance = _mixed(distance, rng, options.mixed_pixels)
     distance[rng.random(distance.shape) < _lost(cosine, albedo)] = np.nan
     distance += rng.normal(0, options.range_noise_mm / 1000, distance.shape)
@@ -102,8 +100,8 @@ def range_map(surfaces: Sequence[tuple[np.ndarray, np.ndarray]], grid: Lens, thr
     """Return the surface point (h, w, 3) float32 at each pixel, rectified left frame; NaN without surface."""
     whole = join_meshes([Mesh(*surface) for surface in surfaces])
     directions = grid.pixel_directions().astype(np.float32)
-    hit = RayCaster(whole.vertices, whole.faces).first_hits(rays_from(np.zeros(3), directions), threads)
-    depth = np.where(np.isfinite(hit["t_hit"]), hit["t_hit"], np.nan)
+    hit = RayCaster(whole.vertices, whole.faces, threads).first_hits(np.zeros(3), directions)
+    depth = np.where(hit.is_hit, hit.distance, np.float32(np.nan))
     return np.round(depth[..., None] * directions / np.float32(_STEP_M)) * np.float32(_STEP_M)
 
 

@@ -28,8 +28,11 @@ class AnalogTerrain:
     stations: Stations
 
 
-def build_terrain(site: Site, terrain: Terrain, options: AnalogOptions) -> AnalogTerrain:
-    """Generate the sand, the rocks, the surrounding box, the tripod poses and the lamps of a terrain."""
+def build_terrain(site: Site, terrain: Terrain, options: AnalogOptions, threads: int = 1) -> AnalogTerrain:
+    """Generate the sand, the rocks, the surrounding box, the tripod poses and the lamps of a terrain.
+
+    `threads`: number of threads of the ray caster.
+    """
     (preset, original), seed, sandbox = preset_of(site, terrain), options.seed, site.sandbox_of(terrain)
     step = options.ground_step_mm / 1000
     ground = make_ground(preset, sandbox.half_width_m, step, generator(seed, "ground", original))
@@ -41,4 +44,4 @@ def build_terrain(site: Site, terrain: Terrain, options: AnalogOptions) -> Analo
     ground = pile_sand(ground, generator(seed, "piles", original), points[in_sand, :2], radii[in_sand])
     rng = generator(seed, "box", terrain)
     scene = build_scene(sandbox, Hall.of(site), ground, rocks, options.rock_detail, rng)
-    return AnalogTerrain(terrain, scene, scene.caster(), make_stations(site, terrain, options))
+    return AnalogTerrain(terrain, scene, scene.caster(threads), make_stations(site, terrain, options))

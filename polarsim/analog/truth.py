@@ -9,7 +9,7 @@ import pandas as pd
 
 from polarsim.analog.ground import HeightField
 from polarsim.analog.options import AnalogOptions
-from polarsim.analog.rays import RayCaster, rays_from
+from polarsim.analog.rays import RayCaster
 from polarsim.analog.rocks import SimulatedRock, icosphere
 from polarsim.analog.sandbox import HALL_OBJECT
 from polarsim.analog.terrain import AnalogTerrain
@@ -75,8 +75,8 @@ def _volume(rock: SimulatedRock, ground: HeightField, faces: np.ndarray) -> floa
     heights = []
     for start, down in ((high[2] + 0.1, -1.0), (low[2] - 0.1, 1.0)):
         origins = np.stack([x, y, np.full_like(x, start)], axis=-1)
-        hit = caster.first_hits(rays_from(origins, np.broadcast_to([0.0, 0.0, down], origins.shape)), 1)
-        heights.append(start + down * hit["t_hit"])
+        hit = caster.first_hits(origins, np.broadcast_to([0.0, 0.0, down], origins.shape))
+        heights.append(start + down * hit.distance)
     top, bottom = heights
     solid = np.isfinite(top) & np.isfinite(bottom)
     column = top[solid] - np.maximum(bottom[solid], ground.height_at(x[solid], y[solid]))

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from polarsim.analog.rays import RayCaster, lengths, rays_from
+from polarsim.analog.rays import FirstHits, RayCaster, lengths
 from polarsim.analog.sandbox import HALL_OBJECT, SandboxScene, SurfaceMaterial
 from polarsim.geometry.camera import Camera
 from polarsim.geometry.lens import HALF_PIXEL, Lens
@@ -86,7 +86,7 @@ def strips(height: int, rows: int = 152) -> Iterator[slice]:
         yield slice(start, min(start + rows, height))
 
 
-def render_gbuffer(scene: SandboxScene, caster: RayCaster, textures: Textures, camera: Camera, threads: int) -> GBuffer:
+def render_gbuffer(scene: SandboxScene, caster: RayCaster, textures: Textures, camera: Camera) -> GBuffer:
     """Cast a ray through every pixel of a camera and return the surface attributes."""
     directions = lens_directions(camera.lens)
     height, width = camera.lens.shape
@@ -100,7 +100,7 @@ def render_gbuffer(scene: SandboxScene, caster: RayCaster, textures: Textures, c
     centre = camera.centre.astype(np.float32)
     for rows in strips(height):
         rotated = directions[rows] @ rotation.T
-        hit = caster.first_hits(rays_from(centre, rotated), threads)
+        hit = caster.first_hits(centre, rotated)
         for name, values in _surface(scene, textures, hit, rotated, centre, camera.lens.fx).items():
             parts[name][rows] = values
     return GBuffer(camera.centre, **parts)
@@ -109,14 +109,14 @@ def render_gbuffer(scene: SandboxScene, caster: RayCaster, textures: Textures, c
 def _surface(
     scene: SandboxScene,
     textures: Textures,
-    hit: dict[str, np.ndarray],
+    hit: FirstHits,
     rotated: np.ndarray,
     centre: np.ndarray,
     focal: float,
 ) -> dict[str, np.ndarray]:
-    distance = np.where(np.isfinite(hit["t_hit"]), hit["t_hit"], 20.0).astype(np.float32)
-    face = np.where(np.isfinite(hit["t_hit"]), hit["primitive_ids"], 0).astype(np.int32)
-    weights = hit["primitive_uvs"]
+    missed = ~hit.is_hit
+    distance = np.where(missed, np.float32(20.0), hit.distance)
+    face, weights = hit.face, hit.weights
     points = centre + distance[..., None] * rotated
     corners = scene.faces[face]
     second, third = weights[..., :1], weights[..., 1:]
@@ -128,7 +128,6 @@ def _surface(
     material = scene.material[face]
     footprint = distance * lengths(rotated) / np.float32(focal)
     albedo, bumpy = _textured(scene, textures, face, points, normals, material, footprint)
-    missed = ~np.isfinite(hit["t_hit"])
     objects = np.where(missed, HALL_OBJECT, scene.object_of_face[face])
     return {
         "points": points, "normals": bumpy, "albedo": np.where(missed, 0, albedo), "gloss": scene.gloss_of_face[face],

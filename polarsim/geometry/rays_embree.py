@@ -4,7 +4,7 @@ Open3D's `RaycastingScene`, which also uses Embree, casts the camera rays of a 2
 as fast (0.33 s on one thread), but needs 2.8 times as long for the shadow rays to a lamp (0.43 instead of 0.15 s, five
 lamps per view), because rays cannot have a minimum distance and origins must be moved. Its distances differ in the last
 bit for 171,125 of 1.8 million rays. It also has no masks and no movable parts. The analog and `scoring.surface` use
-Open3D for closest points and signed distances, which this interface does not provide.
+Open3D for signed distances and closest points, which this interface does not provide.
 
 Scenes that change little from image to image, such as the ground under a rover's wheels, need not be built again: in a
 `MovableScene`, only the trees of moved parts and the tree over all parts are rebuilt.

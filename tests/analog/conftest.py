@@ -45,4 +45,4 @@ def ball_view(ball_scene, ball_caster, small_lens):
     """View of the ball from position A with a small camera."""
     pose = camera_pose(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(25))
     textures = make_textures(np.random.default_rng(2))
-    return render_gbuffer(ball_scene, ball_caster, textures, Camera(pose, small_lens), 1)
+    return render_gbuffer(ball_scene, ball_caster, textures, Camera(pose, small_lens))

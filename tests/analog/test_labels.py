@@ -23,8 +23,8 @@ def test_the_region_of_a_rock_is_its_tight_box(ball_view):
 
 
 def test_a_cast_shadow_is_the_sand_whose_rays_to_the_lamp_hit_the_rock(ball_scene, ball_caster, ball_view, rng):
-    seen = visibility(ball_view, ball_caster, LAMP, rng, 1)
-    (region,) = shadow_regions(ball_scene, ball_caster, ball_scene.rock_caster(), ball_view, LAMP, seen, 1)
+    seen = visibility(ball_view, ball_caster, LAMP, rng)
+    (region,) = shadow_regions(ball_scene, ball_caster, ball_scene.rock_caster(), ball_view, LAMP, seen)
     x0, y0, x1, y1 = region.box
     points = ball_view.points[y0:y1, x0:x1][region.mask]
     to_lamp = LAMP.position - points
@@ -41,9 +41,9 @@ def test_a_cast_shadow_is_the_sand_whose_rays_to_the_lamp_hit_the_rock(ball_scen
 
 def test_sand_shaded_by_a_wall_and_scenes_without_rocks_have_no_rock_shadow(ball_scene, ball_caster, ball_view, rng):
     low = DiscLamp(np.array([0.0, 3.5, 0.34]), np.zeros(3), 0.03)  # below the wall top of 0.31: all sand is shaded
-    seen = visibility(ball_view, ball_caster, low, rng, 1)
+    seen = visibility(ball_view, ball_caster, low, rng)
     for rocks in (ball_scene.rock_caster(), None):
-        assert shadow_regions(ball_scene, ball_caster, rocks, ball_view, low, seen, 1) == []
+        assert shadow_regions(ball_scene, ball_caster, rocks, ball_view, low, seen) == []
 
 
 def test_contrast_is_the_difference_to_the_surroundings():

@@ -71,7 +71,7 @@ def test_pixels_of_a_view_project_back_to_themselves(ball_view, small_lens):
 
 
 def test_the_shadow_of_a_ball_agrees_with_geometry(ball_view, ball_caster, rng):
-    seen = visibility(ball_view, ball_caster, LAMP, rng, 1)
+    seen = visibility(ball_view, ball_caster, LAMP, rng)
     sand = (ball_view.objects == GROUND_OBJECT) & (np.abs(ball_view.points[..., :2]).max(axis=-1) < 1)
     to_lamp = LAMP.position - ball_view.points
     to_lamp /= np.linalg.norm(to_lamp, axis=-1, keepdims=True)
@@ -88,7 +88,7 @@ def test_the_shadow_of_a_ball_agrees_with_geometry(ball_view, ball_caster, rng):
 def test_a_wider_lamp_makes_a_softer_shadow(ball_view, ball_caster):
     def half_lit(radius):
         lamp = DiscLamp(LAMP.position, LAMP.target, radius)
-        seen = visibility(ball_view, ball_caster, lamp, np.random.default_rng(1), 1)
+        seen = visibility(ball_view, ball_caster, lamp, np.random.default_rng(1))
         sand = (ball_view.objects == GROUND_OBJECT) & (np.abs(ball_view.points[..., :2]).max(axis=-1) < 1)
         return ((seen > 0.2) & (seen < 0.8) & sand).sum()
 
@@ -97,18 +97,18 @@ def test_a_wider_lamp_makes_a_softer_shadow(ball_view, ball_caster):
 
 def test_sand_in_shadow_gets_light_from_walls_and_rocks(ball_scene, ball_caster, ball_view, rng, monkeypatch):
     monkeypatch.setattr("polarsim.analog.bounce._BOUNCE_RAYS", 12)
-    bounce = gather_bounce(ball_scene, ball_caster, {"lamp": LAMP}, rng, 1)
+    bounce = gather_bounce(ball_scene, ball_caster, {"lamp": LAMP}, rng)
     indirect = bounce.at(ball_scene, ball_view, [AMBIENT, "lamp"])["lamp"]
-    lit = direct(ball_view, LAMP, visibility(ball_view, ball_caster, LAMP, rng, 1))
+    lit = direct(ball_view, LAMP, visibility(ball_view, ball_caster, LAMP, rng))
     sand = ball_view.objects == GROUND_OBJECT
     assert (indirect[sand] > 0).mean() > 0.99
     assert 0.002 < np.median(indirect[sand]) / np.median(lit[sand]) < 0.3
     assert (bounce.vectors[AMBIENT] != 0).any()
 
 
-def test_a_view_does_not_depend_on_threads(ball_scene, ball_caster, ball_view, small_lens):
+def test_a_view_does_not_depend_on_threads(ball_scene, ball_view, small_lens):
     pose = camera_pose(np.array([3.5, 0.0, 1.5]), np.pi, np.radians(25))
     textures = make_textures(np.random.default_rng(2))
-    again = render_gbuffer(ball_scene, ball_caster, textures, Camera(pose, small_lens), 2)
+    again = render_gbuffer(ball_scene, ball_scene.caster(threads=2), textures, Camera(pose, small_lens))
     np.testing.assert_array_equal(again.points, ball_view.points)
     np.testing.assert_array_equal(again.albedo, ball_view.albedo)

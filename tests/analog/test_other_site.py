@@ -100,13 +100,13 @@ def test_rocks_are_in_the_whole_rectangle(made):
 def test_a_side_without_wall_is_open_and_walls_have_the_heights_of_the_site():
     site = other_site()
     scene = build_terrain(site, "yard-a", OPTIONS).scene
-    down = np.array([[x, y, 1.0, 0, 0, -1.0] for x, y in ((1.55, 0), (-1.55, 0), (0, 3.05), (0, -3.05))], np.float32)
-    tops = 1.0 - scene.caster().first_hits(down, 1)["t_hit"]
+    above = np.array([[x, y, 1.0] for x, y in ((1.55, 0), (-1.55, 0), (0, 3.05), (0, -3.05))])
+    tops = 1.0 - scene.caster().first_hits(above, np.broadcast_to([0, 0, -1.0], above.shape)).distance
     stated = site.sandbox.walls_m
     expected = [(stated.get(side) or 0.0) for side in ("+x", "-x", "+y", "-y")]
     np.testing.assert_allclose(tops, [height + 0.01 if height else 0.0 for height in expected], atol=0.04)
-    outdoors = scene.caster().first_hits(np.array([[0, 0, 1.0, 0, 0, 1.0]], np.float32), 1)["t_hit"]
-    assert np.isinf(outdoors).all()  # lamp 135 is directional: no ceiling
+    outdoors = scene.caster().first_hits(np.array([0, 0, 1.0]), np.array([[0, 0, 1.0]]))
+    assert not outdoors.is_hit.any()  # lamp 135 is directional: no ceiling
     assert scene.vertices[:, 2].min() == pytest.approx(HALL_FLOOR)
 
 

@@ -13,7 +13,7 @@ CLEAN = {"mixed_pixels": 0.0, "range_noise_mm": 2.0, "scan_step_deg": 0.25}
 
 
 def scanned(scene, caster, **options):
-    return scanner.scan(scene, caster, SCANNER, np.random.default_rng(1), AnalogOptions(**{**CLEAN, **options}), 1)
+    return scanner.scan(scene, caster, SCANNER, np.random.default_rng(1), AnalogOptions(**{**CLEAN, **options}))
 
 
 def on_sand(points):
