@@ -27,6 +27,7 @@ _DARK_SHARE, _BLACK_SHARE = 0.05, 0.25  # of the largest value: median of a phot
 _CALIBRATION = re.compile(r"(?i).*\.(calibration|ya?ml)|(.*/)?cameras\.txt")
 _FAR = 100.0  # median distance of a cloud above which the unit is millimetres
 _RANGE_SUFFIXES = (".tif", ".tiff")
+_OF_SCAN = ("terrain", "position")  # fields in the names of scans
 _MAX_FORMS = 4  # number of different sizes or depths of images that are listed
 _MAX_DAMAGED = 3  # number of files of a pattern that are tried
 _MAX_REASONS = 5  # number of skipped files whose reasons are listed
@@ -47,6 +48,7 @@ def write_draft(folder: Path, out: Path) -> list[str]:
     form = image_form(folder, images)
     scans = find_scans(folder, [name for name in names if name not in used], fields, form)
     write_text(out, draft_text(out.stem, folder, fields, form, scans))
+    unnamed = [name for name in names if _is_cloud(name) and not _replaced(name, fields, _OF_SCAN)]
     return [
         f"{len(images)} images of {form.width} x {form.height} pixels with {form.bits} bits: {fields.pattern}",
         *(f"{field}: {', '.join(list(of)[:8])}{' ...' if len(of) > 8 else ''}" for field, of in fields.names.items()),
@@ -54,6 +56,7 @@ def write_draft(folder: Path, out: Path) -> list[str]:
         f"calibration: {scans.calibration or 'none found'}",
         *_skipped(scans.skipped),
         *_unused([name for name in all_images if name not in used]),
+        *_unnamed(unnamed),
         *fields.notes,
         f"{out}: replace FILL_IN, then: {shlex.join(['polarsim', 'check-site', str(out), '--root', str(folder)])}",
     ]
@@ -62,6 +65,16 @@ def write_draft(folder: Path, out: Path) -> list[str]:
 def _unused(images: Sequence[str]) -> list[str]:
     """Return a line on images with another suffix or in another number of folders, such as range maps."""
     return [f"images without this pattern: {len(images)}, such as {images[0]}"] if images else []
+
+
+def _unnamed(clouds: Sequence[str]) -> list[str]:
+    """Return a line on clouds whose names do not contain the texts of terrain and position in the photos."""
+    return [f"clouds without terrain and position in their names: {len(clouds)}, such as {clouds[0]}"] if clouds else []
+
+
+def _is_cloud(name: str) -> bool:
+    """Return whether a file is a cloud by its suffix; texts may have any content."""
+    return name.lower().endswith(CLOUD_SUFFIXES) and not name.lower().endswith(".txt")
 
 
 def _skipped(errors: Sequence[PolarsimError]) -> list[str]:
@@ -142,7 +155,7 @@ def _readable(
     """
     patterns: dict[str, list[str]] = {}
     for name in names:
-        if pattern := _replaced(name, fields, ("terrain", "position")):
+        if pattern := _replaced(name, fields, _OF_SCAN):
             patterns.setdefault(pattern, []).append(name)
     for pattern, files in sorted(patterns.items(), key=lambda item: -len(item[1])):
         for name in files[:_MAX_DAMAGED]:

@@ -27,6 +27,7 @@ _MIN_ANGLE = 30  # of the largest azimuth in names that are not marked as lamps,
 _CAMERAS = [("l", "r"), ("left", "right"), ("port", "starboard")]
 _NUMBERED_CAMERAS = [("0", "1"), ("1", "2")]
 _DARK = re.compile(r"(?i)no|none|dark|off|unlit|no-?(sun|lamp|light)s?")
+_OF_LIGHT = re.compile(r"(?i)(head(light|lamp)?|flash|led|rig|rover)-?\Z")
 _OF_LAMP = re.compile(r"(?i)sun|lamp|light|az|illum")
 _OF_POSITION = re.compile(r"(?i)pos|station|tripod|stop|stand")
 _OF_EXPOSURE = re.compile(r"(?i)ms|exp|expo|exposure|t")
@@ -118,7 +119,7 @@ def _stripped(texts: list[str], folder: int) -> list[str | _Word]:
     while before and any(not re.match(r"[A-Z0-9]|(?i:on|off|left|right|l|r)\Z", text[len(before) :]) for text in texts):
         before = before[:-1]
     rest = [text[len(before) :] for text in texts]
-    after = _common_start([text[::-1] for text in rest])[::-1]
+    after = re.sub(r"\A\d+", "", _common_start([text[::-1] for text in rest])[::-1])  # 10ms and 40ms share `0ms`
     after = after if after.isalpha() and all(text[: len(text) - len(after)].isdigit() for text in rest) else ""
     return [before, _Word([text[: len(text) - len(after)] for text in rest], before, after, folder), after]
 
@@ -143,7 +144,7 @@ def _assign(layout: list[str | _Word]) -> list[str]:
             word.named = "any"
     free = [word for word in words if not word.named]
     _take(free, "camera", _is_camera)
-    _take(free, "light", lambda word: {text.lower() for text in word.values} == {"on", "off"})
+    _take(free, "light", _is_light)
     of_files = [word for word in free if _is_exposure(word)]
     stated = [word for word in of_files if _OF_EXPOSURE.fullmatch(word.after or word.before)]
     if of_files:
@@ -207,6 +208,11 @@ def _is_camera(word: _Word) -> bool:
     return pair in _CAMERAS or (pair in _NUMBERED_CAMERAS and word.before.lower().endswith(("cam", "camera")))
 
 
+def _is_light(word: _Word) -> bool:
+    values = {text.lower() for text in word.values}
+    return values == {"on", "off"} or (values == {"0", "1"} and bool(_OF_LIGHT.search(word.before)))
+
+
 def _is_exposure(word: _Word) -> bool:
     return (
         not word.named and word.folder == -1 and len(word.values) <= _MAX_EXPOSURES and all(map(_positive, word.values))
@@ -233,7 +239,7 @@ def _names(word: _Word) -> dict[str, str]:
     if word.named == "camera":
         return dict(zip("LR", word.values, strict=True))
     if word.named == "light":
-        return {text.lower(): text for text in word.values}
+        return {{"0": "off", "1": "on"}.get(text, text.lower()): text for text in word.values}
     plain = {text: plain_name(text) for text in word.values}
     chosen = {text: _key_name(word, text, name) for text, name in plain.items()}
     if len(set(chosen.values())) < len(chosen):  # two texts with the same number

@@ -83,6 +83,20 @@ def test_small_folders_are_recognised(names, fields):
     assert stated == fields
 
 
+@pytest.mark.parametrize("times", [(10, 40, 160), (10, 20), (5, 15)])
+def test_units_are_no_part_of_exposures_and_numbers_after_a_lamp_of_the_rig_are_lights(times):
+    found = find_fields(
+        [f"{t}/{a}/P{p}_cam{c}_head{lit}_{e}ms.png" for t in ("dunes", "crater") for a in ("lampE", "lampN", "dark")
+         for p in "123" for c in "01" for lit in "01" for e in times]
+    )  # fmt: skip
+    assert found.pattern == "{terrain}/{azimuth}/P{position}_cam{camera}_head{light}_{exposure_ms}ms.png"
+    assert found.names["light"] == {"off": "0", "on": "1"}
+    assert found.names["camera"] == {"L": "0", "R": "1"}
+    assert found.names["position"] == {number: number for number in "123"}
+    assert set(map(tuple, found.exposures_ms.values())) == {times}
+    assert found.notes == []
+
+
 @pytest.mark.parametrize(
     ("names", "keys", "missing"),
     [
@@ -155,6 +169,7 @@ def test_a_draft_is_accepted_when_a_person_has_filled_in_the_marked_values(polar
     png.write_png(tmp_path / "raw/overview.png", np.zeros((30, 40), np.uint8))
     damaged = min((tmp_path / "raw").rglob("*.ply"))
     damaged.write_text("damaged")
+    (tmp_path / "raw/all.ply").write_text("")
     other = tmp_path / "raw/calibration.yaml"
     other.write_text("date: 2024-05-01\n")
     draft = tmp_path / "site.yaml"
@@ -163,6 +178,7 @@ def test_a_draft_is_accepted_when_a_person_has_filled_in_the_marked_values(polar
     skipped = [line for line in result.stdout.splitlines() if line.startswith("skipped: ")]
     assert [path in line for line, path in zip(skipped, (str(damaged), str(other)), strict=True)] == [True, True]
     assert "images without this pattern: 1, such as overview.png" in result.stdout
+    assert "clouds without terrain and position in their names: 1, such as all.ply" in result.stdout
     first = polarsim("check-site", draft)
     assert first.returncode == 1
     assert all(key in first.stdout for key in ("lamps.45", "lamps.135", "sandbox.half_width_m", "rig_lamp.share"))
