@@ -109,9 +109,9 @@ class DetectorPaths(TerrainPaths):
         """Return a file of the first split and seed, which figures show."""
         return f"results/{{run}}/detect/{self.splits[0]}/seed{self.seeds[0]}/{name}"
 
-    def photos_and_twins(self) -> list[str]:
-        """Return the pictures of all terrains in every domain that detectors are compared over."""
-        twins = [domain for domain in self.domains if domain != self.config.photo_domain]
+    def photos_and_twins(self, domains: Sequence[str]) -> list[str]:
+        """Return the tables of photos, and the folders of twins of all terrains in some domains."""
+        twins = [domain for domain in domains if domain != self.config.photo_domain]
         return [f"results/{self.run}/acquire/Terrain{terrain}/photos.parquet" for terrain in self.terrains] + [
             f"results/{self.run}/renders/{model}/Terrain{terrain}" for model in twins for terrain in self.terrains
         ]

@@ -100,6 +100,13 @@ def test_stages_are_targets_and_options_add_jobs_and_inputs(dry_run, tmp_path):
     assert not {"fit_light", "fit_materials", "score_materials", "publish_run"} & set(planned(demo))
 
 
+def test_figures_of_twins_read_the_twins_of_models_without_detectors(dry_run):
+    config = ("render={models: [principled, hapke, fitted]}", "detect={run: false}")
+    done = dry_run("results/demo/figures/opposition.png", *DEMO, "--config", *config)
+    (pictures,) = re.findall(r"rule draw_opposition:\n +input: (.*)", done.stdout + done.stderr)
+    assert pictures.count("renders/fitted/Terrain") == pictures.count("renders/hapke/Terrain") == 4
+
+
 def test_the_ablation_renders_every_component_per_terrain_and_trains_two_detectors(dry_run):
     files = ("--configfile", "config/config.yaml", "config/overlays/gap.yaml")
     done = dry_run("gap", *files)

@@ -113,7 +113,7 @@ rule draw_opposition:
     """Photo and twins at the smallest and the largest phase angle."""
     input:
         cameras=of_run("results/{run}/cameras/Terrain{terrain}", terrain=TERRAINS),
-        pictures=PATHS.photos_and_twins(),
+        pictures=PATHS.photos_and_twins(MODELS),
     output:
         figure=shown(
             "results/{run}/figures/opposition.png", "Photos and twins", terrain="nearest", position="opposition effect"
@@ -162,7 +162,7 @@ rule draw_detections:
             for domain in DOMAINS
         ],
         labels=[path for domain in DOMAINS for path in PATHS.labels(domain)],
-        pictures=PATHS.photos_and_twins(),
+        pictures=PATHS.photos_and_twins(DOMAINS),
     output:
         seen=detector_figures("seen", "photo and twins"),
         gap_rocks=detector_figures("gap_rocks", "rocks"),
