@@ -8,7 +8,7 @@ points of the ground that two positions measure determine both.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -53,11 +53,15 @@ def correct_calibration(
 ) -> tuple[StereoRig, dict[str, Pose]]:
     """Return the corrected rig and poses; the pose of the first position is fixed.
 
+    The length of the baseline is kept: it scales the scene, which no photo shows, and a shorter baseline reduces all
+    differences in metres.
+
     `features`: matched features of each position. `crossings`: by the names of both positions.
     `level_from_left`: start of the poses; positions without crossings keep their pose.
     """
     free = sorted({name for pair in crossings for name in pair})[1:]
     of_rig = REPEATABILITY.scale(rig.left.width)
+    baseline = float(np.linalg.norm(rig.left_from_right.translation))
     scale = np.concatenate([of_rig, *(POSE_SD for _ in free)])
 
     def unpacked(unknowns: np.ndarray) -> tuple[StereoRig, dict[str, Pose]]:
@@ -66,7 +70,7 @@ def correct_calibration(
         for number, name in enumerate(free):
             part = change[len(of_rig) + 6 * number :][:6]
             poses[name] = poses[name] @ Pose.from_rotvec(part[:3], part[3:])
-        return changed_rig(rig, change[: len(of_rig)]), poses
+        return _with_baseline(changed_rig(rig, change[: len(of_rig)]), baseline), poses
 
     def residuals(unknowns: np.ndarray) -> np.ndarray:
         changed, poses = unpacked(unknowns)
@@ -82,6 +86,13 @@ def correct_calibration(
 
     solution = least_squares(residuals, np.zeros(len(scale)), max_nfev=50).x
     return unpacked(solution)
+
+
+def _with_baseline(rig: StereoRig, baseline: float) -> StereoRig:
+    """Return a rig with a baseline of another length, metres, in the same direction."""
+    translation = rig.left_from_right.translation
+    scaled = translation * (baseline / float(np.linalg.norm(translation)))
+    return replace(rig, left_from_right=Pose(rig.left_from_right.rotation, scaled))
 
 
 def _limited(off: np.ndarray) -> np.ndarray:

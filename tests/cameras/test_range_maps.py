@@ -143,6 +143,18 @@ def test_ground_from_two_positions_corrects_principal_point_and_poses(stations):
     assert np.degrees(angle_between(relative, true)) < 0.06
 
 
+def test_matching_errors_do_not_shorten_the_baseline(stations):
+    rng = np.random.default_rng(0)
+    points = np.column_stack([rng.uniform(-1, 1, (300, 2)), np.zeros(300)])
+    pixels = {name: stereo_pixels(TRUE, pose, points) for name, pose in stations.items()}
+    noisy = [StereoPixels(of.left + rng.normal(0, 3, (300, 2)), of.right) for of in pixels.values()]
+    rig, _ = correct_calibration(TRUE, [], {("A", "C"): Crossing(*noisy)}, stations)
+    assert rig != TRUE
+    assert np.linalg.norm(rig.left_from_right.translation) == pytest.approx(
+        np.linalg.norm(TRUE.left_from_right.translation), rel=1e-12
+    )
+
+
 def test_epipolar_lines_correct_the_height_of_a_principal_point(stations):
     points = np.random.default_rng(0).uniform([-1, -1, 0], [1, 1, 0.3], (300, 3))
     pixels = stereo_pixels(TRUE, stations["A"], points)
