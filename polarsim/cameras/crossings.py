@@ -13,6 +13,7 @@ from polarsim.geometry.contrast import local_contrast
 from polarsim.geometry.poses import Pose
 from polarsim.geometry.stereo import StereoRig
 
+SPACING_CELL = 0.04  # metres: grid on which the spacing of points is averaged
 MARGIN = 0.1  # width of the orthophotos beyond the border of the sand, metres
 CONTRAST_CELLS = 4.0  # standard deviation of the window of local contrast
 HALF_WINDOW, STEP_CELLS = 10, 5  # half size of a matched window, and distance of neighbouring windows, cells
@@ -27,6 +28,31 @@ class Ortho:
     height: np.ndarray  # metres, NaN in empty cells
     patterns: np.ndarray  # (rows, columns, lamps) float32
     reach: np.ndarray  # (2,) half widths along x and y, metres
+
+
+def point_spacing(seen: RangePoints, level_from_left: Pose, half: np.ndarray) -> np.ndarray:
+    """Return the mean distance in plan between points of neighbouring rows, in the cells of a map, metres.
+
+    Rows are farther apart on the ground than columns. NaN in cells without points; `half` as in `orthophotos`.
+    """
+    points = level_from_left.apply(seen.points_left)[..., :2]
+    spacing = np.linalg.norm(points[1:] - points[:-1], axis=-1)
+    columns, rows = np.ceil(2 * half / SPACING_CELL).astype(int)
+    known = np.isfinite(spacing) & (np.abs(points[1:]) < half).all(axis=-1)
+    column, row = np.floor((points[1:][known] + half) / SPACING_CELL).astype(int).T
+    number = row * columns + column
+    count = np.bincount(number, minlength=rows * columns)
+    total = np.bincount(number, spacing[known], rows * columns)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan).reshape(rows, columns)
+
+
+def common_spacing(fixed: np.ndarray, moving: np.ndarray) -> float | None:
+    """Return the median of the larger spacing where both maps of `point_spacing` have points; None without such cells.
+
+    With cells of this size, half of the common ground has points of both positions in every cell.
+    """
+    larger = np.maximum(fixed, moving)
+    return float(np.nanmedian(larger)) if np.isfinite(larger).any() else None
 
 
 def orthophotos(seen: RangePoints, level_from_left: Pose, cell: float, half: np.ndarray) -> Ortho:
@@ -104,15 +130,17 @@ def find_crossing(
     pair: tuple[str, str],
     rig: StereoRig,
     poses: Mapping[str, Pose],
-    cell: float,
     reach: float,
     half: np.ndarray,
 ) -> Crossing:
     """Match the ground that two positions measure; return its pixels in all four photos.
 
-    `poses`: `level_from_left` by position. `cell`, `reach`, `half` (2,): of `orthophotos` and `match_orthophotos`,
-    metres.
+    `poses`: `level_from_left` by position. `reach`, `half` (2,): of `match_orthophotos` and `orthophotos`, metres.
     """
+    cell = common_spacing(*(point_spacing(seen[name], poses[name], half) for name in pair))
+    if cell is None:
+        nothing = StereoPixels(np.empty((0, 2)), np.empty((0, 2)))
+        return Crossing(nothing, nothing)
     fixed, moving = (orthophotos(seen[name], poses[name], cell, half) for name in pair)
     points = match_orthophotos(fixed, moving, cell, reach)
     return Crossing(*(_pixels(rig, poses[name].inverse().apply(part)) for name, part in zip(pair, points, strict=True)))

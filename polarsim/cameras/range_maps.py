@@ -45,7 +45,7 @@ MIN_MATCHED = 0.15  # minimum share of the pixels of a left photo that match the
 # at a position under four Suns, 99 % of all matches.
 MIN_FEATURES, MIN_FEATURE_SHARE = 100, 0.5
 MIN_CROSSINGS = 40  # minimum number of matched windows of two positions
-ROUNDS = ((0.010, 0.15), (0.008, 0.04))  # cell and maximum displacement of matched orthophotos, metres
+REACHES = (0.15, 0.04)  # maximum displacement of matched orthophotos in each round, metres
 _CONSEQUENCES = (  # of a round without matched windows
     "; only epipolar lines correct the calibration, and distances may be off by 1%",
     " with the corrected calibration; the range maps are registered like scans",
@@ -202,12 +202,15 @@ def _calibrated_by_ground(
     Without such ground, return the rig of the round before and no poses.
     """
     poses = _registered(site, terrain, seen, area)
-    for number, (cell, reach) in enumerate(ROUNDS):
+    for number, reach in enumerate(REACHES):
         if number:
             seen = {position: measure_points(pairs[position], rig, [HALF], area.depths) for position in seen}
+            if len(poses) < len(seen):  # errors of the calibration bend the ground, so that registration refuses it
+                again = _registered(site, terrain, seen, area)
+                poses = again if len(again) > len(poses) else poses
         crossings = {}
         for pair in combinations(sorted(poses), 2):
-            crossing = find_crossing(seen, pair, rig, poses, cell, reach, area.half)
+            crossing = find_crossing(seen, pair, rig, poses, reach, area.half)
             if len(crossing.fixed.left) >= MIN_CROSSINGS:
                 crossings[pair] = crossing
         if not crossings:

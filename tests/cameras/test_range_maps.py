@@ -8,8 +8,8 @@ from scipy import ndimage
 
 from polarsim.acquire.index import photo_table
 from polarsim.cameras import range_maps
-from polarsim.cameras.crossings import Ortho, match_orthophotos
-from polarsim.cameras.disparities import FULL, HALF, StereoPhotos, _without_speckles, measure_points
+from polarsim.cameras.crossings import Ortho, common_spacing, match_orthophotos, point_spacing
+from polarsim.cameras.disparities import FULL, HALF, RangePoints, StereoPhotos, _without_speckles, measure_points
 from polarsim.cameras.range_maps import measure_ranges, possible_matches
 from polarsim.cameras.self_calibration import Crossing, StereoPixels, correct_calibration, triangulated
 from polarsim.errors import ReconstructionError
@@ -155,6 +155,18 @@ def test_matching_errors_do_not_shorten_the_baseline(stations):
     )
 
 
+def test_cells_follow_the_position_whose_points_are_farther_apart():
+    def ground(row_step, columns):
+        y, x = np.mgrid[-1:1:row_step, -1 : 1 : complex(0, columns)]
+        return RangePoints(LENS, np.stack([x, y, np.zeros_like(x)], axis=-1), [])
+
+    half = np.array([1.0, 1.0])
+    near, far = (point_spacing(ground(step, 500), Pose.identity(), half) for step in (0.006, 0.018))
+    np.testing.assert_allclose(near[np.isfinite(near)], 0.006)
+    assert common_spacing(near, far) == pytest.approx(0.018)
+    assert common_spacing(near, np.full_like(far, np.nan)) is None
+
+
 def test_epipolar_lines_correct_the_height_of_a_principal_point(stations):
     points = np.random.default_rng(0).uniform([-1, -1, 0], [1, 1, 0.3], (300, 3))
     pixels = stereo_pixels(TRUE, stations["A"], points)
@@ -204,6 +216,19 @@ def test_without_matched_ground_the_rig_of_the_round_before_is_kept(
     error = abs(rig.right.cx - rig.left.cx - TRUE.right.cx + TRUE.left.cx)
     assert error < 0.2 if corrected else rig == stated
     assert message in caplog.text
+
+
+def test_a_position_that_the_first_calibration_bends_is_registered_after_its_correction(monkeypatch, stations):
+    stations = {**stations, "B": stations["A"] @ Pose.from_rotvec(np.zeros(3), np.array([0.2, 0, 0]))}
+    points = np.random.default_rng(0).uniform([-1, -1, 0], [1, 1, 0.1], (300, 3))
+    pixels = {name: stereo_pixels(TRUE, pose, points) for name, pose in stations.items()}
+    registrations = iter([{name: stations[name] for name in "AC"}, stations])
+    monkeypatch.setattr(range_maps, "_registered", lambda *_: next(registrations))
+    monkeypatch.setattr(range_maps, "measure_points", lambda *_: None)
+    monkeypatch.setattr(range_maps, "find_crossing", lambda _, pair, *__: Crossing(*(pixels[name] for name in pair)))
+    photos = dict.fromkeys(stations)
+    _, poses = range_maps._calibrated_by_ground(polar(), 3, TRUE, TRUE, photos, pixels, photos, AREA)
+    assert sorted(poses) == ["A", "B", "C"]
 
 
 def test_a_terrain_without_stereo_photos_is_an_error_with_the_table(tmp_path):
