@@ -78,8 +78,12 @@ def refine_cameras(
     pictures = best_pictures(terrain, photos) if photos is not None and options.scales else {}
     suns: dict[str, np.ndarray] = {}
     walls: Walls | None = None
+    name = f"terrain {terrain_text(terrain)}"
+    if photos is not None and options.scales and not pictures:
+        log.warning("%s: no well exposed photo under a Sun lamp with the rover light off: poses, lamps and walls are "
+                    "not refined", name)  # fmt: skip
     if any(view[0] in localised and not localised[view[0]].unproven for view in pictures):
-        name, surface = f"terrain {terrain_text(terrain)}", surface_of(mesh)
+        surface = surface_of(mesh)
         localised = _add_by_features(name, localised, surface, pictures)
         shown = {view: of for view, of in pictures.items() if view[0] in localised and not localised[view[0]].unproven}
         localised, suns = _refine(site, terrain, localised, surface, shown, options)
@@ -87,9 +91,7 @@ def refine_cameras(
             suns, walls = _refine_by_wall_shadows(site, terrain, mesh, photos, localised, suns)
     elif covers is not None and mesh.walls is not None:
         lamp_positions = lamps.surveyed_suns(localised, site, terrain)
-        _, walls = refine_by_wall_shadows(
-            f"terrain {terrain_text(terrain)}", terrain, mesh, covers, localised, lamp_positions, site, set(), drawn
-        )
+        _, walls = refine_by_wall_shadows(name, terrain, mesh, covers, localised, lamp_positions, site, set(), drawn)
     with writing_folder(cameras) as folder:
         for path in located.iterdir():
             if path.is_file():

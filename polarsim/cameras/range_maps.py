@@ -82,7 +82,10 @@ def measure_ranges(
     pictures = best_pictures(terrain, photos)
     pairs = _read_pairs(terrain, pictures, rig)
     if not pairs:
-        raise ReconstructionError("no position has a left and a right photo under the same Sun lamp", path=photos)
+        raise ReconstructionError(
+            "no position has a well exposed left and right photo under the same Sun lamp, with the rover light off",
+            path=photos,
+        )
     features = {position: _matched_features(pictures, position, rig, area) for position in pairs}
     for position in [position for position, pixels in features.items() if not len(pixels.left)]:
         log.warning(

@@ -11,7 +11,7 @@ import numpy as np
 from polarsim.errors import PolarsimError
 from polarsim.formats import png
 from polarsim.geometry.lens import Lens
-from polarsim.photo import WHITE_LEVEL, PositionCamera, Terrain, terrain_text
+from polarsim.photo import WHITE_LEVEL, PhotoKey, PositionCamera, Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.run_files.pictures import pictures_at
 from polarsim.run_files.rigs import LocalisedRig
@@ -31,9 +31,11 @@ def best_pictures(terrain: Terrain, photos: Path) -> BestPhotos:
     Parameters
     ----------
     photos : Path
-        `photos.parquet`. Unreadable photos are skipped with a warning.
+        `photos.parquet`. Unreadable photos, and views and lamps without a well exposed photo, are skipped with a
+        warning.
     """
     best: dict[tuple[PositionCamera, str], tuple[float, Path]] = {}
+    badly_exposed: dict[tuple[PositionCamera, str], PhotoKey] = {}  # a photo of each view and lamp without a better one
     for key, path in track(sorted(pictures_at(photos).items()), f"photos of terrain {terrain_text(terrain)}"):
         if key.terrain != terrain or key.light == "on" or not key.has_sun:
             continue
@@ -46,6 +48,14 @@ def best_pictures(terrain: Terrain, photos: Path) -> BestPhotos:
         group = ((key.position, key.camera), key.azimuth)
         if usable > max(_MIN_USABLE, best[group][0] if group in best else 0.0):
             best[group] = usable, path
+        badly_exposed.setdefault(group, key)
+    badly_exposed = {group: key for group, key in badly_exposed.items() if group not in best}
+    if badly_exposed:
+        log.warning(
+            "terrain %s: %d of %d views under a Sun lamp have only dark or saturated photos, %s for example: not used "
+            "for the cameras", terrain_text(terrain), len(badly_exposed), len(badly_exposed) + len(best),
+            min(badly_exposed.values()),
+        )  # fmt: skip
     pictures: dict[PositionCamera, dict[str, Path]] = {}
     for (view, azimuth), (_, path) in sorted(best.items()):
         pictures.setdefault(view, {})[azimuth] = path

@@ -178,6 +178,24 @@ def test_without_photos_poses_are_not_changed(photographed, tmp_path):
         assert_same_files(tmp_path / name)
 
 
+@pytest.mark.parametrize("grey", [WHITE_LEVEL, BLACK_LEVEL], ids=["saturated", "black"])
+def test_photos_without_a_well_exposed_pixel_change_no_pose_and_the_reason_is_a_warning(
+    photographed, tmp_path, caplog, grey
+):
+    lens = TRUE.rig.left
+    paths = [tmp_path / "photos" / f"13_A_off_30_{camera}_0256.png" for camera in "LR"]
+    for path in paths:
+        png.write_png(path, np.full((lens.height, lens.width), grey, np.uint16))
+    rows = [{"key": path.stem, "path": str(path)} for path in paths]
+    pd.DataFrame(rows).to_parquet(tmp_path / "photos.parquet")
+    with caplog.at_level(logging.WARNING):
+        localised = refine(photographed, tmp_path, {"A": LOCATED}, photos=tmp_path / "photos.parquet")
+    assert localised["A"].method == "scans"
+    assert_same_files(tmp_path)
+    assert "13_A_off_30_L_0256" in caplog.text
+    assert "not refined" in caplog.text
+
+
 def test_a_surveyed_pose_is_not_refined(photographed, tmp_path):
     localised = refine(photographed, tmp_path, {"A": replace(LOCATED, method="survey")})
     assert localised["A"].method == "survey"
