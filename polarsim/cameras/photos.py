@@ -19,7 +19,7 @@ import numpy as np
 
 from polarsim.cameras.adjust import REPEATABILITY, Adjustment, MatchedPoints, Priors, adjust, offsets_px
 from polarsim.cameras.features import localise_by_features
-from polarsim.cameras.lamps import LampView, lamp_views, offset_text, refine_lamp
+from polarsim.cameras.lamps import LampView, lamp_views, lamps_elsewhere, offset_text, refine_lamp
 from polarsim.cameras.options import RefinementOptions
 from polarsim.cameras.rounding import rounded, rounded_metrics, rounded_rig
 from polarsim.cameras.shading import MeshSurface, cast_view, surface_of
@@ -86,9 +86,15 @@ def refine_cameras(
         surface = surface_of(mesh)
         localised = _add_by_features(name, localised, surface, pictures)
         shown = {view: of for view, of in pictures.items() if view[0] in localised and not localised[view[0]].unproven}
+        elsewhere = _lamps_elsewhere(site, terrain, localised, surface, shown, options)
+        shown = {
+            view: {azimuth: path for azimuth, path in of.items() if azimuth not in elsewhere}
+            for view, of in shown.items()
+            if set(of) - elsewhere
+        }
         localised, suns = _refine(site, terrain, localised, surface, shown, options)
         if photos is not None:
-            suns, walls = _refine_by_wall_shadows(site, terrain, mesh, photos, localised, suns)
+            suns, walls = _refine_by_wall_shadows(site, terrain, mesh, photos, localised, suns, elsewhere)
     elif covers is not None and mesh.walls is not None:
         lamp_positions = lamps.surveyed_suns(localised, site, terrain)
         _, walls = refine_by_wall_shadows(name, terrain, mesh, covers, localised, lamp_positions, site, set(), drawn)
@@ -129,6 +135,27 @@ def _add_by_features(
     sure = {position: one for position, one in located.items() if not one.unproven}
     unsure = {view[0] for view in pictures} - set(sure)
     return located | (localise_by_features(name, unsure, sure, surface, pictures) if unsure else {})
+
+
+def _lamps_elsewhere(
+    site: Site,
+    terrain: Terrain,
+    located: Mapping[str, LocalisedRig],
+    surface: MeshSurface,
+    pictures: BestPhotos,
+    options: RefinementOptions,
+) -> set[str]:
+    """Return the azimuths whose photos show another lamp or another scene; log a warning about each."""
+    scale = reduced_scale(options.scales[0], next(iter(located.values())).rig.left.width)
+    left = {view: of for view, of in pictures.items() if view[1] == "L"}
+    views = lamp_views(surface, located, read_all_resized(left, located, scale), scale)
+    elsewhere = lamps_elsewhere(views, lamps.surveyed_suns(located, site, terrain), WINDOW)
+    for azimuth, share in elsewhere.items():
+        log.warning(
+            "terrain %s: photos of azimuth %s show another lamp or another scene, not used for poses, lamps and walls: "
+            "they match %.0f%% of the shadow edges of the meshes", terrain_text(terrain), azimuth, 100 * share,
+        )  # fmt: skip
+    return set(elsewhere)
 
 
 def _refine(
@@ -224,14 +251,19 @@ def _refine_by_wall_shadows(
     photos: Path,
     localised: Mapping[str, LocalisedRig],
     suns: dict[str, np.ndarray],
+    elsewhere: set[str],
 ) -> tuple[dict[str, np.ndarray], Walls | None]:
-    """Return lamps and walls (None: unchanged) fitted to the shadow edges of walls in photos of refined rigs."""
+    """Return lamps and walls (None: unchanged) fitted to the shadow edges of walls in photos of refined rigs.
+
+    `elsewhere`: azimuths whose photos show another lamp.
+    """
     refined = {position: rig for position, rig in localised.items() if rig.method.endswith(_REFINED)}
     if not refined or mesh.walls is None:
         return suns, None
-    everywhere = lamps.surveyed_suns(localised, site, terrain) | suns
+    surveyed = lamps.surveyed_suns(localised, site, terrain)
+    known = {azimuth: lamp for azimuth, lamp in (surveyed | suns).items() if azimuth not in elsewhere}
     name = f"terrain {terrain_text(terrain)}"
-    moved, walls = refine_by_wall_shadows(name, terrain, mesh, photos, refined, everywhere, site, set(suns))
+    moved, walls = refine_by_wall_shadows(name, terrain, mesh, photos, refined, known, site, set(suns))
     return {**suns, **moved}, walls
 
 

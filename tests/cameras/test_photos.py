@@ -213,6 +213,27 @@ def test_photos_of_another_position_do_not_change_poses(photographed, tmp_path, 
     assert "13_A_off_180_L_0256.png" in caplog.text  # the broken photo
 
 
+def test_photos_under_another_lamp_than_named_change_no_pose_and_no_lamp(photographed, tmp_path, caplog):
+    """Photos under Sun 30 have the names of Sun 180, or of all Suns."""
+    rows = pd.read_parquet(photographed / "photos.parquet").to_dict("records")
+    renamed = [{**row, "key": row["key"].replace("_30_", "_180_")} for row in rows if "_30_" in row["key"]]
+    kept = [row for row in rows if "_270_" in row["key"]]
+    for name, chosen in {"one": kept + renamed, "all": renamed}.items():
+        pd.DataFrame(chosen).to_parquet(tmp_path / f"{name}.parquet")
+        caplog.clear()
+        with caplog.at_level(logging.WARNING):
+            found = refine(photographed, tmp_path / name, {"A": LOCATED}, photos=tmp_path / f"{name}.parquet")
+        assert "azimuth 180" in caplog.text
+        assert "azimuth 270" not in caplog.text
+        if name == "all":
+            assert_same_files(tmp_path / name)
+        else:
+            off = found["A"].sandbox_from_left.translation - TRUE.sandbox_from_left.translation
+            assert np.linalg.norm(off) < 0.0015
+            suns = read_suns(tmp_path / name / "cameras", found, polar(), 13)
+            np.testing.assert_allclose(suns["180"], surveyed_suns(found, polar(), 13)["180"])
+
+
 def test_shared_features_localise_positions(photographed, tmp_path, caplog):
     """As D to G of terrain 13: no scan, no survey, photos from nearly the same place; E only has a wrong survey."""
     stands = {
