@@ -12,7 +12,7 @@ from polarsim.errors import FormatError
 from polarsim.formats.files import read_json
 from polarsim.formats.readers import reader
 from polarsim.formats.yaml_files import describe_error
-from polarsim.photo import PhotoKey, Terrain
+from polarsim.photo import PhotoKey
 from polarsim.run_files.light_fields import read_light_fields
 from polarsim.run_files.materials import TABLE_FILE
 
@@ -24,10 +24,10 @@ class FittedPhotos:
     """Selection of photos of a terrain by Sun azimuth and position, of both cameras and all exposures."""
 
     azimuths: frozenset[str]
-    positions: frozenset[str] | None = None  # None: all positions
+    positions: frozenset[str]
 
     def includes(self, key: PhotoKey) -> bool:
-        return key.azimuth in self.azimuths and (self.positions is None or key.position in self.positions)
+        return key.azimuth in self.azimuths and key.position in self.positions
 
 
 class _Materials(BaseModel, extra="ignore"):
@@ -42,7 +42,7 @@ class _Ground(BaseModel, extra="ignore"):
 
 
 def read_fits(
-    terrain: Terrain, domains: Collection[str], materials: Path | None, light: Path | None, meshes: Path
+    domains: Collection[str], materials: Path | None, light: Path | None, meshes: Path
 ) -> dict[str, list[FittedPhotos]]:
     """Return the photos of a terrain that took part in fits of the twins of each domain, by domain.
 
@@ -53,8 +53,8 @@ def read_fits(
     for domain, fit in (read_photos_of_materials(materials) if materials else {}).items():
         by_domain.setdefault(domain, []).append(fit)
     for domain, fields in (read_light_fields(light) if light else {}).items():
-        azimuths = frozenset(azimuth for azimuth, field in fields.items() if terrain in field.terrains)
-        by_domain.setdefault(domain, []).append(FittedPhotos(azimuths))
+        fits = [FittedPhotos(frozenset({azimuth}), frozenset(field.positions)) for azimuth, field in fields.items()]
+        by_domain.setdefault(domain, []).extend(fits)
     return by_domain
 
 

@@ -29,6 +29,7 @@ class FittedField(BaseModel, extra="forbid", frozen=True):
 
     coefficients: tuple[FiniteFloat, ...]
     terrains: tuple[Terrain, ...]  # terrains whose photos are fitted
+    positions: tuple[str, ...]  # positions of the terrain of the file whose photos are fitted
     held_out_stops: dict[str, float] = {}  # even, inverse_square, field
 
 

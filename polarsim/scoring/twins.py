@@ -74,7 +74,7 @@ def score_twins(
         photos_to_compare(terrain, photos, covers, drawn, instances, site.usual_exposure_ms),
         {model: pictures_at(folder) for model, folder in twins.items()},
         {model: pictures_at(folder) for model, folder in others.items()},
-        read_fits(terrain, twins, materials, light, meshes),
+        read_fits(twins, materials, light, meshes),
     )
     write_metrics(evaluation, "render", terrain, metrics + similarity_metrics(pairs))
     write_parquet(appearance, pairs)

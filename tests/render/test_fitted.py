@@ -166,7 +166,7 @@ def test_the_fitted_domain_stands_beside_models_whose_twins_keep_their_bytes(fol
 
 
 def test_light_fields_apply_to_fitted_twins_only(folders):
-    field = FittedField(coefficients=(1.0, *[0.0] * 8), terrains=(3,))
+    field = FittedField(coefficients=(1.0, *[0.0] * 8), terrains=(3,), positions=("A",))
     write_light_fields(folders / "light.json", {"fitted": {"30": field}})
     options = OPTIONS.model_copy(update={"models": ("principled", "fitted")})
     paths = {"principled": folders / "plain", "fitted": folders / "fitted"}

@@ -24,7 +24,7 @@ def drawn_figure(tmp_path):
         png.write_png(folders[name] / f"{KEY}.png", (BLACK_LEVEL + image).astype(np.uint16))
     paths = {name: {KEY: folder / f"{KEY}.png"} for name, folder in folders.items()}
     photo = {KEY: ComparedPhoto(paths.pop("photos")[KEY])}
-    pairs = compare_twins(photo, paths, {}, {"fitted": [FittedPhotos(frozenset({"180"}))]})
+    pairs = compare_twins(photo, paths, {}, {"fitted": [FittedPhotos(frozenset({"180"}), frozenset({"A"}))]})
     write_parquet(tmp_path / "pairs.parquet", pairs)
     figure = tmp_path / "figure.png"
     draw_before_after(

@@ -22,36 +22,37 @@ def materials(folder, models=("fitted",)):
 
 
 def test_photos_of_fitted_materials_are_those_of_the_recorded_suns_and_positions(tmp_path):
-    fits = read_fits(3, ("principled", "fitted"), materials(tmp_path), None, tmp_path)
+    fits = read_fits(("principled", "fitted"), materials(tmp_path), None, tmp_path)
     assert fits == {"principled": [], "fitted": [FittedPhotos(frozenset({"180"}), frozenset({"A"}))]}
     assert [fits["fitted"][0].includes(key) for key in KEYS] == [True, False, False]
 
 
-def test_a_light_field_is_fitted_to_the_photos_of_its_terrains_only(tmp_path):
+def test_a_light_field_is_fitted_to_the_photos_of_its_terrains_and_positions_only(tmp_path):
     path = tmp_path / "light.json"
     fields = {
-        "180": FittedField(coefficients=EVEN, terrains=(3, 11)),
-        "30": FittedField(coefficients=EVEN, terrains=(11,)),
+        "180": FittedField(coefficients=EVEN, terrains=(3, 11), positions=("A",)),
+        "30": FittedField(coefficients=EVEN, terrains=(11,), positions=()),
     }
     write_light_fields(path, {"fitted": fields})
-    assert read_fits(3, (), None, path, tmp_path) == {"fitted": [FittedPhotos(frozenset({"180"}))]}
+    fits = read_fits((), None, path, tmp_path)
+    assert [any(fit.includes(key) for fit in fits["fitted"]) for key in KEYS] == [True, False, False]
 
 
 @pytest.mark.parametrize("refined", [True, False])
 def test_a_ground_refined_by_photos_is_part_of_the_twins_of_all_domains(tmp_path, refined):
     record = {"refined": refined, "photos": [str(KEYS[1])], "cell_mm": 5.0}
     (tmp_path / GROUND_FILE).write_text(json.dumps(record))
-    fits = read_fits(3, ("principled", "hapke"), None, None, tmp_path)
+    fits = read_fits(("principled", "hapke"), None, None, tmp_path)
     for domain in ("principled", "hapke"):
         assert [any(fit.includes(key) for fit in fits[domain]) for key in KEYS] == [False, refined, False]
 
 
 def test_failed_fits_have_no_photos(tmp_path):
-    assert read_fits(3, ("fitted",), materials(tmp_path, models=()), None, tmp_path) == {"fitted": []}
+    assert read_fits(("fitted",), materials(tmp_path, models=()), None, tmp_path) == {"fitted": []}
 
 
 @pytest.mark.parametrize("content", [{"azimuths": ["30"]}, {"models": {}, "positions": []}, []])
 def test_an_incomplete_record_is_an_error(tmp_path, content):
     (tmp_path / TABLE_FILE).write_text(json.dumps(content))
     with pytest.raises(FormatError, match=TABLE_FILE):
-        read_fits(3, ("fitted",), tmp_path, None, tmp_path)
+        read_fits(("fitted",), tmp_path, None, tmp_path)

@@ -108,11 +108,14 @@ def test_a_twin_or_mask_of_another_size_is_an_error(images, tmp_path, wrong):
     ("fits", "relation"),
     [
         ([], NOT_FITTED),
-        ([FittedPhotos(frozenset({"30", "180"}))], IN_PLACE),
-        ([FittedPhotos(frozenset({"180"}))], HELD_OUT),
+        ([FittedPhotos(frozenset({"30", "180"}), frozenset({"A", "C"}))], IN_PLACE),
+        ([FittedPhotos(frozenset({"180"}), frozenset({"A"}))], HELD_OUT),
         ([FittedPhotos(frozenset({"30"}), frozenset({"C"}))], HELD_OUT),
         ([FittedPhotos(frozenset({"30"}), frozenset({"A", "C"}))], IN_PLACE),
-        ([FittedPhotos(frozenset({"180"})), FittedPhotos(frozenset({"30"}), frozenset({"A"}))], IN_PLACE),
+        (
+            [FittedPhotos(frozenset({"180"}), frozenset({"A"})), FittedPhotos(frozenset({"30"}), frozenset({"A"}))],
+            IN_PLACE,
+        ),
     ],
 )
 def test_a_photo_is_in_place_if_it_took_part_in_any_fit(fits, relation):

@@ -15,7 +15,7 @@ import numpy as np
 
 from polarsim.formats import png
 from polarsim.geometry.light_field import EVEN, POWERS, REACH_M, relative_irradiance, terms
-from polarsim.photo import NO_ROCK, NO_SUN, Terrain
+from polarsim.photo import NO_ROCK, NO_SUN, PositionCamera, Terrain
 from polarsim.render.fitting.exposures import read_published_photo
 from polarsim.render.fitting.samples import FitSamples, Setting
 from polarsim.render.fitting.terrain import median_stops, samples_of_scene, samples_of_terrain
@@ -48,6 +48,7 @@ class PhotoOverTwin:
     ratio: np.ndarray  # (n,) natural logarithm, for a lamp without falloff
     falloff: np.ndarray  # (n,) natural logarithm of the inverse square of the distance
     view: np.ndarray  # (n,)
+    positions: tuple[str, ...]  # of the views
 
     def stops(self, field: np.ndarray | float) -> float:
         """Return `median_stops` of photo over twin; `field` (n,): logarithm of the irradiance."""
@@ -73,7 +74,7 @@ def fit_light(
     that all of them remain tests of its twins.
     """
     engine, options = reflectance_engine(options, threads), options.as_fitted()
-    found: dict[Terrain, tuple[TerrainMesh, FitSamples]] = {}
+    found: dict[Terrain, tuple[TerrainMesh, FitSamples, list[PositionCamera]]] = {}
     paths = {key: path for source in photos for key, path in pictures_at(source).items()}
     published = not all(source.suffix == ".parquet" for source in photos)
     read, held_out = (
@@ -87,13 +88,17 @@ def fit_light(
         mesh = read_terrain(meshes[terrain], terrain, sandbox, cameras=cameras[terrain])
         samples = samples_of_terrain(site, terrain, cameras[terrain], mesh, paths, options, threads, _SCALE, read)
         if samples is not None:
-            found[terrain] = mesh, samples[0] if published else samples_of_scene(terrain, samples[0], names)
+            of_scene = samples[0] if published else samples_of_scene(terrain, samples[0], names)
+            found[terrain] = mesh, of_scene, samples[1]
     found = {terrain: part for terrain, part in found.items() if len(part[1])}
     fields: dict[Terrain, dict[str, dict[str, FittedField]]] = {terrain: {} for terrain in light}
     for domain in domains:
         model = model_of(domain)
         setting = Setting(model, options.parameters(model), engine, options.model_copy(update={"falloff": False}))
-        seen = {terrain: photo_over_twin(samples, names, mesh, setting) for terrain, (mesh, samples) in found.items()}
+        seen = {
+            terrain: photo_over_twin(samples, names, mesh, setting, views)
+            for terrain, (mesh, samples, views) in found.items()
+        }
         for terrain, of_terrain in light_fields(seen, set(light), held_out, site.suns, field_reach_m(site)).items():
             fields[terrain][domain] = of_terrain
     if not any(fields[terrain].get(domain) for terrain in light for domain in domains):
@@ -104,11 +109,11 @@ def fit_light(
 
 
 def photo_over_twin(
-    samples: FitSamples, names: Sequence[str], mesh: TerrainMesh, setting: Setting
+    samples: FitSamples, names: Sequence[str], mesh: TerrainMesh, setting: Setting, views: Sequence[PositionCamera]
 ) -> dict[str, PhotoOverTwin]:
     """Return photo over twin on the ground by Sun lamp; lamps with few samples are omitted.
 
-    `names`: names of the lamps, indexed by `FitSamples.lamp`.
+    `names`, `views`: names of the lamps, and views, indexed by `FitSamples.lamp` and `FitSamples.view`.
     """
     ground = mesh.rock_of_face.take(samples.face) == NO_ROCK
     found: dict[str, PhotoOverTwin] = {}
@@ -123,7 +128,8 @@ def photo_over_twin(
             continue
         falloff = 2 * np.log(REFERENCE_DISTANCE / part.distance.astype(float))
         point = part.point[:, :2].astype(float)
-        found[name] = PhotoOverTwin(point, np.log(part.rate.astype(float) / radiance), falloff, part.view)
+        positions = tuple(sorted({views[view][0] for view in np.unique(part.view).tolist()}))
+        found[name] = PhotoOverTwin(point, np.log(part.rate.astype(float) / radiance), falloff, part.view, positions)
     return found
 
 
@@ -176,8 +182,9 @@ def light_fields(
                 field, fitted = others[terrain], tuple(other for other in parts if other != terrain)
             else:
                 continue
+            positions = parts[terrain].positions if terrain in fitted else ()
             fields[terrain][azimuth] = FittedField(
-                coefficients=field, terrains=fitted, held_out_stops=errors.get(terrain, {})
+                coefficients=field, terrains=fitted, positions=positions, held_out_stops=errors.get(terrain, {})
             )
     return fields
 

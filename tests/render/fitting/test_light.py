@@ -26,7 +26,7 @@ def brightness(seed, field=TRUE, noise=0.1, shaded=0.0, count=3000):
     ratio = np.log(relative_irradiance(field, point)) + 3 * view + noise * rng.standard_normal(count)
     ratio[rng.random(count) < shaded] -= 3
     falloff = 2 * np.log(4 / np.linalg.norm(point - [3.6, 1.4], axis=1))
-    return PhotoOverTwin(point, ratio, falloff, view)
+    return PhotoOverTwin(point, ratio, falloff, view, ("A", "C"))
 
 
 def seen(**fields):
@@ -44,10 +44,10 @@ def test_a_field_is_recovered_in_spite_of_gains_noise_and_shadows():
 def test_fields_are_shared_and_only_that_of_the_held_out_azimuth_is_without_the_photos_of_the_terrain():
     alike = light_fields(seen(t1=TRUE, t2=TRUE, t3=TRUE), {1, 2, 3}, set(), SUNS)
     assert alike[1]["30"].coefficients == alike[2]["30"].coefficients
-    assert alike[1]["30"].terrains == (1, 2, 3)
+    assert (alike[1]["30"].terrains, alike[1]["30"].positions) == ((1, 2, 3), ("A", "C"))
     others = {f"t{terrain}": TRUE for terrain in (2, 3, 4, 5)}
     held = light_fields(seen(t1=OTHER, **others), {1, 2, 3, 4, 5}, {"30"}, SUNS)
-    assert held[1]["30"].terrains == (2, 3, 4, 5)
+    assert (held[1]["30"].terrains, held[1]["30"].positions) == ((2, 3, 4, 5), ())
     same = light_fields(seen(t1=TRUE, **others), {1, 2, 3, 4, 5}, {"30"}, SUNS)
     assert held[1]["30"].coefficients == same[1]["30"].coefficients
     assert held[2]["30"].coefficients != held[1]["30"].coefficients
