@@ -145,16 +145,15 @@ def _lamps_elsewhere(
     pictures: BestPhotos,
     options: RefinementOptions,
 ) -> set[str]:
-    """Return the azimuths whose photos show another lamp or another scene; log a warning about each."""
+    """Return the azimuths whose photos show another lamp or another scene; log them in a warning."""
     scale = reduced_scale(options.scales[0], next(iter(located.values())).rig.left.width)
     left = {view: of for view, of in pictures.items() if view[1] == "L"}
     views = lamp_views(surface, located, read_all_resized(left, located, scale), scale)
     elsewhere = lamps_elsewhere(views, lamps.surveyed_suns(located, site, terrain), WINDOW)
-    for azimuth, share in elsewhere.items():
-        log.warning(
-            "terrain %s: photos of azimuth %s show another lamp or another scene, not used for poses, lamps and walls: "
-            "they match %.0f%% of the shadow edges of the meshes", terrain_text(terrain), azimuth, 100 * share,
-        )  # fmt: skip
+    if elsewhere:
+        shares = ", ".join(f"azimuth {azimuth} {share:.0%}" for azimuth, share in elsewhere.items())
+        log.warning("terrain %s: photos of other lamps or another scene, not used for poses, lamps and walls: share of "
+                    "shadow edges of the meshes that match: %s", terrain_text(terrain), shares)  # fmt: skip
     return set(elsewhere)
 
 
