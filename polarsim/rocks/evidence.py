@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,7 +13,12 @@ from polarsim.geometry.boxes import iou, largest_iou
 from polarsim.geometry.consensus import consensus_boxes, warn_mislabelled_positions
 from polarsim.run_files.rigs import LocalisedRig
 
+# Minimum share of at least as many seed boxes that match a rock. On the analog, at least 0.96 with own boxes and
+# 0.02 on terrain 1 with those of terrain 3.
+MIN_EXPLAINED, MIN_BOXES = 0.5, 5
 ANNOTATION_IOU = 0.05  # IoU per position: smaller differences between two explanations are within the annotation error
+
+log = logging.getLogger("polarsim")
 
 
 @dataclass(frozen=True)
@@ -71,6 +77,13 @@ class Evidence:
             boxes = [box for box in (self._box(position, points) for points in rocks) if box is not None]
             unmatched[position] = annotated[largest_iou(annotated, np.array(boxes)) < self.min_iou]
         return unmatched
+
+    def warn_of_other_terrain(self, name: str, rocks: Sequence[np.ndarray]) -> None:
+        """Log a warning if most seed boxes match none of the rocks, given by points (n, 3), of the terrain `name`."""
+        boxes, unmatched = (sum(map(len, parts.values())) for parts in (self.agreed, self.unexplained(rocks)))
+        if boxes >= MIN_BOXES and boxes - unmatched < MIN_EXPLAINED * boxes:
+            log.warning("%s: %d of %d seed boxes match no rock, check that seeds, photos and scans show the same "
+                        "terrain", name, unmatched, boxes)  # fmt: skip
 
     def _box(self, position: str, points: np.ndarray) -> np.ndarray | None:
         """Return the box (4,) around the visible points in a position's left photo; None without a visible point."""

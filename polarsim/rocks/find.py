@@ -89,6 +89,8 @@ def find_rocks(
     sand, regions, limits = detect_regions(sand, evidence, options)
     if from_photos:
         regions = [region for region in regions if region.confirmed]
+    rocks_found = [scanned_points(sand, region.seen) for region in regions]
+    evidence.warn_of_other_terrain(f"terrain {terrain_text(terrain)}", rocks_found)
     sand, cropped = crop_rocks(sand, regions, typed, limits.foot, np.array(sandbox.half_width_m))
     rock_of_point = rock_of_points(sand, cropped, scans, limits.foot)
     points = {rock: _by_scan(scans.select(rock_of_point == rock), localised) for rock in cropped}

@@ -105,3 +105,14 @@ def test_a_single_position_or_boxes_on_level_sand_give_no_rock(localised, low_ro
         sand, regions = looked_into(localised, low_rock, **points)
         assert regions == []
         np.testing.assert_array_equal(sand.is_ground, low_rock.is_ground)
+
+
+def test_seed_boxes_of_another_terrain_are_a_warning(localised, caplog):
+    rocks = [ball(x, y) for x, y in [(0.2, 0.1), (-0.5, 0.4), (0.6, -0.3), (-0.2, -0.7), (0.8, 0.5)]]
+    others = [ball(x, y) for x, y in [(0.7, 0.1), (-0.9, 0.3), (0.1, -0.4), (-0.7, -0.6), (0.4, 0.7)]]
+    boxes = [box(localised, "A", rock) for rock in rocks]
+    evidence(localised, A=boxes).warn_of_other_terrain("terrain 01", rocks[:4] + others)
+    evidence(localised, A=boxes[:4]).warn_of_other_terrain("terrain 01", others)  # too few boxes
+    assert not caplog.records
+    evidence(localised, A=boxes).warn_of_other_terrain("terrain 01", rocks[:1] + others)
+    assert "terrain 01: 4 of 5 seed boxes" in caplog.text
