@@ -132,6 +132,9 @@ def _read_pairs(terrain: Terrain, pictures: BestPhotos, rig: StereoRig) -> dict[
             [_light(left[azimuth], rig.left) for azimuth in azimuths],
             [_light(right[azimuth], rig.right) for azimuth in azimuths],
         )
+    if single := [position for position, photos in pairs.items() if len(photos.left) == 1]:
+        log.warning("terrain %s: photos under a single Sun lamp at %s, ground in shadow is not measured",
+                    terrain_text(terrain), ", ".join(single))  # fmt: skip
     return pairs
 
 

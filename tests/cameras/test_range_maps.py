@@ -1,8 +1,10 @@
 """Range maps from stereo photos: a textured height field with known shape, calibration and poses."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy import ndimage
 
@@ -13,7 +15,7 @@ from polarsim.cameras.disparities import FULL, HALF, RangePoints, StereoPhotos, 
 from polarsim.cameras.range_maps import measure_ranges, possible_matches
 from polarsim.cameras.self_calibration import Crossing, StereoPixels, correct_calibration, triangulated
 from polarsim.errors import ReconstructionError
-from polarsim.formats import tables
+from polarsim.formats import png, tables
 from polarsim.geometry.poses import Pose, angle_between
 from polarsim.geometry.stereo import StereoRig
 from polarsim.run_files.inventory import Inventory, write_inventory
@@ -231,9 +233,15 @@ def test_a_position_that_the_first_calibration_bends_is_registered_after_its_cor
     assert sorted(poses) == ["A", "B", "C"]
 
 
-def test_a_terrain_without_stereo_photos_is_an_error_with_the_table(tmp_path):
-    table = tmp_path / "photos.parquet"
-    tables.write_parquet(table, photo_table([]))
+@pytest.mark.parametrize("suns", [[], ["30"], ["30", "180"]], ids=len)
+def test_photos_that_share_no_features_are_an_error_with_the_table(tmp_path, caplog, suns):
+    table, rng = tmp_path / "photos.parquet", np.random.default_rng(0)
+    rows = []
+    for camera_name, sun in product("LR", suns):
+        path = tmp_path / f"03_A_off_{sun}_{camera_name}_0256.png"
+        png.write_png(path, rng.integers(900, 1100, TRUE.left.shape).astype(np.uint16))
+        rows.append({"key": path.stem, "path": str(path)})
+    tables.write_parquet(table, pd.DataFrame(rows) if rows else photo_table([]))
     write_rig(tmp_path / "calibration.json", TRUE, "stated")
     write_inventory(tmp_path / "inventory.json", Inventory(3, "files"))
     with pytest.raises(ReconstructionError) as caught:
@@ -249,3 +257,4 @@ def test_a_terrain_without_stereo_photos_is_an_error_with_the_table(tmp_path):
         )
     assert caught.value.path == table
     assert not (tmp_path / "measured.json").exists()
+    assert ("single Sun lamp at A" in caplog.text) == (len(suns) == 1)
