@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import takewhile
 from pathlib import Path
@@ -109,6 +109,14 @@ def log_text(log: Path) -> str:
 
 def logs_in(folder: Path) -> set[str]:
     return {path.name for path in (folder / LOGS).glob("*.snakemake.log")}
+
+
+def first_log(folder: Path, before: Set[str]) -> list[str]:
+    """Return a list with the name of the first log that is not among `before`, or an empty list.
+
+    Later logs belong to other calls of Snakemake in the folder.
+    """
+    return sorted(logs_in(folder) - before)[:1]
 
 
 def latest_log(folder: Path) -> list[str]:

@@ -31,7 +31,7 @@ from polarsim.running.console import showing
 from polarsim.running.durations import expected_durations
 from polarsim.running.first_page import FirstPage, is_first_page
 from polarsim.running.inputs import check_paths
-from polarsim.running.jobs import LOGS, WorkflowJob, jobs_of, latest_log, log_text, logs_in
+from polarsim.running.jobs import LOGS, WorkflowJob, first_log, jobs_of, latest_log, log_text, logs_in
 from polarsim.running.site_stages import plan_lines
 from polarsim.running.stages import RunProgress
 from polarsim.running.summary import result_lines, warning_lines
@@ -158,8 +158,8 @@ def _run_owned(folder: Path, call: Call, config: Config, *, is_full: bool) -> in
     with showing(progress, sys.stderr, is_silent=call.verbose) as display:
 
         def watch() -> None:
-            logs = sorted(logs_in(folder) - before)
-            progress.update("".join(log_text(folder / LOGS / log) for log in logs[-1:]), time.monotonic())
+            log = "".join(log_text(folder / LOGS / name) for name in first_log(folder, before))
+            progress.update(log, time.monotonic())
             page.update(progress)
             display.update()
 
@@ -171,7 +171,7 @@ def _run_owned(folder: Path, call: Call, config: Config, *, is_full: bool) -> in
         watch()
     page.stop(progress)
     disk.remove_leftovers(results)
-    jobs = [job for log in sorted(logs_in(folder) - before) for job in jobs_of(folder, log)]
+    jobs = [job for log in first_log(folder, before) for job in jobs_of(folder, log)]
     _remember(folder, lost, jobs)
     for line in warning_lines(folder, jobs):
         _print_result(line)

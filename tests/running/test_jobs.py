@@ -2,7 +2,7 @@
 
 import pytest
 
-from polarsim.running.jobs import WorkflowJob, read_jobs
+from polarsim.running.jobs import LOGS, WorkflowJob, first_log, logs_in, read_jobs
 
 ALONE = """\
 [Wed Nov 25 22:30:24 2026]
@@ -78,3 +78,15 @@ def test_each_job_is_started_and_then_failed_or_finished(log, jobs, failed, fini
     found = read_jobs(text.splitlines())
     expected = [vars(job) | {"failed": failed and not finished, "finished": finished} for job in jobs]
     assert [vars(job) for job in found] == expected
+
+
+def test_the_log_of_a_run_is_the_first_new_one_not_those_of_later_calls_in_the_folder(tmp_path):
+    logs = tmp_path / LOGS
+    logs.mkdir(parents=True)
+    names = [f"2026-11-2{day}T120000.000000.snakemake.log" for day in range(3)]
+    (logs / names[0]).touch()
+    before = logs_in(tmp_path)
+    assert first_log(tmp_path, before) == []
+    for name in names[1:]:
+        (logs / name).touch()
+        assert first_log(tmp_path, before) == [names[1]]
