@@ -48,13 +48,16 @@ def _detection(tables: Tables, photo_domain: str, source: str) -> Iterator[Headl
         rows[(rows["split"] == rows["split"].iloc[0]) & (rows["seed"] == rows["seed"].iloc[0])] if len(rows) else rows
     )
     on_photos, on_twins = first[first["trained"] == photo_domain], first[first["trained"] != photo_domain]
-    chosen = [on_photos.iloc[0]] if len(on_photos) else []
-    chosen += [on_twins.sort_values("map50", kind="stable").iloc[-1]] if len(on_twins) else []
-    for row in chosen:
+    chosen = [(on_photos.iloc[0], "")] if len(on_photos) else []
+    if len(on_twins):
+        best = on_twins.sort_values("map50", kind="stable").iloc[-1]
+        chosen.append((best, _selection("best", len(on_twins), "detectors")))
+    for row, selection in chosen:
         trained = paper.domain_title(paper.display_name(str(row["trained"]), source))
         yield Headline(
             f"Rock detection in photos, trained on {trained}", f"{row['map50']:.2f}", _interval(row, "map50", 2),
-            f"mAP@0.5, 95 % interval over {row['units']} {row['unit']}s; split by {row['split']}", "detection",
+            f"mAP@0.5, 95 % interval over {row['units']} {row['unit']}s; split by {row['split']}{selection}",
+            "detection",
         )  # fmt: skip
 
 
@@ -71,8 +74,14 @@ def _ipd(tables: Tables, photo_domain: str, source: str) -> Iterator[Headline]:
         yield Headline(
             f"IPD, photos and {paper.domain_title(paper.display_name(twin, source))} twins", f"{row['ipd']:.3f}",
             _interval(row, "ipd", 3),
-            f"difference of mean IoU of rocks (0: no gap), 95 % interval over {row['units']} {row['unit']}s", "ipd",
+            f"difference of mean IoU of rocks (0: no gap), 95 % interval over {row['units']} {row['unit']}s"
+            f"{_selection('smallest', len(rows), 'values')}", "ipd",
         )  # fmt: skip
+
+
+def _selection(which: str, count: int, what: str) -> str:
+    """Return a note that a metric is the extreme of several, or an empty text."""
+    return f"; {which} of {count} {what}" if count > 1 else ""
 
 
 # stage, beginning of the subject, metric, title, factor, decimals, unit, explanation

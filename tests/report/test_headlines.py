@@ -47,7 +47,9 @@ def test_the_detector_trained_on_photos_and_the_best_of_the_twins_are_shown_with
     on_photos, on_twins = headlines_of(detection=table)
     assert on_photos.title.endswith("trained on Real")
     assert (on_photos.value, on_photos.interval) == ("0.50", "0.40 to 0.60")
+    assert "best of" not in on_photos.meaning
     assert on_twins.title.endswith("trained on Principled")
+    assert on_twins.meaning.endswith("best of 2 detectors")
     (single,) = headlines_of(detection=table[:1].assign(map50_low=None, map50_high=None))
     assert single.interval.startswith("no interval")
 
