@@ -15,6 +15,7 @@ from polarsim.errors import ConfigError, PolarsimError
 _RULE = re.compile(r"^((?:    )?)rule (\w+):\n((?:\1    .*\n|\n)*)", re.MULTILINE)  # indentation, name, body
 _USED = re.compile(r"^ *use rule (\w+) as (\w+) with:", re.MULTILINE)
 _INCLUDED = re.compile(r'^include: "rules/(\w+\.smk)"', re.MULTILINE)
+_NO_RULE = re.compile(r"MissingRuleException:\s+No rule to produce (\S+)")
 _OUTPUT = re.compile(r"^( +)output:(.*?)(?=^\1\w+:|\Z)", re.MULTILINE | re.DOTALL)
 _OF_RUN = ("--configfile", "--config", "--cores", "--min-free", "--verbose")
 _OWN = {  # options of Snakemake that are also options of `polarsim run`
@@ -61,21 +62,20 @@ def refuse_unknown(folder: Path, run: str, targets: Sequence[str], configured: S
                 f"rule {name} makes files of several runs or terrains; request one of its files, listed in "
                 f"docs/formats.md, or a stage: {', '.join(stages)}"
             )
-    for file in targets:
+    files = [file for file in targets if file not in names and not (folder / file).exists()]
+    for file in files:
         parts = Path(file).parts
-        if file in names or (folder / file).exists():
-            continue
         if parts[:1] == ("results",) and len(parts) > 2 and parts[1] != run:
             raise CallError(
                 f"{file} belongs to run {parts[1]!r}, the configuration to run {run!r}: add --configfile with the "
                 f"configuration of {parts[1]!r}, or --config run={parts[1]}"
             )
-        if not _is_made(file, configured):
-            begin = "" if parts[:1] == ("results",) else f", which begin with results/{run}/"
-            raise CallError(
-                f"{file}: not an output of a rule with this configuration; docs/formats.md lists the files of a "
-                f"run{begin}"
-            )
+    if files and (missing := _without_rule(files, configured)):
+        begin = "" if Path(missing).parts[:1] == ("results",) else f", which begin with results/{run}/"
+        raise CallError(
+            f"{missing}: not an output of a rule with this configuration; docs/formats.md lists the files of a "
+            f"run{begin}"
+        )
 
 
 def _parsed(words: Sequence[str]) -> argparse.Namespace:
@@ -136,14 +136,17 @@ def _has_wildcards(body: str) -> bool:
     return outputs is not None and ("{" in outputs[2] or re.search(r"\"[^\"]*/[^\"]*\"", outputs[2]) is None)
 
 
-def _is_made(file: str, call: Sequence[str]) -> bool:
-    """Return whether a file is the output of a rule.
+def _without_rule(files: Sequence[str], call: Sequence[str]) -> str | None:
+    """Return the first file that is not the output of a rule; None if all are.
 
     An error of the workflow, such as a rule without inputs, is raised; errors of Snakemake are reported by the run.
     """
-    words = [sys.executable, "-m", "snakemake", file, "--summary", *call]
+    words = [sys.executable, "-m", "snakemake", *files, "--summary", *call]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
-    for line in done.stderr.splitlines() if done.returncode else []:
+    if done.returncode == 0:
+        return None
+    for line in done.stderr.splitlines():
         if line.startswith("error: "):
             raise ConfigError(line.removeprefix("error: "))
-    return done.returncode == 0 or "MissingRuleException" not in done.stdout + done.stderr
+    missing = _NO_RULE.search(done.stdout + done.stderr)
+    return missing[1] if missing else None

@@ -60,6 +60,22 @@ def test_a_file_without_a_rule_is_a_usage_error(monkeypatch):
         refuse(monkeypatch, 1, "MissingRuleException:\nNo rule to produce tables/labels.csv\n", "tables/labels.csv")
 
 
+def test_many_files_are_checked_in_a_single_plan(monkeypatch):
+    files = [f"results/mine/tables/{name}.csv" for name in ("labels", "cameras", "nosuch", "meshes")]
+    plans = []
+
+    def plan(words, **_):
+        plans.append(words)
+        error = f"MissingRuleException:\nNo rule to produce {files[2]} (if you use input functions ...)\n"
+        return subprocess.CompletedProcess(words, 1, "", error)
+
+    monkeypatch.setattr(subprocess, "run", plan)
+    with pytest.raises(CallError, match="nosuch"):
+        refuse_unknown(Path(), "mine", files, [])
+    (words,) = plans
+    assert set(files) <= set(words)
+
+
 @pytest.mark.parametrize(("returncode", "stderr"), [(0, "error: printed by a plan that succeeds\n"), (1, "locked\n")])
 def test_other_errors_of_snakemake_are_reported_by_the_run(monkeypatch, returncode, stderr):
     refuse(monkeypatch, returncode, stderr)
