@@ -25,8 +25,8 @@ _SURVEY_SD = 0.15  # metres: prior of a lamp's position about its survey
 _MIN_WINDOWS = 30
 # Minimum share of the windows on shadow edges that match the photos of a lamp. On the analog's terrains 1, 3 and 11,
 # 0.48 to 0.76 with the surveyed lamp; 0.05 to 0.11 in photos under lamps at other sides, 0.42 for azimuth 30 named 350,
-# and 0.02 to 0.04 in photos of another terrain. On twelve published cover photos, whose meshes were placed by hand,
-# 0.20 to 0.72 with the surveyed lamp and at most 0.09 with the opposite lamp.
+# and 0.02 to 0.04 in photos of another terrain; on smooth sand 0.05 to 0.14 with any lamp. On twelve published cover
+# photos, whose meshes were placed by hand, 0.20 to 0.72 with the surveyed lamp and at most 0.09 with the opposite lamp.
 _MIN_MATCHED = 0.15
 _MIN_TRIED = 100  # minimum number of windows on shadow edges for this test
 _MIN_SHARE = 0.1  # minimum share of a window in shadow, and in light
@@ -62,18 +62,31 @@ def lamps_elsewhere(
 ) -> dict[str, float]:
     """Return the lamps whose photos do not show the predicted shadows, with the share of matched windows.
 
-    `surveyed`: positions (3,) by azimuth. Lamps with few predicted shadows are not tested.
+    The meshes must resemble photos: those of other lamps, or the same photos under another surveyed lamp. Otherwise, as
+    on smooth sand, few matches do not indicate another lamp. `surveyed`: positions (3,) by azimuth.
     """
-    found = {}
-    for azimuth, of_lamp in sorted(views.items()):
-        tried = matched = 0
-        for view in of_lamp:
-            shaded = view.hits.shade(surveyed[azimuth])
-            windows = match_windows(shaded, view.photo, view.hits.hit & _on_shadow_edges(shaded, window), window)
-            tried, matched = tried + windows.tried, matched + len(windows.pixel)
-        if tried >= _MIN_TRIED and matched < _MIN_MATCHED * tried:
-            found[azimuth] = matched / tried
-    return found
+    shares = {azimuth: _matched_share(of, surveyed[azimuth], window) for azimuth, of in sorted(views.items())}
+    are_similar = any(share >= _MIN_MATCHED for share in shares.values())
+
+    def under_another(azimuth: str) -> bool:
+        others = (_matched_share(views[azimuth], surveyed[other], window) for other in surveyed if other != azimuth)
+        return any(share >= max(_MIN_MATCHED, 2 * shares[azimuth]) for share in others)
+
+    return {
+        azimuth: share
+        for azimuth, share in shares.items()
+        if share < _MIN_MATCHED and (are_similar or under_another(azimuth))
+    }
+
+
+def _matched_share(views: list[LampView], lamp: np.ndarray, window: MatchingOptions) -> float:
+    """Return the share of the windows on the shadow edges of a lamp (3,) that match photos; NaN for few windows."""
+    tried = matched = 0
+    for view in views:
+        shaded = view.hits.shade(lamp)
+        windows = match_windows(shaded, view.photo, view.hits.hit & _on_shadow_edges(shaded, window), window)
+        tried, matched = tried + windows.tried, matched + len(windows.pixel)
+    return matched / tried if tried >= _MIN_TRIED else float("nan")
 
 
 def refine_lamp(

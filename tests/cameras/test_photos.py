@@ -2,6 +2,7 @@
 
 import logging
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -232,6 +233,20 @@ def test_photos_under_another_lamp_than_named_change_no_pose_and_no_lamp(photogr
             assert np.linalg.norm(off) < 0.0015
             suns = read_suns(tmp_path / name / "cameras", found, polar(), 13)
             np.testing.assert_allclose(suns["180"], surveyed_suns(found, polar(), 13)["180"])
+
+
+def test_photos_that_resemble_the_meshes_under_no_lamp_do_not_show_another_lamp(photographed, tmp_path, caplog):
+    """As smooth sand, whose shadows match by chance only."""
+    rng, lens, rows = np.random.default_rng(0), TRUE.rig.left, []
+    for azimuth, camera in product(("30", "180"), "LR"):
+        path = tmp_path / f"13_A_off_{azimuth}_{camera}_0256.png"
+        png.write_png(path, rng.integers(900, 1100, (lens.height, lens.width)).astype(np.uint16))
+        rows.append({"key": path.stem, "path": str(path)})
+    pd.DataFrame(rows).to_parquet(tmp_path / "photos.parquet")
+    with caplog.at_level(logging.WARNING):
+        localised = refine(photographed, tmp_path, {"A": LOCATED}, photos=tmp_path / "photos.parquet")
+    assert localised["A"].method == "scans"
+    assert "other lamps" not in caplog.text
 
 
 def test_shared_features_localise_positions(photographed, tmp_path, caplog):
