@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from polarsim.geometry.casters import make_caster
+from polarsim.geometry.distance_scene import distance_scene
 from polarsim.geometry.rays import Intersector
 
 _PASS = 1e-5  # metres between a hit and the start of the search for the next hit of the same ray
@@ -68,22 +69,15 @@ class RayCaster:
 
     def signed_distance(self, points: np.ndarray) -> np.ndarray:
         """Return the distances (n,) of points (n, 3) from closed surfaces, negative inside."""
-        return np.asarray(self._open3d_scene.compute_signed_distance(np.ascontiguousarray(points, np.float32)).numpy())
+        return np.asarray(self._distances.compute_signed_distance(np.ascontiguousarray(points, np.float32)).numpy())
 
     @cached_property
     def _caster(self) -> Intersector:
         return make_caster(self._vertices, self._faces, threads=self._threads)
 
     @cached_property
-    def _open3d_scene(self) -> Any:
-        import open3d as o3d
-
-        scene = o3d.t.geometry.RaycastingScene()
-        scene.add_triangles(
-            o3d.core.Tensor.from_numpy(np.ascontiguousarray(self._vertices, np.float32)),
-            o3d.core.Tensor.from_numpy(np.ascontiguousarray(self._faces, np.uint32)),
-        )
-        return scene
+    def _distances(self) -> Any:
+        return distance_scene(self._vertices, self._faces)
 
 
 def _flat(origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from polarsim.geometry.casters import make_caster
+from polarsim.geometry.distance_scene import distance_scene
 from polarsim.geometry.rays import Caster
 
 _LIFT = 2e-3  # metres; offset of ray origins from the surface
@@ -26,14 +27,7 @@ class Surface:
 
     @cached_property
     def _scene(self) -> Any:
-        import open3d as o3d
-
-        scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-        scene.add_triangles(
-            o3d.core.Tensor.from_numpy(np.ascontiguousarray(self.vertices, np.float32)),
-            o3d.core.Tensor.from_numpy(np.ascontiguousarray(self.faces, np.uint32)),
-        )
-        return scene
+        return distance_scene(self.vertices, self.faces)
 
     @cached_property
     def _rays(self) -> Caster:
