@@ -151,9 +151,9 @@ def _lamps_elsewhere(
     views = lamp_views(surface, located, read_all_resized(left, located, scale), scale)
     elsewhere = lamps_elsewhere(views, lamps.surveyed_suns(located, site, terrain), WINDOW)
     if elsewhere:
-        shares = ", ".join(f"azimuth {azimuth} {share:.0%}" for azimuth, share in elsewhere.items())
-        log.warning("terrain %s: photos of other lamps or another scene, not used for poses, lamps and walls: share of "
-                    "shadow edges of the meshes that match: %s", terrain_text(terrain), shares)  # fmt: skip
+        shares = ", ".join(f"azimuth {azimuth} ({share:.0%})" for azimuth, share in elsewhere.items())
+        log.warning("terrain %s: photos that show another lamp or scene are not used for poses, lamps and walls: %s of "
+                    "the predicted shadow edges match", terrain_text(terrain), shares)  # fmt: skip
     return set(elsewhere)
 
 

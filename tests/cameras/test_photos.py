@@ -246,7 +246,7 @@ def test_photos_that_resemble_the_meshes_under_no_lamp_do_not_show_another_lamp(
     with caplog.at_level(logging.WARNING):
         localised = refine(photographed, tmp_path, {"A": LOCATED}, photos=tmp_path / "photos.parquet")
     assert localised["A"].method == "scans"
-    assert "other lamps" not in caplog.text
+    assert "another lamp" not in caplog.text
 
 
 def test_shared_features_localise_positions(photographed, tmp_path, caplog):
