@@ -1,4 +1,7 @@
+import logging
 import pickle
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -6,7 +9,7 @@ import pytest
 from polarsim import errors
 from polarsim.errors import DetectError, FormatError, LabelError, PolarsimError, with_part, with_path
 from polarsim.formats import tables, yolo
-from polarsim.reporting import reporting
+from polarsim.reporting import USAGE_PATTERN, reporting
 from polarsim.rover.drive.energy import EnergyError
 from polarsim.rover.drive.state import OffGridError
 from tests.support.polar_photos import SIZE
@@ -55,3 +58,19 @@ def test_a_script_without_an_extra_ends_in_one_line_that_names_it(tmp_path, caps
     assert f"polarsim[{extra}]" in (tmp_path / "job.log").read_text()
     with pytest.raises(ModuleNotFoundError), reporting():
         raise ModuleNotFoundError("No module named 'polarsim.labels.other'", name="polarsim.labels.other")
+
+
+def test_the_log_of_a_successful_script_ends_with_its_usage_and_of_no_other(tmp_path):
+    with reporting(tmp_path / "job.log"):
+        logging.getLogger("polarsim").info("took a photo")
+        subprocess.run([sys.executable, "-c", "sum(range(3_000_000))"], check=True)
+    text = (tmp_path / "job.log").read_text()
+    (usage,) = USAGE_PATTERN.findall(text)
+    assert text.splitlines()[-1].endswith(" MB")
+    seconds, cpu_s, peak_mb = map(float, usage)
+    assert seconds > 0
+    assert cpu_s > 0.02  # with the child process
+    assert peak_mb > 10
+    with pytest.raises(SystemExit), reporting(tmp_path / "job.log"):
+        raise DetectError("training diverged")
+    assert not USAGE_PATTERN.search((tmp_path / "job.log").read_text())

@@ -34,7 +34,8 @@ def test_a_command_prints_a_line_every_30_seconds_and_a_job_logs_it(clock, tmp_p
     ]
     printed = capsys.readouterr().err.splitlines()
     assert printed == ["WARNING a warning"] if has_log else [*expected, "WARNING a warning"]
-    assert not has_log or log.read_text().splitlines() == [*expected, "INFO not progress", "WARNING a warning"]
+    if has_log:
+        assert log.read_text().splitlines()[:-1] == [*expected, "INFO not progress", "WARNING a warning"]
 
 
 def test_the_time_left_is_not_estimated_from_the_first_items(clock, capsys, monkeypatch):

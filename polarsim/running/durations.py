@@ -11,6 +11,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from polarsim.formats.files import read_json, write_json
+from polarsim.reporting import USAGE_PATTERN
 
 _SHIPPED = Path(__file__).with_name("durations.json")
 UNKNOWN_S = 5.0  # of a rule without measurement
@@ -23,9 +24,9 @@ def expected_durations(run: Path, rules: Collection[str]) -> dict[str, float]:
 
 
 def measured_durations(run: Path, rules: Collection[str]) -> dict[str, float]:
-    """Return the mean duration of the jobs of each rule, seconds, from the benchmark files of a run."""
+    """Return the mean duration of the jobs of each rule, seconds, from the logs of a run."""
     found = defaultdict(list)
-    for path in sorted(run.glob("benchmarks/*/*.tsv")):
+    for path in sorted(run.glob("logs/*/*.log")):
         # A file is named by rule and wildcards; names of rules may begin with the name of another rule.
         rule = max((rule for rule in rules if f"{path.stem}_".startswith(f"{rule}_")), key=len, default=None)
         seconds = _seconds(path)
@@ -35,11 +36,9 @@ def measured_durations(run: Path, rules: Collection[str]) -> dict[str, float]:
 
 
 def _seconds(path: Path) -> float | None:
-    """Return the first value of a benchmark file; None if the file is incomplete."""
-    try:
-        return float(path.read_text(encoding="utf-8").splitlines()[1].split("\t")[0])
-    except (OSError, ValueError, IndexError):
-        return None
+    """Return the duration that a log states, seconds; None if the job has not finished."""
+    found = USAGE_PATTERN.search(path.read_text(encoding="utf-8", errors="replace"))
+    return float(found[1]) if found else None
 
 
 if __name__ == "__main__":

@@ -27,12 +27,12 @@ POLLS = {
 
 
 def digests(checkout: Path) -> dict[str, str]:
-    """Return the SHA-256 of every file of a run and of generated data, without logs and times."""
+    """Return the SHA-256 of every file of a run and of generated data, without logs."""
     return {
         str(path.relative_to(checkout)): hashlib.sha256(path.read_bytes()).hexdigest()
         for part in ("data", "results")
         for path in sorted((checkout / part).rglob("*"))
-        if path.is_file() and not {"logs", "benchmarks"} & set(path.parts)
+        if path.is_file() and "logs" not in path.parts
     }
 
 

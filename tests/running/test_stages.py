@@ -157,16 +157,18 @@ def test_a_closed_terminal_is_ignored(progress):
     assert shown(progress, ClosedTerminal(), 3) == []
 
 
-def test_benchmarks_of_a_run_replace_shipped_durations(tmp_path):
-    def measured(stage: str, name: str, seconds: object) -> None:
-        path = tmp_path / f"benchmarks/{stage}/{name}.tsv"
+def test_durations_of_a_run_replace_shipped_durations(tmp_path):
+    def measured(stage: str, name: str, seconds: float | None) -> None:
+        path = tmp_path / f"logs/{stage}/{name}.log"
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(f"s\th:m:s\n{seconds}\t0:00:01\n")
+        path.write_text(
+            "INFO took 90.0 s\nINFO " + (f"took {seconds:.1f} s, 1.5 CPU s, at most 200 MB\n" if seconds else "")
+        )
 
     measured("acquire", "scan_01", 4)
     measured("acquire", "scan_03", 6)
     measured("rocks", "mesh_fine_01", 7)  # not of the rule `mesh`
-    measured("rocks", "mesh_01", "-")
+    measured("rocks", "mesh_01", None)
     measured("rocks", "unknown_01", 3)
     assert measured_durations(tmp_path, STAGES) == {"scan": 5.0, "mesh_fine": 7.0}
     found = expected_durations(tmp_path, [*STAGES, "render_twins"])

@@ -55,8 +55,8 @@ def test_another_workflow_plans_all_stages_below_its_prefix(caller, snakemake):
     places = set(re.findall(r"[ ,](\S*)results/small/", text))
     assert places == {"lunar/"}
     assert f"output: {folder}/data/analog/receipts/Terrain01.json" in text  # named by the configuration
-    (job,) = jobs_with(text, "write_reflectance.tsv")
-    assert "benchmark: lunar/results/small/benchmarks/render/write_reflectance.tsv" in job
+    (job,) = jobs_with(text, "write_reflectance.log")
+    assert "log: lunar/results/small/logs/render/write_reflectance.log" in job
     assert f"{CHECKOUT}/config/viper.yaml" in text.replace("polarsim/configs", "config")
 
 

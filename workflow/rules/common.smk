@@ -179,7 +179,7 @@ def complete(rule_name, item):
     """Add the items that all rules have, unless a workflow that uses this one as a module has set them.
 
     - environment of `--sdm conda`; otherwise jobs use the environment of Snakemake
-    - log and benchmark files, named by rule file, rule and wildcards of the output
+    - log file, named by rule file, rule and wildcards of the output; its last line states duration, CPU time and memory
     - `params.code`: digest of the script and the imported modules; Snakemake tracks only the script
     - `params.site`: the site
     """
@@ -189,11 +189,9 @@ def complete(rule_name, item):
     name = "_".join([rule_name, *(f"seed{{{name}}}" if name == "seed" else f"{{{name}}}" for name in wildcards)])
     folder = "results/{run}" if "run" in item.wildcard_names else f"results/{RUN}"
     stage = re.search(r"([a-z_]+)\.smk", str(item.snakefile))[1]
-    item.log_modifier = item.benchmark_modifier = workflow.modifier.path_modifier
+    item.log_modifier = workflow.modifier.path_modifier
     if not item.log:
         item.set_log(f"{folder}/logs/{stage}/{name}.log")
-    if item.benchmark is None and item.name not in (workflow.workflow_settings.cache or ()):  # not with `--cache RULE`
-        item.benchmark = f"{folder}/benchmarks/{stage}/{name}.tsv"
     script = item.basedir.join(item.script)
     item.set_params(
         code=script_digest(script if isinstance(script, os.PathLike) else workflow.sourcecache.get_path(script)),
