@@ -11,7 +11,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
 from polarsim.analog.light import BEFORE_LAMP, SURFACE_OFFSET, DiscLamp, towards
-from polarsim.analog.rays import RayCaster
+from polarsim.analog.rays import RayCaster, lengths
 from polarsim.analog.rocks import icosphere
 from polarsim.analog.sandbox import HALL_OBJECT, SandboxScene
 from polarsim.analog.view import GBuffer, strips
@@ -42,7 +42,7 @@ class Bounce:
             vector += vectors[corners[..., 1]] * second
             vector += vectors[corners[..., 2]] * third
             along = np.einsum("...nk,...k->...n", vector, view.normals[rows])
-            floor = np.float32(0.1) * np.linalg.norm(vector, axis=-1)  # light also arrives from other directions
+            floor = np.float32(0.1) * lengths(vector)  # light also arrives from other directions
             radiance = view.albedo[rows][..., None] / np.float32(np.pi) * np.maximum(along, floor)
             for number, lamp in enumerate(lamps):
                 out[lamp][rows] = radiance[..., number]
