@@ -24,7 +24,7 @@ from polarsim.rocks.solids import split_non_manifold
 
 log = logging.getLogger("polarsim")
 
-CELL_SHARES = (1.0, 0.97, 0.94)  # of the configured cell, tried in turn, because some grids leave a hole
+CELL_SHARES = (1.0, 0.97, 0.94, 0.8, 0.65)  # of the configured cell, tried in turn, because some grids leave a hole
 DENSE_STEP = 0.35  # of the points' spacing
 ROOM, GROUND_ROOM = 1.2, 1.02  # minimum side of the solver's cube over the cloud's; the ground's border is cut off
 NO_AREA = 1e-12  # area of a parallelogram below which a face has no normal, square metres

@@ -81,15 +81,34 @@ def test_the_same_cloud_gives_the_same_bytes(ball, seen_ball):
     assert again.faces.tobytes() == ball.faces.tobytes()
 
 
-def test_a_rock_without_a_closed_surface_gets_a_fine_hull(ball, seen_ball, monkeypatch, caplog):
-    sound, calls = surfaces.poisson, []
+@pytest.fixture
+def torn(monkeypatch):
+    """Tear a number of surfaces; return the list of the cells of all surfaces."""
 
-    def torn_at_first(cloud, cell):
-        mesh = sound(cloud, cell)
-        calls.append(cell)
-        return Mesh(mesh.vertices, mesh.faces[5:]) if len(calls) <= len(surfaces.CELL_SHARES) else mesh
+    def tear(number: int) -> list[float]:
+        sound, cells = surfaces.poisson, []
 
-    monkeypatch.setattr(surfaces, "poisson", torn_at_first)
+        def torn_at_first(cloud, cell):
+            mesh = sound(cloud, cell)
+            cells.append(cell)
+            return Mesh(mesh.vertices, mesh.faces[5:]) if len(cells) <= number else mesh
+
+        monkeypatch.setattr(surfaces, "poisson", torn_at_first)
+        return cells
+
+    return tear
+
+
+def test_a_rock_gets_the_largest_cell_that_leaves_no_hole(ball, seen_ball, torn, caplog):
+    cells = torn(3)
+    closed = closed_rock(seen_ball, GRID, LEVEL, NOTHING_SEEN, SCANNERS, 0.004)
+    assert cells == pytest.approx([0.004, 0.00388, 0.00376, 0.0032])
+    assert "convex hull" not in caplog.text
+    assert volume(closed) == pytest.approx(volume(ball), rel=0.05)
+
+
+def test_a_rock_without_a_closed_surface_gets_a_fine_hull(ball, seen_ball, torn, caplog):
+    torn(len(surfaces.CELL_SHARES))
     hull = closed_rock(seen_ball, GRID, LEVEL, NOTHING_SEEN, SCANNERS, 0.003)
     assert "convex hull" in caplog.text
     assert is_watertight(hull.faces)
