@@ -183,11 +183,18 @@ def _run_owned(folder: Path, call: Call, config: Config, *, is_full: bool) -> in
 
 
 def _first_twins(call: Call, paths: RunPaths) -> list[str]:
-    """Return arguments that give priority to the twins of the first terrain, which the first page shows."""
+    """Return arguments that give priority to twins and labels of the last terrain, which the first page shows.
+
+    In the demo, the last terrain has the fewest rocks and is finished first.
+    """
     if paths.only_covers or any(word.partition("=")[0] == "--prioritize" for word in call.rest):
         return []
-    twins = f"results/{paths.run}/renders/{paths.models[-1]}/Terrain{paths.terrains[0]}"
-    return ["--prioritize", twins, "--scheduler-greediness", "1"]  # 1 is the default without --prioritize
+    folder, terrain = f"results/{paths.run}", paths.terrains[-1]
+    shown = [
+        f"{folder}/renders/{paths.models[-1]}/Terrain{terrain}",
+        f"{folder}/labels/tables/Terrain{terrain}.parquet",
+    ]
+    return ["--prioritize", *shown, "--scheduler-greediness", "1"]  # 1 is the default without --prioritize
 
 
 def _snakemake(*words: str) -> list[str]:
