@@ -18,8 +18,8 @@ from polarsim.grid import selected_grid
 _LEFTOVER = re.compile(r"\..+\.(\d+)(\.\w+)?")  # names of incomplete files, see `polarsim.formats.files.writing`
 NEARLY_FULL_BYTES = 20_000_000  # smaller than some files of a run
 _MIN_BYTES = 500_000_000  # for a part of a run, whose size is not estimated
-# Measured on `make demo` (4 terrains, 432 photos, 2 models: 1.4 GB of data, 1.2 GB of results), rounded up; meshes at
-# their default cells have four times the demo's triangles.
+# Measured on `config/overlays/large.yaml` (4 terrains, 432 photos, 2 models: 1.4 GB of data, 1.2 GB of results),
+# rounded up; meshes at their default cells have four times the triangles.
 _DATA_OF_TERRAIN, _DATA_OF_PHOTO = 200_000_000, 1_500_000
 _RESULTS_OF_TERRAIN, _RESULTS_OF_PHOTO, _TWIN = 350_000_000, 250_000, 900_000
 

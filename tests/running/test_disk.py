@@ -10,6 +10,7 @@ import pytest
 from polarsim.config import parse_config, read_config
 from polarsim.errors import PolarsimError
 from polarsim.running import disk
+from polarsim.running.configuration import read_configs
 
 CHECKOUT = Path(__file__).parents[2]
 
@@ -33,10 +34,16 @@ def test_leftovers_of_dead_processes_go_and_all_else_stays(tmp_path):
     assert not list((tmp_path / "inner").iterdir())
 
 
-def test_the_estimate_covers_the_measured_demo_and_counts_what_is_there(tmp_path):
-    config = read_config(CHECKOUT / "config/config.yaml")
-    measured = 1.4e9 + 1.2e9  # data and results of `make demo`, docs/stages.md
+@pytest.mark.parametrize(
+    ("overlays", "measured"), [([], 0.85e9 + 0.61e9), (["config/overlays/large.yaml"], 1.4e9 + 1.2e9)]
+)
+def test_the_estimate_covers_measured_data_and_results(overlays, measured):
+    config = read_configs([CHECKOUT / name for name in overlays], [])
     assert measured < disk.expected_bytes(config) < 2 * measured
+
+
+def test_the_needed_space_counts_what_is_there(tmp_path):
+    config = read_config(CHECKOUT / "config/config.yaml")
     (tmp_path / "there").write_bytes(bytes(1_000_000))
     (tmp_path / "further name").hardlink_to(tmp_path / "there")
     assert disk.needed_bytes(config, True, [tmp_path]) == disk.expected_bytes(config) - 1_000_000

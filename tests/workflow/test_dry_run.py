@@ -89,8 +89,8 @@ def test_stages_are_targets_and_options_add_jobs_and_inputs(dry_run, tmp_path):
     done, demo = dry_run(*STAGES, "--config", *changed), dry_run(*DEMO)
     jobs, text = planned(done), done.stdout + done.stderr
     assert set(STAGES) <= set(jobs)
-    assert text.count("renders/maps/Terrain") == 4
-    assert jobs["fit_materials"] == jobs["score_materials"] == 4  # one per terrain, with ground truth
+    assert text.count("renders/maps/Terrain") == 3
+    assert jobs["fit_materials"] == jobs["score_materials"] == 3  # one per terrain, with ground truth
     assert jobs["fit_light"] == 1  # the lamps of all terrains
     assert (jobs["publish"], jobs["publish_run"]) == (1, 3)
     (user,) = jobs_with(text, str(edited))
@@ -104,7 +104,7 @@ def test_figures_of_twins_read_the_twins_of_models_without_detectors(dry_run):
     config = ("render={models: [principled, hapke, fitted]}", "detect={run: false}")
     done = dry_run("results/demo/figures/opposition.png", *DEMO, "--config", *config)
     (pictures,) = re.findall(r"rule draw_opposition:\n +input: (.*)", done.stdout + done.stderr)
-    assert pictures.count("renders/fitted/Terrain") == pictures.count("renders/hapke/Terrain") == 4
+    assert pictures.count("renders/fitted/Terrain") == pictures.count("renders/hapke/Terrain") == 3
 
 
 def test_the_ablation_renders_every_component_per_terrain_and_trains_two_detectors(dry_run):
@@ -113,9 +113,9 @@ def test_the_ablation_renders_every_component_per_terrain_and_trains_two_detecto
     jobs, text = planned(done), done.stdout + done.stderr
     components = yaml.safe_load((CONFIGURATIONS / "overlays/gap.yaml").read_text())["gap"]["components"]
     pictured = [name for name in components if name != "labels"]
-    assert jobs["render_component"] == 4 * len(pictured)
+    assert jobs["render_component"] == 3 * len(pictured)
     assert jobs["predict_component"] == 2 * len(pictured)
-    assert (jobs["train_detector"], jobs["write_truth"], jobs["fit_materials"]) == (2, 4, 4)
+    assert (jobs["train_detector"], jobs["write_truth"], jobs["fit_materials"]) == (2, 3, 3)
     users = [job for job in jobs_with(text, "gap/truth") if "gap/truth" in job.split("output:")[0]]
     assert {job.split(":")[0].split()[-1] for job in users} == {"render_component"}
     for name in pictured:
@@ -126,7 +126,7 @@ def test_an_overlay_adds_the_split_of_the_paper(dry_run):
     files = ("--configfile", "config/config.yaml", "config/overlays/strict.yaml")
     done = dry_run("detect", "tables", *files)
     jobs = planned(done)
-    assert (jobs["train_detector"], jobs["measure_stereo"]) == (2 * 3, 4)
+    assert (jobs["train_detector"], jobs["measure_stereo"]) == (2 * 3, 3)
     assert jobs["split_photos"] == 2
 
 

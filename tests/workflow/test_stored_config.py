@@ -53,7 +53,7 @@ def test_a_run_stores_its_configuration_once_and_its_report_reads_it(clone, snak
     expected = read_configs([clone / "mine.yaml"], settings)
     assert config_of_run(Path("results/mine")) == read_config(stored) == expected
     assert (expected.terrains, expected.labels.min_contrast_dn, expected.positions) == ((3,), 20, ("A",))
-    assert expected.rocks.rock_cell_mm == 3  # of config/config.yaml
+    assert expected.rocks.rock_cell_mm == 4  # of config/config.yaml
 
     # A complete run without stored configuration.
     stored.unlink()
