@@ -92,7 +92,7 @@ def picture_counts(datasets: Mapping[tuple[str, str], Path], source: str) -> pd.
     rows = []
     for (split, domain), folder in datasets.items():
         pictures = read_json(folder / "dataset.json")["pictures"]
-        counts = {f"{part} pictures": int(pictures[part]) for part in PARTS}
+        counts = {f"{part} images": int(pictures[part]) for part in PARTS}
         rows.append({"split by": split, "domain": paper.domain_title(paper.display_name(domain, source)), **counts})
     return pd.DataFrame(rows)
 
