@@ -16,7 +16,6 @@ from polarsim.analog.bounce import AMBIENT, Bounce, gather_bounce
 from polarsim.analog.light import DiscLamp, direct, visibility
 from polarsim.analog.options import AnalogOptions
 from polarsim.analog.raw_files import RawFiles, write_photo
-from polarsim.analog.rays import RayCaster
 from polarsim.analog.regions import VisibleRegion, region_contrast, rock_regions, shadow_regions
 from polarsim.analog.sandbox import GROUND_OBJECT
 from polarsim.analog.sensor import (
@@ -93,7 +92,6 @@ def take_photos(
         return _label_table([])
     at = sorted({key.position for key in keys})
     lamps = {position: _lamps(site, made.stations, position) for position in at}
-    rock_caster = made.scene.rock_caster(threads) if made.scene.rocks else None
     bounces = gather_bounce(made.scene, made.caster, _named(lamps), generator(options.seed, "bounce", made.terrain))
     tokens = _tokens(keys, options.seed)
     rows: list[dict[str, object]] = []
@@ -103,7 +101,7 @@ def take_photos(
         if not here:
             continue
         wanted = {lamp: lamps[position][lamp] for lamp in sorted({name for key in here for name in _lamps_of(key)})}
-        olat_images = _olat_images(made, rock_caster, position, camera, wanted, bounces, albedo, options)
+        olat_images = _olat_images(made, position, camera, wanted, bounces, albedo, options)
         rows += _shoot(site, olat_images, here, tokens, raw, seeds, options, threads)
     return _label_table(rows)
 
@@ -152,8 +150,8 @@ def _named(lamps: Mapping[str, Mapping[str, DiscLamp]]) -> dict[str, DiscLamp]:
 
 
 def _olat_images(
-    made: AnalogTerrain, rock_caster: RayCaster | None, position: str, camera: str, lamps: Mapping[str, DiscLamp],
-    bounces: Bounce, albedo: AlbedoMap, options: AnalogOptions,
+    made: AnalogTerrain, position: str, camera: str, lamps: Mapping[str, DiscLamp], bounces: Bounce, albedo: AlbedoMap,
+    options: AnalogOptions,
 ) -> LitView:  # fmt: skip
     scene, posed = made.scene, made.stations.camera(position, camera)
     view = render_gbuffer(scene, made.caster, _textures(options.seed, made.terrain), posed)
@@ -169,7 +167,7 @@ def _olat_images(
         lit += indirect.pop(_bounce_name(name, position))
         glare = lamp_glare(lamp, posed, _GLARE * lamp.intensity, rng)
         images[name] = blur_and_vignette(lit) + glare
-        shadows[name] = shadow_regions(scene, made.caster, rock_caster, view, lamp, visible)
+        shadows[name] = shadow_regions(scene, made.caster, made.rock_caster, view, lamp, visible)
     return LitView(images, rock_regions(view), shadows, view.objects[::_SPARSE, ::_SPARSE] == GROUND_OBJECT)
 
 

@@ -1,4 +1,4 @@
-"""Terrain of the analog: scene, ray caster and stations."""
+"""Terrain of the analog: scene, ray casters and stations."""
 
 from __future__ import annotations
 
@@ -20,18 +20,19 @@ from polarsim.site import Site
 
 @dataclass(frozen=True)
 class AnalogTerrain:
-    """Scene, ray caster, tripod poses and lamps of a terrain."""
+    """Scene, ray casters, tripod poses and lamps of a terrain."""
 
     terrain: Terrain
     scene: SandboxScene
-    caster: RayCaster
+    caster: RayCaster  # of all triangles
+    rock_caster: RayCaster | None  # of the rocks only; None without rocks
     stations: Stations
 
 
 def build_terrain(site: Site, terrain: Terrain, options: AnalogOptions, threads: int = 1) -> AnalogTerrain:
     """Generate the sand, the rocks, the surrounding box, the tripod poses and the lamps of a terrain.
 
-    `threads`: number of threads of the ray caster.
+    `threads`: number of threads of the ray casters.
     """
     (preset, original), seed, sandbox = preset_of(site, terrain), options.seed, site.sandbox_of(terrain)
     step = options.ground_step_mm / 1000
@@ -44,4 +45,5 @@ def build_terrain(site: Site, terrain: Terrain, options: AnalogOptions, threads:
     ground = pile_sand(ground, generator(seed, "piles", original), points[in_sand, :2], radii[in_sand])
     rng = generator(seed, "box", terrain)
     scene = build_scene(sandbox, Hall.of(site), ground, rocks, options.rock_detail, rng)
-    return AnalogTerrain(terrain, scene, scene.caster(threads), make_stations(site, terrain, options))
+    of_rocks = scene.rock_caster(threads) if scene.rocks else None
+    return AnalogTerrain(terrain, scene, scene.caster(threads), of_rocks, make_stations(site, terrain, options))
