@@ -36,8 +36,11 @@ def measured_durations(run: Path, rules: Collection[str]) -> dict[str, float]:
 
 
 def _seconds(path: Path) -> float | None:
-    """Return the duration that a log states, seconds; None if the job has not finished."""
-    found = USAGE_PATTERN.search(path.read_text(encoding="utf-8", errors="replace"))
+    """Return the duration that a log states, seconds; None if the job has not finished or the log is not readable."""
+    try:
+        found = USAGE_PATTERN.search(path.read_text(encoding="utf-8", errors="replace"))
+    except OSError:
+        return None
     return float(found[1]) if found else None
 
 

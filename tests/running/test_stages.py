@@ -170,6 +170,8 @@ def test_durations_of_a_run_replace_shipped_durations(tmp_path):
     measured("rocks", "mesh_fine_01", 7)  # not of the rule `mesh`
     measured("rocks", "mesh_01", None)
     measured("rocks", "unknown_01", 3)
+    (tmp_path / "logs/rocks/mesh_03.log").mkdir()
+    (tmp_path / "logs/rocks/mesh_11.log").write_bytes(b"\xff INFO took 2.0 s, 1.5 CPU s, at most 200 MB\n")
     assert measured_durations(tmp_path, STAGES) == {"scan": 5.0, "mesh_fine": 7.0}
     found = expected_durations(tmp_path, [*STAGES, "render_twins"])
     assert (found["scan"], found["mesh"], found["mesh_fine"]) == (5.0, UNKNOWN_S, 7.0)
