@@ -164,7 +164,7 @@ def _run_owned(folder: Path, call: Call, config: Config, *, is_full: bool) -> in
             display.update()
 
         forced = ["--forcerun", *lost] if lost else []
-        first = _first_twins(call, paths) if is_full and "render_twins" in stages else []
+        first = _first_shown(call, paths) if is_full and "render_twins" in stages else []
         words = _snakemake(*call.words(), *first, *forced)
         output = None if call.verbose else folder / OUTPUT
         code, stopped = processes.supervise(folder, words, watch, display.write, output)
@@ -182,10 +182,10 @@ def _run_owned(folder: Path, call: Call, config: Config, *, is_full: bool) -> in
     return STOPPED if stopped else min(1, abs(code))
 
 
-def _first_twins(call: Call, paths: RunPaths) -> list[str]:
-    """Return arguments that give priority to twins and labels of the last terrain, which the first page shows.
+def _first_shown(call: Call, paths: RunPaths) -> list[str]:
+    """Return arguments that give priority to the twins and labels of a terrain, which the first page shows.
 
-    In the demo, the last terrain has the fewest rocks and is finished first.
+    The last terrain: in the demo it has the fewest rocks, and therefore takes the least time.
     """
     if paths.only_covers or any(word.partition("=")[0] == "--prioritize" for word in call.rest):
         return []
