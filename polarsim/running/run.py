@@ -7,6 +7,7 @@ still exist, Snakemake considers the run complete, although these files belong t
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import textwrap
@@ -25,7 +26,7 @@ from polarsim.errors import ConfigError, PolarsimError
 from polarsim.extras import require
 from polarsim.formats.files import write_text
 from polarsim.paths import RunPaths
-from polarsim.running import cluster, disk, processes
+from polarsim.running import cluster, disk, forks, processes
 from polarsim.running.configuration import read_configs, store_config
 from polarsim.running.console import showing
 from polarsim.running.durations import expected_durations
@@ -40,6 +41,7 @@ from polarsim.running.targets import refuse_unknown, stages_of_rules, targets_of
 OUTPUT = ".snakemake/polarsim_run.log"  # output of Snakemake and of the jobs of the last run
 UNFINISHED = ".snakemake/polarsim_unfinished.txt"  # outputs of unfinished jobs
 MISSING_PAGE = "missing.md"  # in the folder of an incomplete run
+PROFILE = "SNAKEMAKE_PROFILE"  # environment variable of Snakemake
 _FIXED = ("--rerun-incomplete", "--keep-going", "--retries", "1")
 _LATENCY = ("--latency-wait", "10")
 _REFUSED = {"--nolock", "--ignore-incomplete", "--ii", "--unlock"}  # concurrent runs of a folder, incomplete files
@@ -87,6 +89,12 @@ class Call:
         """Return the arguments that define the configuration."""
         files = ["--configfile", *map(str, self.configfiles)] if self.configfiles else []
         return [*files, *(["--config", *self.settings] if self.settings else [])]
+
+    @property
+    def allows_forks(self) -> bool:
+        """Whether jobs may be forks: on this machine, with a core for the imports while Snakemake plans the jobs."""
+        elsewhere = {"--profile", "--executor", "-e"}.intersection(word.partition("=")[0] for word in self.rest)
+        return sys.platform == "linux" and (self.cores or 2) > 1 and not elsewhere and PROFILE not in os.environ
 
     def config(self) -> Config:
         """Return the merged configuration."""
@@ -165,7 +173,8 @@ def _run_owned(folder: Path, call: Call, config: Config, *, is_full: bool) -> in
 
         forced = ["--forcerun", *lost] if lost else []
         first = _first_shown(call, paths) if is_full and "render_twins" in stages else []
-        words = _snakemake(*call.words(), *first, *forced)
+        words = [*call.words(), *first, *forced]
+        words = forks.arguments_of(words) if call.allows_forks else _snakemake(*words)
         output = None if call.verbose else folder / OUTPUT
         code, stopped = processes.supervise(folder, words, watch, display.write, output)
         watch()

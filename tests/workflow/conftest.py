@@ -11,6 +11,7 @@ import pytest
 import yaml
 from filelock import FileLock
 
+from polarsim.running import forks
 from tests.workflow import forked
 
 CHECKOUT = Path(__file__).parent.parent.parent
@@ -70,6 +71,7 @@ def snakemake_of_commands(server_of, monkeypatch) -> None:
     server = server_of(None)
     server.start()
     monkeypatch.setattr(sys, "executable", str(server.python))
+    monkeypatch.setattr(forks, "arguments_of", lambda words: [sys.executable, "-m", "snakemake", *words])
 
 
 @pytest.fixture(scope="session")
