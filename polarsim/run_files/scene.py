@@ -15,7 +15,7 @@ from polarsim.formats.files import existing_folder
 from polarsim.formats.readers import reader
 from polarsim.geometry.meshes import Mesh, join_meshes
 from polarsim.photo import NO_ROCK, Terrain, parse_terrain
-from polarsim.run_files.walls import Walls, read_walls, surveyed_walls, walls_file
+from polarsim.run_files.walls import THICKNESS_M, Walls, read_walls, surveyed_walls, walls_file
 from polarsim.site_parts import Sandbox
 
 MESH_TABLE = "meshes.csv"  # in the folder of the meshes, with a row per mesh
@@ -117,7 +117,27 @@ def read_terrain(
     rocks = np.repeat(list(files), [len(mesh.faces) for mesh in meshes])
     mesh = TerrainMesh(whole.vertices, whole.faces, rocks)
     file = walls_file(Path(folder), cameras)
-    return replace(mesh, walls=read_walls(file.parent) if file else surveyed_walls(sandbox, mesh.sand_level))
+    walls = read_walls(file.parent) if file else surveyed_walls(sandbox, mesh.sand_level)
+    return replace(mesh if walls is None else _ending_in_walls(mesh, walls), walls=walls)
+
+
+def _ending_in_walls(mesh: TerrainMesh, walls: Walls) -> TerrainMesh:
+    """Return the terrain with the border of its ground in the middle of the walls instead of behind them.
+
+    Ground behind a wall would be visible below the outer face of the wall, with shadows of rocks on it.
+    """
+    low, high = walls.bounds
+    low = low - [THICKNESS_M / 2 if side in walls.sides else np.inf for side in ("-x", "-y")]
+    high = high + [THICKNESS_M / 2 if side in walls.sides else np.inf for side in ("+x", "+y")]
+    is_ground = mesh.rock_of_face == NO_ROCK
+    of_ground = np.zeros((len(mesh.vertices), 1), bool)
+    of_ground[mesh.faces[is_ground]] = True
+    place = mesh.vertices[:, :2]
+    clipped = np.where(of_ground, place.clip(low, high), place)
+    beyond = np.sign(place - clipped)  # -1 or 1 for vertices behind a wall, by axis
+    hidden = is_ground & (abs(beyond[mesh.faces].sum(axis=1)) == 3).any(axis=1)  # all corners are behind one wall
+    vertices = np.column_stack([clipped, mesh.vertices[:, 2]])
+    return replace(mesh, vertices=vertices, faces=mesh.faces[~hidden], rock_of_face=mesh.rock_of_face[~hidden])
 
 
 def cameras_of_run(meshes: Path) -> Path | None:

@@ -6,6 +6,7 @@ from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
 from polarsim.photo import NO_ROCK
 from polarsim.run_files.scene import TerrainMesh, read_terrain, terrain_of_folder
+from polarsim.run_files.walls import THICKNESS_M, Walls, level_walls, write_walls
 from tests.support.polar_survey import SANDBOX
 
 TRIANGLE = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
@@ -22,6 +23,30 @@ def test_each_face_has_the_rock_and_position_of_the_mesh(tmp_path):
     np.testing.assert_allclose(terrain.vertices[terrain.faces[1]], TRIANGLE + 1)
     np.testing.assert_allclose(terrain.rock_vertices(7), TRIANGLE + 2)
     np.testing.assert_allclose(terrain.normals, np.tile([0, 0, 1], (9, 1)))
+
+
+@pytest.mark.parametrize("cell_m", [0.012, 0.1, 2.055])
+def test_the_ground_ends_in_the_walls_and_continues_at_an_open_side(tmp_path, cell_m):
+    half = 2.055
+    along = np.linspace(-half, half, round(2 * half / cell_m) + 1)
+    vertices = np.stack([*np.meshgrid(along, along), np.zeros((len(along), len(along)))], axis=-1).reshape(-1, 3)
+    corner = np.arange(len(vertices)).reshape(len(along), -1)
+    a, b, c, d = (part.ravel() for part in (corner[:-1, :-1], corner[:-1, 1:], corner[1:, 1:], corner[1:, :-1]))
+    ground = Mesh(vertices, np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])]))
+    rock = Mesh(TRIANGLE + np.array([half, 0, 0]), FACE)
+    obj.write_obj(tmp_path / "terrain04_ground.obj", ground, "ground")
+    obj.write_obj(tmp_path / "terrain04_rock3.obj", rock, "rock3")
+    walls = level_walls(2.0, 0.28)
+    write_walls(tmp_path, Walls({side: wall for side, wall in walls.sides.items() if side != "+y"}, "scans", {"+y": 2}))
+    terrain = read_terrain(tmp_path, 4, SANDBOX)
+    part = terrain.part(NO_ROCK)
+    end = 2.0 + THICKNESS_M / 2
+    np.testing.assert_allclose(part.vertices.min(axis=0)[:2], [-end, -end])
+    np.testing.assert_allclose(part.vertices.max(axis=0)[:2], [end, half])
+    areas = np.cross(*(part.vertices[part.faces[:, k]] - part.vertices[part.faces[:, 0]] for k in (1, 2)))[:, 2] / 2
+    assert areas.min() > 0
+    np.testing.assert_allclose(areas.sum(), 2 * end * (end + half))
+    np.testing.assert_allclose(terrain.rock_vertices(3), rock.vertices, atol=1e-6)
 
 
 def test_a_folder_without_ground_is_an_error(tmp_path):
