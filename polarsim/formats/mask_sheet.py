@@ -23,7 +23,7 @@ def colour_of_mask(grey: np.ndarray) -> np.ndarray:
     palette = np.repeat(np.arange(256, dtype=np.uint8)[:, None], 3, axis=1)
     for kind, value in GREY_VALUES.items():
         palette[value] = CLASS_COLOURS[kind]
-    return palette[grey]
+    return palette.take(grey, axis=0)
 
 
 def tile_of_mask(grey: np.ndarray) -> np.ndarray:
