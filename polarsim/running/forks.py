@@ -34,7 +34,7 @@ def arguments_of(snakemake: Sequence[str]) -> list[str]:
     return [sys.executable, "-P", __file__, "run", *snakemake]
 
 
-def run(arguments: Sequence[str]) -> int:
+def run_with_server(arguments: Sequence[str]) -> int:
     """Run Snakemake in this process and the server in a child process; return the exit code of Snakemake."""
     from polarsim.running.processes import die_with_parent
 
@@ -218,4 +218,4 @@ def _received(connection: socket.socket, count: int) -> bytes:
 
 if __name__ == "__main__":
     _MODE, _WORDS = sys.argv[1], sys.argv[2:]
-    sys.exit(run(_WORDS) if _MODE == "run" else client(_WORDS[0], _WORDS[1], _WORDS[2], _WORDS[3:]))
+    sys.exit(run_with_server(_WORDS) if _MODE == "run" else client(_WORDS[0], _WORDS[1], _WORDS[2], _WORDS[3:]))

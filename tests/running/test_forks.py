@@ -55,7 +55,7 @@ import sys
 is_there = "polarsim.paths" in sys.modules
 open(snakemake.output[0], "w").write(str(is_there))
 """
-RUN = "import sys; from polarsim.running import forks; forks._LATE = (); sys.exit(forks.run(sys.argv[1:]))"
+RUN = "import sys; from polarsim.running import forks; forks._LATE = (); sys.exit(forks.run_with_server(sys.argv[1:]))"
 
 
 def environment(**values: str) -> dict[str, str]:
