@@ -138,8 +138,7 @@ class PredictionOptions(BaseModel, extra="forbid", frozen=True):
     )
     precision: Literal["auto", "float32", "bfloat16"] = Field(
         "float32",
-        description="Precision of convolutions in the inference of compact detectors. auto: bfloat16 if supported, "
-        "1.7 times faster.",
+        description="Precision of convolutions in the inference. auto: bfloat16 if supported, 1.5 to 1.7 times faster.",
     )
     confidence: float = Field(
         0.001, gt=0, lt=1, description="Confidence threshold of written predictions. Higher values write fewer boxes."

@@ -169,6 +169,7 @@ def test_an_image_of_a_different_aspect_ratio_is_not_stretched():
         ("compact", "bfloat16", True),
         ("compact", "bfloat16", False),
         ("yolov5n", "bfloat16", True),
+        ("yolov5n", "bfloat16", False),
     ],
 )
 def test_a_detector_uses_the_requested_precision_or_fails(weights, tmp_path, monkeypatch, model, precision, there):
@@ -186,7 +187,7 @@ def test_a_detector_uses_the_requested_precision_or_fails(weights, tmp_path, mon
     cv2.imwrite(str(tmp_path / "one.png"), picture())
     given = [str(tmp_path / "one.png"), "--out", str(tmp_path / "out"), "--weights", str(weights), "--device", "cpu"]
     done = CliRunner().invoke(app, ["detect", *given, *([] if precision == "float32" else ["--precision", precision])])
-    if precision == "float32" or (there and model == "compact"):
+    if precision == "float32" or there:
         assert done.exit_code == 0
         assert f"precision {precision}" in done.output
         assert seen == [precision == "bfloat16"]
@@ -197,7 +198,7 @@ def test_a_detector_uses_the_requested_precision_or_fails(weights, tmp_path, mon
 
 
 @pytest.mark.parametrize(("model", "there"), [("compact", True), ("compact", False), ("yolov5n", True)])
-def test_automatic_precision_is_bfloat16_for_compact_detectors_if_supported(weights, monkeypatch, model, there):
+def test_automatic_precision_is_bfloat16_if_supported(weights, monkeypatch, model, there):
     seen = []
 
     class Family:
@@ -207,7 +208,7 @@ def test_automatic_precision_is_bfloat16_for_compact_detectors_if_supported(weig
     monkeypatch.setattr("polarsim.detect.detectors.models.family", lambda _: Family)
     detector = replace(detectors.read_detector(weights), model=model)
     detectors.load_detector(detector, weights.parent, PredictionOptions(precision="auto"), 1)(np.zeros((1, 32, 32)))
-    assert seen == [there and model == "compact"]
+    assert seen == [there]
 
 
 def test_bfloat16_and_float32_detect_the_same_objects():

@@ -35,6 +35,25 @@ def test_a_detector_reads_back(detector, tmp_path):
     assert all(torch.equal(back.state[name], value) for name, value in detector.state.items())
 
 
+@pytest.mark.parametrize("model", ["yolov5n", "yolo11n", "yolov10n", "yolo26n"])
+def test_networks_in_bfloat16_place_boxes_as_in_float32(tmp_path, model):
+    from polarsim.detect.detectors.yolo.library import ultralytics
+
+    torch.manual_seed(0)
+    module = ultralytics(tmp_path).DetectionModel(f"{model}.yaml", nc=2, verbose=False).eval()
+    for branch in module.model[-1].cv2:
+        torch.nn.init.normal_(branch[-1].weight, std=0.3)  # initial boxes are equal
+    image = torch.rand(1, 3, 160, 160)
+    with torch.inference_mode():
+        exact = module(image)[0]
+        with torch.autocast("cpu", torch.bfloat16):
+            fast = module(image)[0]
+    exact, fast = ((output if torch.is_tensor(output) else output[0])[0, :4] for output in (exact, fast))
+    assert fast.dtype == torch.float32
+    assert exact.std(dim=1).min() > 10  # px
+    assert (fast - exact).abs().max() < 1  # px
+
+
 class Evil:
     def __reduce__(self):
         return (Path.touch, (Path("executed"),))

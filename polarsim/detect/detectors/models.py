@@ -32,7 +32,7 @@ def family(model: str) -> Family:
 
 def load_detector(detector: Detector, folder: Path, options: PredictionOptions, threads: int) -> LoadedDetector:
     """Load a detector with its calibration and the precision, mirroring and device of the options."""
-    loaded = _in_precision(family(detector.model).load(detector, folder, options, threads), detector.model, options)
+    loaded = _in_precision(family(detector.model).load(detector, folder, options, threads), options)
     if options.mirrored:
         loaded = detect_with_mirror(loaded, options.nms_iou)
     return lambda pictures: [calibrate_boxes(rows, detector.calibration) for rows in loaded(pictures)]
@@ -40,20 +40,18 @@ def load_detector(detector: Detector, folder: Path, options: PredictionOptions, 
 
 def load_masks(detector: Detector, options: PredictionOptions, threads: int) -> LoadedMasks:
     """Load mask inference with the precision, mirroring and device of the options, see `Family.load_masks`."""
-    loaded = _in_precision(family(detector.model).load_masks(detector, options, threads), detector.model, options)
+    loaded = _in_precision(family(detector.model).load_masks(detector, options, threads), options)
     return segment_with_mirror(loaded) if options.mirrored else loaded
 
 
 def _in_precision(
-    loaded: Callable[[np.ndarray], Predicted], model: str, options: PredictionOptions
+    loaded: Callable[[np.ndarray], Predicted], options: PredictionOptions
 ) -> Callable[[np.ndarray], Predicted]:
-    """Return the detector with convolutions in `options.precision`; only `auto` depends on the processor and model."""
+    """Return the detector with convolutions in `options.precision`; only `auto` depends on the processor."""
     device, torch = choose_device(options.device), load_torch()
-    if options.precision == "bfloat16" and not _is_compact(model):
-        raise DetectError(f"precision bfloat16: model {model} supports only float32")
     if options.precision == "bfloat16" and not has_bfloat16(device):
         raise DetectError(f"precision bfloat16: not supported by this {device}, choose auto or float32")
-    bfloat16 = _is_compact(model) and computes_bfloat16(options.precision, device)
+    bfloat16 = computes_bfloat16(options.precision, device)
     if not bfloat16 and device == "cpu":
         return loaded
 
