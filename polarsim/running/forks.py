@@ -4,8 +4,8 @@
 then forks for every request. Snakemake starts scripts with `sys.executable`. Here this is a client, which requests a
 fork with its own folder, environment and streams, waits for it and returns its exit code; without a fork (the server
 still imports, or the job has several threads) the client becomes the Python interpreter. Otherwise jobs run as usual:
-the same scripts in separate processes, of which each ends with its client. Only the standard library is imported
-before the first fork, and the client has no site packages, because it starts for every job.
+the same scripts in separate processes, of which each ends with its client. The client has no site packages, because it
+starts for every job.
 """
 
 from __future__ import annotations
@@ -64,14 +64,14 @@ def write_client(path: Path, address: Path) -> None:
 
 
 def import_scripts() -> None:
-    """Import the modules of all scripts of the workflow in this folder, except those of missing extras."""
+    """Import the modules of all scripts of the workflow in this folder, without those whose libraries are missing."""
     import importlib
     import re
 
     texts = "".join(path.read_text(encoding="utf-8") for path in sorted(_SCRIPTS.glob("*.py")))
     names = sorted(set(re.findall(r"^from (polarsim\S*) import", texts, re.MULTILINE)))
     for name in (*names, "snakemake.script", *_LATE) if names else ():
-        with suppress(ImportError):
+        with suppress(ImportError, OSError):
             importlib.import_module(name)
 
 
@@ -96,15 +96,14 @@ def serve(address: Path, prepare: Callable[[], object], is_needed: Callable[[], 
             except TimeoutError:
                 continue
             connection.setblocking(True)
-            if (fork := os.fork()) == 0:
+            if os.fork() == 0:
                 server.close()
                 _answer(connection)
-            with connection, suppress(OSError):
-                connection.sendall(fork.to_bytes(4, "little"))
+            connection.close()
 
 
 def _answer(connection: socket.socket) -> None:
-    """Run the command of a client with its folder, environment and streams, send the exit code, and end."""
+    """Send the process id, run the command of a client with its folder, environment and streams, send the exit code."""
     import fcntl
     import tempfile
 
@@ -116,6 +115,7 @@ def _answer(connection: socket.socket) -> None:
     fcntl.fcntl(connection, fcntl.F_SETFL, fcntl.fcntl(connection, fcntl.F_GETFL) | os.O_ASYNC)
     code = 1
     try:
+        connection.sendall(os.getpid().to_bytes(4, "little"))
         length = int.from_bytes(_received(connection, 4), "little")
         request = json.loads(_received(connection, length))
         _, descriptors, _, _ = socket.recv_fds(connection, 1, 3)

@@ -111,6 +111,12 @@ def test_a_script_has_the_folder_arguments_environment_streams_and_exit_code_of_
     assert str(tmp_path) in fork[1]
 
 
+def test_scripts_at_the_same_time_have_their_own_exit_codes(python, script):
+    path = script("import os, sys\nsys.exit(int(os.environ['WORD']))\n")
+    clients = [subprocess.Popen([python, path], env=environment(WORD=str(code))) for code in range(40)]
+    assert [client.wait(60) for client in clients] == list(range(40))
+
+
 def test_an_exception_has_its_traceback_and_code_1(python, script):
     done = subprocess.run([python, script("1 / 0")], env=environment(), capture_output=True, text=True)
     assert done.returncode == 1
