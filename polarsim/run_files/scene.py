@@ -118,26 +118,23 @@ def read_terrain(
     mesh = TerrainMesh(whole.vertices, whole.faces, rocks)
     file = walls_file(Path(folder), cameras)
     walls = read_walls(file.parent) if file else surveyed_walls(sandbox, mesh.sand_level)
-    return replace(mesh if walls is None else _ending_in_walls(mesh, walls), walls=walls)
+    return replace(mesh if walls is None else _without_ground_behind(mesh, walls), walls=walls)
 
 
-def _ending_in_walls(mesh: TerrainMesh, walls: Walls) -> TerrainMesh:
-    """Return the terrain with the border of its ground in the middle of the walls instead of behind them.
+def _without_ground_behind(mesh: TerrainMesh, walls: Walls) -> TerrainMesh:
+    """Return the terrain without faces of the ground that are entirely beyond the middle of a wall.
 
-    Ground behind a wall would be visible below the outer face of the wall, with shadows of rocks on it.
+    Ground behind a wall would be visible below the outer face of the wall, with shadows of rocks on it. Cells up to
+    half the thickness of the wall end in the wall.
     """
-    low, high = walls.bounds
-    low = low - [THICKNESS_M / 2 if side in walls.sides else np.inf for side in ("-x", "-y")]
-    high = high + [THICKNESS_M / 2 if side in walls.sides else np.inf for side in ("+x", "+y")]
-    is_ground = mesh.rock_of_face == NO_ROCK
-    of_ground = np.zeros((len(mesh.vertices), 1), bool)
-    of_ground[mesh.faces[is_ground]] = True
-    place = mesh.vertices[:, :2]
-    clipped = np.where(of_ground, place.clip(low, high), place)
-    beyond = np.sign(place - clipped)  # -1 or 1 for vertices behind a wall, by axis
-    hidden = is_ground & (abs(beyond[mesh.faces].sum(axis=1)) == 3).any(axis=1)  # all corners are behind one wall
-    vertices = np.column_stack([clipped, mesh.vertices[:, 2]])
-    return replace(mesh, vertices=vertices, faces=mesh.faces[~hidden], rock_of_face=mesh.rock_of_face[~hidden])
+    (low_x, low_y), (high_x, high_y) = walls.bounds
+    x, y = mesh.vertices[:, 0], mesh.vertices[:, 1]
+    beyond = {"-x": low_x - x, "+x": x - high_x, "-y": low_y - y, "+y": y - high_y}
+    hidden = np.zeros(len(mesh.faces), bool)
+    for side in walls.sides:
+        hidden |= (beyond[side] > THICKNESS_M / 2)[mesh.faces].all(axis=1)
+    kept = ~hidden | (mesh.rock_of_face != NO_ROCK)
+    return replace(mesh, faces=mesh.faces[kept], rock_of_face=mesh.rock_of_face[kept])
 
 
 def cameras_of_run(meshes: Path) -> Path | None:

@@ -71,6 +71,7 @@ def python() -> Iterator[Path]:
         while not address.exists():
             assert server.poll() is None
             time.sleep(0.01)
+        assert address.stat().st_mode & 0o777 == 0o600
         forks.write_client(program, address)
         yield program
         server.kill()
