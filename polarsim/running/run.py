@@ -80,7 +80,7 @@ class Call:
 
         The latency of a profile is not replaced, because files of other nodes of a cluster appear later.
         """
-        profiled = any(word.partition("=")[0] == "--profile" for word in self.rest)
+        profiled = "--profile" in self.options
         cores = [] if profiled and self.cores is None else ["--cores", str(self.cores or 2)]
         latency = () if profiled else _LATENCY
         return [*self.targets, *cores, *_FIXED, *latency, *self.configured(), *self.rest]
@@ -91,9 +91,14 @@ class Call:
         return [*files, *(["--config", *self.settings] if self.settings else [])]
 
     @property
+    def options(self) -> set[str]:
+        """Names of the options of Snakemake among the arguments."""
+        return {word.partition("=")[0] for word in self.rest}
+
+    @property
     def allows_forks(self) -> bool:
         """Whether jobs may be forks: on this machine, with a core for the imports while Snakemake plans the jobs."""
-        elsewhere = {"--profile", "--executor", "-e"}.intersection(word.partition("=")[0] for word in self.rest)
+        elsewhere = self.options & {"--profile", "--executor", "-e"}
         return sys.platform == "linux" and (self.cores or 2) > 1 and not elsewhere and PROFILE not in os.environ
 
     def config(self) -> Config:
@@ -121,7 +126,7 @@ def run_workflow(call: Call, min_free_bytes: int | None = None) -> int:
     refuse_unknown(folder, config.run, targets, call.configured())
     if _WITHOUT_JOBS.intersection(call.rest):
         return min(1, subprocess.run(_snakemake(*call.words()), check=False).returncode)
-    if any(word.partition("=")[0] in _QUIET for word in call.rest):
+    if call.options & _QUIET:
         raise ConfigError("--quiet: removes the jobs from Snakemake's log, which the progress is read from; omit it")
     for line in plan_lines(config):
         _print_line(line)
@@ -196,7 +201,7 @@ def _first_shown(call: Call, paths: RunPaths) -> list[str]:
 
     The last terrain: in the demo it has the fewest rocks, and therefore takes the least time.
     """
-    if paths.only_covers or any(word.partition("=")[0] == "--prioritize" for word in call.rest):
+    if paths.only_covers or "--prioritize" in call.options:
         return []
     folder, terrain = f"results/{paths.run}", paths.terrains[-1]
     shown = [
