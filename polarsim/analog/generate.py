@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -104,10 +105,10 @@ def _write_scans(
     if site.files.clouds is None and site.files.range_maps is None:
         return
     grid = rectified_left(calibration)
-    surfaces = []
     poses, scanned = made.stations.sandbox_from_left, site.analog.scanned
     chosen = [position for position in poses if scanned is None or position in scanned]
-    for position in chosen:
+
+    def write_scan(position: str) -> tuple[np.ndarray, np.ndarray]:
         rng = generator(options.seed, "scan", made.terrain, position)
         left = poses[position]
         centre = left.translation + rng.normal(0, _SCANNER_OFFSET, 3)
@@ -116,12 +117,16 @@ def _write_scans(
         scan = scanner.scan(made.scene, made.caster, sandbox_from_scanner, rng, options)
         error = scanner.registration_error(rng)
         frames = {"left": error @ left.inverse(), "rectified": error @ (left @ grid.left_from_rectified).inverse()}
-        surfaces.append(scanner.join_points(scan, centre))
+        surface = scanner.join_points(scan, centre)
         valid = np.isfinite(scan.points[..., 0])
         if cloud := raw.cloud(position):
             points = frames[site.files.cloud_frame].apply(scan.points[valid])
             write_cloud(cloud, points, scan.intensity[valid], site.files.cloud_unit)
-        _write_map(raw.range_map(position), surfaces[-1:], grid, frames["rectified"], threads)
+        _write_map(raw.range_map(position), [surface], grid, frames["rectified"], threads)
+        return surface
+
+    with ThreadPoolExecutor(max(1, threads)) as pool:  # each thread scans from a position at a time
+        surfaces = list(pool.map(write_scan, chosen))
     for position in (position for position in site.tripods if position in poses and position not in chosen):
         rng = generator(options.seed, "scan", made.terrain, position)
         sandbox_from_rectified = poses[position] @ grid.left_from_rectified

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -27,12 +26,12 @@ from polarsim.analog.sensor import (
 )
 from polarsim.analog.stations import ROVER, Stations
 from polarsim.analog.terrain import AnalogTerrain
-from polarsim.analog.truth import AlbedoMap
+from polarsim.analog.truth import AlbedoMap, AlbedoSums, albedo_sums
 from polarsim.analog.view import Textures, make_textures, render_gbuffer
 from polarsim.formats import tables, yolo
-from polarsim.photo import BLACK_LEVEL, ROCK, SHADOW, PhotoKey, Terrain, terrain_text
+from polarsim.photo import BLACK_LEVEL, ROCK, SHADOW, PhotoKey, terrain_text
 from polarsim.photo_format import in_photo_format
-from polarsim.progress import track
+from polarsim.progress import progress_bar
 from polarsim.randomness import generator
 from polarsim.site import Site
 from polarsim.site_parts import FAR_M, SunLamp
@@ -87,22 +86,34 @@ def take_photos(
     options: AnalogOptions,
     threads: int,
 ) -> pd.DataFrame:
-    """Write the photos and the seed labels; return the true labels of all photos and add the views to `albedo`."""
+    """Write the photos and the seed labels; return the true labels of all photos and add the views to `albedo`.
+
+    Each of the threads photographs a view at a time.
+    """
     if not keys:
         return _label_table([])
     at = sorted({key.position for key in keys})
     lamps = {position: _lamps(site, made.stations, position) for position in at}
     bounces = gather_bounce(made.scene, made.caster, _named(lamps), generator(options.seed, "bounce", made.terrain))
+    textures = make_textures(generator(options.seed, "textures", made.terrain))
     tokens = _tokens(keys, options.seed)
     rows: list[dict[str, object]] = []
     views = [(position, camera) for position in at for camera in site.cameras.sides]
-    for position, camera in track(views, f"views of terrain {terrain_text(made.terrain)}"):
-        here = [key for key in keys if (key.position, key.camera) == (position, camera)]
+
+    def photograph(view: tuple[str, str]) -> tuple[list[dict[str, object]], list[AlbedoSums]]:
+        here = [key for key in keys if (key.position, key.camera) == view]
         if not here:
-            continue
-        wanted = {lamp: lamps[position][lamp] for lamp in sorted({name for key in here for name in _lamps_of(key)})}
-        olat_images = _olat_images(made, position, camera, wanted, bounces, albedo, options)
-        rows += _shoot(site, olat_images, here, tokens, raw, seeds, options, threads)
+            return [], []
+        wanted = {lamp: lamps[view[0]][lamp] for lamp in sorted({name for key in here for name in _lamps_of(key)})}
+        olat_images, sums = _olat_images(made, *view, wanted, bounces, textures, options)
+        return _shoot(site, olat_images, here, tokens, raw, seeds, options), sums
+
+    text = f"views of terrain {terrain_text(made.terrain)}"
+    with ThreadPoolExecutor(max(1, threads)) as pool, progress_bar(text) as report:
+        for number, (labels, sums) in enumerate(pool.map(photograph, views), 1):
+            rows += labels
+            albedo.add(sums)
+            report(number / len(views))
     return _label_table(rows)
 
 
@@ -135,11 +146,6 @@ def _usual_output(lamp: SunLamp) -> float:
     return _IRRADIANCE * distance**3 / max(lamp.point[2], 0.05 * distance)
 
 
-@lru_cache(maxsize=1)
-def _textures(seed: int, terrain: Terrain) -> Textures:
-    return make_textures(generator(seed, "textures", terrain))
-
-
 def _bounce_name(lamp: str, position: str) -> str:
     return f"{lamp}_{position}" if lamp == ROVER else lamp
 
@@ -150,12 +156,11 @@ def _named(lamps: Mapping[str, Mapping[str, DiscLamp]]) -> dict[str, DiscLamp]:
 
 
 def _olat_images(
-    made: AnalogTerrain, position: str, camera: str, lamps: Mapping[str, DiscLamp], bounces: Bounce, albedo: AlbedoMap,
-    options: AnalogOptions,
-) -> LitView:  # fmt: skip
+    made: AnalogTerrain, position: str, camera: str, lamps: Mapping[str, DiscLamp], bounces: Bounce,
+    textures: Textures, options: AnalogOptions,
+) -> tuple[LitView, list[AlbedoSums]]:  # fmt: skip
     scene, posed = made.scene, made.stations.camera(position, camera)
-    view = render_gbuffer(scene, made.caster, _textures(options.seed, made.terrain), posed)
-    albedo.add(view)
+    view = render_gbuffer(scene, made.caster, textures, posed)
     images, shadows = {}, {}
     hall = _HALL_DN_PER_S * ELECTRONS_PER_DN / 1000 / ELECTRONS / _SAND_ALBEDO
     indirect = bounces.at(scene, view, [AMBIENT, *(_bounce_name(name, position) for name in lamps)])
@@ -168,39 +173,34 @@ def _olat_images(
         glare = lamp_glare(lamp, posed, _GLARE * lamp.intensity, rng)
         images[name] = blur_and_vignette(lit) + glare
         shadows[name] = shadow_regions(scene, made.caster, made.rock_caster, view, lamp, visible)
-    return LitView(images, rock_regions(view), shadows, view.objects[::_SPARSE, ::_SPARSE] == GROUND_OBJECT)
+    sand = view.objects[::_SPARSE, ::_SPARSE] == GROUND_OBJECT
+    return LitView(images, rock_regions(view), shadows, sand), albedo_sums(view)
 
 
 def _shoot(
     site: Site, olat_images: LitView, keys: Sequence[PhotoKey], tokens: Mapping[tuple[object, ...], str], raw: RawFiles,
-    seeds: Path, options: AnalogOptions, threads: int,
+    seeds: Path, options: AnalogOptions,
 ) -> list[dict[str, object]]:  # fmt: skip
     """Write the photos and the seeds of a view; return rows of the true labels."""
     pattern = fixed_pattern(generator(options.seed, "pattern", keys[0].camera), olat_images.images[AMBIENT].shape)
     electrons = ELECTRONS * _USUAL_EXPOSURE_MS / site.usual_exposure_ms
     shadows_from_ms = _ANNOTATED_SHADOWS * site.usual_exposure_ms
 
-    def shoot(key: PhotoKey) -> tuple[list[dict[str, object]], float, np.ndarray | None]:
+    rows: list[dict[str, object]] = []
+    best: dict[str, tuple[tuple[bool, float], PhotoKey, np.ndarray]] = {}
+    for key in keys:
         rng = generator(options.seed, "sensor", key)
-        may_be_seed = key.camera == "L" and key.light == "off" and key.has_sun
         values = expose_raw(olat_images.lit(key), key.exposure_ms, electrons, rng, pattern, site.images)
         write_photo(raw.photo(key, tokens[_pair(key)]), values, site.images)
         photo = in_photo_format(values, site.images)
+        rows += _label_rows(key, olat_images, photo)
+        if key.camera != "L" or key.light != "off" or not key.has_sun:
+            continue  # never a seed
         sand = photo[::_SPARSE, ::_SPARSE][olat_images.sand].astype(np.int32) - BLACK_LEVEL
         well_exposed = float(((sand > _MIN_DN) & (sand < _MAX_DN)).mean())
-        return _label_rows(key, olat_images, photo), well_exposed, photo if may_be_seed else None
-
-    rows: list[dict[str, object]] = []
-    best: dict[str, tuple[tuple[bool, float], PhotoKey, np.ndarray]] = {}
-    with ThreadPoolExecutor(max(1, threads)) as pool:
-        for portion in (keys[n : n + 4 * threads] for n in range(0, len(keys), 4 * threads)):
-            for key, (photo_rows, quality, photo) in zip(portion, pool.map(shoot, portion), strict=True):
-                rows += photo_rows
-                if photo is None:
-                    continue
-                rank = (key.exposure_ms >= shadows_from_ms, quality)  # prefer photos with shadows
-                if key.azimuth not in best or rank > best[key.azimuth][0]:
-                    best[key.azimuth] = rank, key, photo
+        rank = (key.exposure_ms >= shadows_from_ms, well_exposed)  # prefer photos with shadows
+        if key.azimuth not in best or rank > best[key.azimuth][0]:
+            best[key.azimuth] = rank, key, photo
     for _, key, photo in best.values():
         rng = generator(options.seed, "annotator", key.with_exposure(16))
         with_shadows = key.exposure_ms >= shadows_from_ms

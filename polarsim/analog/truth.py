@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -90,19 +92,11 @@ class AlbedoMap:
         self._cubes = np.zeros(0, np.int64)
         self._sums = np.zeros((0, len(_COLUMNS)))
 
-    def add(self, view: GBuffer) -> None:
-        """Add the pixels of a view."""
-        cubes, sums = [self._cubes], [self._sums]
-        for rows in strips(len(view.objects)):
-            chosen = view.objects[rows] != HALL_OBJECT
-            points, objects = view.points[rows][chosen].astype(float), view.objects[rows][chosen]
-            cube, of_pixel = np.unique(_cube_of(points, objects), return_inverse=True)
-            values = (np.ones(len(points)), view.albedo[rows][chosen], *points.T)
-            cubes.append(cube)
-            sums.append(np.stack([np.bincount(of_pixel, value, len(cube)) for value in values], axis=1))
+    def add(self, sums: Sequence[AlbedoSums]) -> None:
+        """Add the sums of a view."""
+        cubes, parts = [self._cubes, *(each.cubes for each in sums)], [self._sums, *(each.sums for each in sums)]
         self._cubes, number = np.unique(np.concatenate(cubes), return_inverse=True)
-        parts = np.concatenate(sums)
-        self._sums = np.stack([np.bincount(number, part, len(self._cubes)) for part in parts.T], axis=1)
+        self._sums = np.stack([np.bincount(number, part, len(self._cubes)) for part in np.concatenate(parts).T], axis=1)
 
     def table(self) -> pd.DataFrame:
         """Return one row per cube: rock (-1: sand), mean position x, y, z, mean albedo and number of the pixels."""
@@ -115,6 +109,27 @@ class AlbedoMap:
         table["albedo"] = means[:, 0].astype(np.float32)
         table["pixels"] = pixels.astype(np.int64)
         return table
+
+
+@dataclass(frozen=True)
+class AlbedoSums:
+    """Sums over pixels by cube of sand or of a rock."""
+
+    cubes: np.ndarray  # (c,) numbers of `_cube_of`
+    sums: np.ndarray  # (c, 5): number of pixels, sums of albedo, x, y and z
+
+
+def albedo_sums(view: GBuffer) -> list[AlbedoSums]:
+    """Return sums over the pixels of sand and rocks of a view, strip by strip."""
+    result = []
+    for rows in strips(len(view.objects)):
+        chosen = view.objects[rows] != HALL_OBJECT
+        points, objects = view.points[rows][chosen].astype(float), view.objects[rows][chosen]
+        cubes, of_pixel = np.unique(_cube_of(points, objects), return_inverse=True)
+        values = (np.ones(len(points)), view.albedo[rows][chosen], *points.T)
+        sums = [np.bincount(of_pixel, value, len(cubes)) for value in values]
+        result.append(AlbedoSums(cubes, np.stack(sums, axis=1)))
+    return result
 
 
 def _cube_of(points: np.ndarray, objects: np.ndarray) -> np.ndarray:

@@ -33,6 +33,7 @@ class TerrainPaths:
         self.config, self.placed = config, placed
         self.run = config.run
         self.terrains = [terrain_text(terrain) for terrain in config.terrains]
+        self.first_shown = self.terrains[-1]  # on the first page; in the demo, the fastest terrain
         self.site: Options = config.site.model_dump(mode="json")
         self.domains = list(config.domains)
         self.trained = list(config.training_domains)

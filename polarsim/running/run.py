@@ -197,13 +197,10 @@ def _run_owned(folder: Path, call: Call, config: Config, *, is_full: bool) -> in
 
 
 def _first_shown(call: Call, paths: RunPaths) -> list[str]:
-    """Return arguments that give priority to the twins and labels of a terrain, which the first page shows.
-
-    The last terrain: in the demo it has the fewest rocks, and therefore takes the least time.
-    """
+    """Return arguments that give priority to the twins and labels of the terrain that the first page shows."""
     if paths.only_covers or "--prioritize" in call.options:
         return []
-    folder, terrain = f"results/{paths.run}", paths.terrains[-1]
+    folder, terrain = f"results/{paths.run}", paths.first_shown
     shown = [
         f"{folder}/renders/{paths.models[-1]}/Terrain{terrain}",
         f"{folder}/labels/tables/Terrain{terrain}.parquet",

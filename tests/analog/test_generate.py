@@ -23,11 +23,13 @@ TERRAIN = 11
 KEYS = [PhotoKey.parse(text) for text in ("11_A_off_30_L_0064", "11_A_off_30_L_0256", "11_A_on_no_L_8192")]
 
 
-def generate(root, options, keys=KEYS, terrain=TERRAIN, site=POLAR):
+def generate(root, options, keys=KEYS, terrain=TERRAIN, site=POLAR, threads=1):
     receipt = root.with_suffix(".json")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("polarsim.analog.bounce._BOUNCE_RAYS", 8)
-        generate_terrain(site=site, root=root, receipt=receipt, terrain=terrain, keys=keys, options=options, threads=1)
+        generate_terrain(
+            site=site, root=root, receipt=receipt, terrain=terrain, keys=keys, options=options, threads=threads
+        )
 
 
 def files_of(root):
@@ -158,13 +160,14 @@ def test_true_albedo_covers_all_visible_sand_and_rocks(made):
         assert np.linalg.norm(cubes[["x", "y", "z"]].to_numpy() - centre, axis=1).max() < rocks.loc[rock, "size_m"]
 
 
-def test_bytes_do_not_depend_on_other_photos(tmp_path, coarse, made, monkeypatch):
+def test_bytes_do_not_depend_on_threads_and_other_photos(tmp_path, coarse, made, monkeypatch):
     monkeypatch.setattr("polarsim.analog.generate._write_map", lambda *_: None)  # follows from clouds and cameras
-    generate(tmp_path / "one", coarse, KEYS[1:2])
-    again, before = files_of(tmp_path / "one"), files_of(made)
+    generate(tmp_path / "pair", coarse, [KEYS[1], PhotoKey.parse("11_A_off_30_R_0256")], threads=2)
+    again, before = files_of(tmp_path / "pair"), files_of(made)
     of_photos = ("labels.parquet", "albedo.parquet")  # rows of the rendered photos
-    assert any(name.endswith("_0256.png") for name in again)
-    assert [name for name, data in again.items() if data != before[name] and not name.endswith(of_photos)] == []
+    names = [name for name in again if not name.endswith(of_photos) and "CamR" not in name]
+    assert any("CamL" in name for name in names)
+    assert [name for name in names if again[name] != before[name]] == []
 
 
 def test_scans_and_truth_are_generated_without_photos(tmp_path, coarse, made, monkeypatch):

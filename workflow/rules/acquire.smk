@@ -15,6 +15,8 @@ if SOURCE.is_generated:
         output:
             receipt=f"{CONFIG.source.root}/receipts/Terrain{{terrain}}.json",
         priority: TRAINING_WAITS
+        # The first page waits for one terrain.
+        threads: lambda wildcards: 2 if wildcards.terrain == PATHS.first_shown else 1
         resources:
             mem_mb=memory_per_attempt(2000),
             runtime=20,  # minutes
