@@ -2,17 +2,18 @@
 
 A convex hull fills hollows. `convex_parts` cuts a rock until the surface of the parts deviates from the mesh by at most
 `DEVIATION_M` where the rover can reach it (on top, at the sides, and on moderate overhangs), and then joins adjacent
-parts within this bound. The mesh itself is inside the parts, since each of its triangles belongs to a part. The
-deviation is measured where lines from points of the mesh, along its normals, leave the part; between these points it
-may be larger by tenths of a millimetre. A rock that would need more than `MAX_PARTS` parts has a larger deviation, see
-`rock_parts.RockPart`. A drive records the deviation of each rock.
+parts within this bound. The mesh itself is inside the parts, since each of its triangles belongs to a part. Meanwhile
+the deviation is measured where lines from points of the mesh, along its normals, leave the part. Lines miss the middle
+of large facets, so at the end the surfaces of the parts themselves are measured, and parts are cut where necessary. A
+rock that would need more than `MAX_PARTS` parts has a larger deviation, see `rock_parts.RockPart`. A drive records the
+deviation of each rock.
 """
 
 from __future__ import annotations
 
 from bisect import insort
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
 
 import numpy as np
@@ -20,7 +21,9 @@ import pandas as pd
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from polarsim.errors import RoverError
+from polarsim.geometry.outlines import spread_directions
 from polarsim.geometry.rays_embree import EmbreeCaster
+from polarsim.geometry.topology import is_watertight
 from polarsim.geometry.vectors import cross
 
 DEVIATION_M = 0.0045  # m; a part with a larger deviation from the mesh is cut in two
@@ -36,6 +39,7 @@ _NEIGHBOURS = 6  # maximum number of adjacent parts with which a part is joined 
 _BATCH = 128  # number of points whose distances are searched together
 _LEVEL = 0.05  # maximum horizontal component of the normal of a surface that is open from above only
 _THICKNESS_M = 0.002  # of flat parts
+_SKY_RAYS = 60  # number of directions of the upper hemisphere in which the sky is searched
 
 
 def convex_parts(
@@ -63,7 +67,22 @@ def _convex_parts(
         if halves is None:
             break
         parts[worst : worst + 1] = halves
-    return tuple((part.corners, part.deviation) for part in _merged(rock, parts, deviation_m))
+    checked = _checked(rock, _merged(rock, parts, deviation_m), max_parts)
+    return tuple((part.corners, part.deviation) for part in checked)
+
+
+def _checked(rock: _Rock, parts: Sequence[_Part], max_parts: int) -> list[_Part]:
+    """Measure the surfaces of the parts, and cut parts with a larger deviation than the bound."""
+    queue, final = list(parts), list[_Part]()
+    while queue:
+        part = rock.measured(queue.pop())
+        is_full = len(queue) + len(final) + 2 > max_parts
+        halves = None if is_full or part.deviation <= rock.bound else rock.halves(part)
+        if halves is None:
+            final.append(part)
+        else:
+            queue += halves
+    return final
 
 
 def _merged(rock: _Rock, parts: Sequence[_Part], deviation_m: float) -> list[_Part]:
@@ -103,20 +122,39 @@ class _Part:
 
 
 class _Rock:
-    """A mesh with outward faces, and points on it at which deviations are measured."""
+    """A mesh, the outward normals of its faces, and points on it at which deviations are measured."""
 
     def __init__(self, vertices: np.ndarray, faces: np.ndarray, bound: float) -> None:
-        self.vertices, self.faces, self._bound = vertices, faces, bound
+        self.vertices, self.faces, self.bound = vertices, faces, bound
         triangles = vertices[faces]
         self._centres = triangles.mean(axis=1)
         normals = cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        volume = np.einsum("nk,nk->", self._centres, normals)  # six times; negative if all normals are inward
+        self._caster = EmbreeCaster(vertices, faces)
         self._sides = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        if volume <= 0 or not is_watertight(faces):
+            self._sides *= self._outwards()[:, None]
         self._step = max(STEP_M, float(np.ptp(vertices, axis=0).max()) / _STEPS)
         large = np.flatnonzero(longest_edges(triangles) > self._step)
         divided, owners = points_on(triangles[large], self._step)
         self._points = np.concatenate([self._centres, divided])
         self._normals = self._sides[np.concatenate([np.arange(len(faces)), large[owners]])]
-        self._caster = EmbreeCaster(vertices, faces)
+
+    def _outwards(self) -> np.ndarray:
+        """Return (f,) 1 where normals are outward and -1 elsewhere: more of the sky is visible from the outer side.
+
+        By ray casting, as Takayama et al., A Simple Method for Correcting Facet Orientations in Polygon Meshes Based on
+        Ray Casting (JCGT 2014), for meshes with holes, the faces of which have no common orientation.
+        """
+        sky = spread_directions(2 * _SKY_RAYS)[:_SKY_RAYS]
+        visible = []
+        for side in (1, -1):
+            origins = np.repeat(self._centres + side * _OFF_M * self._sides, len(sky), axis=0)
+            directions = np.tile(sky, (len(self._centres), 1))
+            above = np.einsum("nk,nk->n", np.repeat(side * self._sides, len(sky), axis=0), directions) > 0
+            above[above] = np.isinf(self._caster.nearest(origins[above], directions[above])[0])
+            visible.append(above.reshape(-1, len(sky)).sum(axis=1))
+        return np.where(visible[0] >= visible[1], 1.0, -1.0)
 
     def whole(self) -> _Part:
         """Return the hull of the rock."""
@@ -130,13 +168,34 @@ class _Rock:
             near &= (values > low) & (values < high)
         return self._part(np.concatenate([first.triangles, second.triangles]), np.flatnonzero(near), 0.0)
 
+    def measured(self, part: _Part) -> _Part:
+        """Return a part with the deviation of points on its surface, half a step apart, that the rover can reach.
+
+        Holes of the mesh are filled and therefore excluded: below the surface, a hole shows the inner side of the mesh.
+        """
+        hull = ConvexHull(part.corners)
+        facets = np.flatnonzero(hull.equations[:, 2] > OVERHANG)
+        points, owners = points_on(hull.points[hull.simplices[facets]], self._step / 2)
+        sides = hull.equations[facets[owners], :3]
+        hits = self._caster.intersect(points + _OFF_M * sides, -sides)
+        solid = hits.ray[np.einsum("nk,nk->n", self._sides[hits.face], sides[hits.ray]) > 0]
+        points, sides = points[solid], sides[solid]
+        points = points[self._reached(points + _OFF_M * sides, sides)]
+        if not len(points):
+            return part
+        distances, nearest = map(np.asarray, self._tree.query(points))
+        worst = distances.argmax()
+        if distances[worst] <= max(part.deviation, _OFF_M):
+            return part
+        return replace(part, deviation=float(distances[worst]), farthest=self._tree.data[nearest[worst]])
+
     def halves(self, part: _Part) -> list[_Part] | None:
         """Cut a part at its largest deviation, across the axis with the best result; return None if it cannot be cut.
 
         A triangle belongs to the side of its centre, so the parts overlap by a triangle at the cut.
         """
         best: list[_Part] | None = None
-        within = min(part.deviation, self._bound)
+        within = min(part.deviation, self.bound)
         for axis, cut in self._cuts(part):
             below = self._centres[part.triangles, axis] < cut
             if below.all() or not below.any():
@@ -189,13 +248,13 @@ class _Rock:
         from polarsim.rover.world.hull_kernels import exits  # an optional dependency
 
         depths, facets = exits(self._points[rows], self._normals[rows], hull.equations)
-        far = depths > self._bound  # the mesh is at most as far from an exit as the start of the line
+        far = depths > self.bound  # the mesh is at most as far from an exit as the start of the line
         largest, farthest = max(float(depths[~far].max(initial=0.0)), within), np.zeros(3)
         deep, depths, sides = rows[far], depths[far], hull.equations[facets[far], :3]
         left = self._points[deep] + depths[:, None] * self._normals[deep]
         order = np.argsort(-depths)
         order = order[(sides[order, 2] > OVERHANG) & self._reached(left, sides)[order]]
-        while len(order) and largest <= self._bound:  # farther exits first; a part beyond the bound is cut anyway
+        while len(order) and largest <= self.bound:  # farther exits first; a part beyond the bound is cut anyway
             batch, order = order[:_BATCH], order[_BATCH:]
             distance = np.asarray(self._tree.query(left[batch])[0])
             if distance.max() > largest:
