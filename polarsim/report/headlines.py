@@ -12,7 +12,8 @@ from polarsim.formats.tables import read_csv
 from polarsim.photo import ROCK
 from polarsim.report import paper
 from polarsim.schemas.evaluation import IN_PLACE
-from polarsim.wording import counted
+from polarsim.scoring.metrics import TRUTH_NAMES
+from polarsim.wording import counted, enumerated
 
 MAX_HEADLINES = 5
 Tables = Mapping[str, Path]
@@ -110,10 +111,11 @@ def _evaluation(tables: Tables) -> Iterator[Headline]:
         if len(matching):
             values = factor * matching["value"].astype(float)
             low, middle, high = (f"{value:.{decimals}f}" for value in (values.min(), values.median(), values.max()))
-            against = sorted(set(matching["against"].astype(str)))
+            names = sorted({*matching["against"].astype(str)} - {"own"})  # own: values of the run itself
+            against = f"; against {enumerated(TRUTH_NAMES.get(name, name) for name in names)}" if names else ""
             yield Headline(
                 title, f"{middle}{unit}", f"{low} to {high}",
-                f"{meaning}; median and range over {_counts(matching)}; against {', '.join(against)}", "evaluation",
+                f"{meaning}; median and range over {_counts(matching)}{against}", "evaluation",
             )  # fmt: skip
 
 

@@ -36,7 +36,13 @@ def test_a_metric_of_terrains_is_the_median_with_the_range(headlines_of):
     ]
     (headline,) = headlines_of(evaluation=evaluation(*values))
     assert (headline.value, headline.interval, headline.table) == ("0.800", "0.700 to 0.900", "evaluation")
-    assert "3 terrains; against truth" in headline.meaning
+    assert headline.meaning.endswith("3 terrains; against the analog's truth")
+
+
+def test_a_metric_of_the_run_itself_names_no_reference(headlines_of):
+    table = evaluation(("rocks", 1, "rock meshes", "watertight_share", 1.0)).assign(against="own")
+    (headline,) = headlines_of(evaluation=table)
+    assert headline.meaning.endswith("1 terrain")
 
 
 def test_the_detector_trained_on_photos_and_the_best_of_the_twins_are_shown_with_intervals(headlines_of):
