@@ -140,9 +140,17 @@ def test_other_programs_and_jobs_without_a_server_use_the_interpreter(python, sc
     assert lines_of(tmp_path / "alone", script(IS_FORK))[0] == "False"
 
 
+def default_signals() -> None:
+    """Do not ignore signals that the parent ignores: SIGHUP below nohup, SIGINT in the background."""
+    for number in (signal.SIGHUP, signal.SIGINT):
+        signal.signal(number, signal.SIG_DFL)
+
+
 def started(python: Path, path: Path) -> tuple[subprocess.Popen, psutil.Process]:
     """Start a script that sleeps; return its client and the fork."""
-    client = subprocess.Popen([python, path], env=environment(), stdout=subprocess.PIPE, text=True)
+    client = subprocess.Popen(
+        [python, path], env=environment(), stdout=subprocess.PIPE, text=True, preexec_fn=default_signals
+    )
     return client, psutil.Process(int(client.stdout.readline()))
 
 
