@@ -2,11 +2,11 @@
 
 A convex hull fills hollows. `convex_parts` cuts a rock until the surface of the parts deviates from the mesh by at most
 `DEVIATION_M` where the rover can reach it (on top, at the sides, and on moderate overhangs), and then joins adjacent
-parts within this bound. The mesh itself is inside the parts, since each of its triangles belongs to a part. Meanwhile
-the deviation is measured where lines from points of the mesh, along its normals, leave the part. Lines miss the middle
-of large facets, so at the end the surfaces of the parts themselves are measured, and parts are cut where necessary. A
-rock that would need more than `MAX_PARTS` parts has a larger deviation, see `rock_parts.RockPart`. A drive records the
-deviation of each rock.
+parts within this bound. The mesh itself is inside the parts, since each of its triangles belongs to a part. While parts
+are cut and joined, the deviation is measured where lines from points of the mesh, along its normals, leave the part.
+These lines miss the middle of large facets, so the surfaces of the final parts are measured too, and parts are cut
+again where necessary. A rock that would need more than `MAX_PARTS` parts has a larger deviation, see
+`rock_parts.RockPart`. A drive records the deviation of each rock.
 """
 
 from __future__ import annotations

@@ -137,9 +137,9 @@ def test_the_orientation_of_faces_does_not_matter():
 
 
 def test_holes_are_filled():
-    ball_ = trimesh.creation.icosphere(3, 0.1)
-    height, angle = ball_.triangles_center[:, 2], np.arctan2(*ball_.triangles_center[:, :2].T)
-    shell = ball_.faces[(height > -0.05) & ~((np.abs(angle) < 0.4) & (np.abs(height) < 0.04))]
-    ((corners, deviation),) = convex_parts(ball_.vertices, shell)
+    sphere = trimesh.creation.icosphere(3, 0.1)
+    height, angle = sphere.triangles_center[:, 2], np.arctan2(*sphere.triangles_center[:, :2].T)
+    shell = sphere.faces[(height > -0.05) & ~((np.abs(angle) < 0.4) & (np.abs(height) < 0.04))]
+    ((corners, deviation),) = convex_parts(sphere.vertices, shell)
     assert deviation < 0.001
     assert len(corners) > 100
