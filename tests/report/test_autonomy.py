@@ -66,6 +66,18 @@ def test_a_pose_that_is_not_known_is_a_kind_of_its_own_and_a_row():
     assert format_autonomy(table)["mode"].tolist() == ["stereo", "stereo, fused pose"]
 
 
+def test_a_kind_does_not_name_lights_and_model_that_have_no_effect():
+    """Drives by labels with a known pose render no images for the rover; those with an estimated pose do."""
+    rows = [drive("truth"), *(drive("truth", sun, "0256", "off", pose="fused") for sun in ("1", "3"))]
+    kinds = drive_kinds(pd.DataFrame(rows, columns=list(AUTONOMY.columns)))
+    assert kinds["kind"].tolist() == ["truth", "truth, fused pose", "truth, fused pose"]
+    rows += [drive("truth", "1", "0256", "on", pose="fused", model=model) for model in ("hapke", "principled")]
+    kinds = drive_kinds(pd.DataFrame(rows, columns=list(AUTONOMY.columns)))
+    assert set(kinds["kind"]) == {
+        "truth", "truth, fused pose, hapke", "truth, fused pose, lit, hapke", "truth, fused pose, lit, principled"
+    }  # fmt: skip
+
+
 def test_a_mode_with_several_models_has_a_kind_per_model():
     rows = [drive(mode, "1", "0256", "off", model=model) for mode in ("stereo", "both") for model in ("a", "b")][:3]
     kinds = drive_kinds(pd.DataFrame(rows, columns=list(AUTONOMY.columns)))

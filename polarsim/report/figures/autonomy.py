@@ -13,14 +13,7 @@ import pandas as pd
 
 from polarsim.formats.tables import read_parquet
 from polarsim.report.autonomy_table import with_pose
-from polarsim.report.figures.canvas import (
-    COLUMN_IN,
-    FAINT,
-    INK,
-    LINE,
-    legend_line,
-    page,
-)
+from polarsim.report.figures.canvas import COLUMN_IN, FAINT, INK, LINE, legend_line, page
 from polarsim.run_files.picture_sets import exposure_order, exposure_title, sun_title
 from polarsim.schemas.rover import ALL, ANY, AUTONOMY, MODES
 
@@ -110,10 +103,11 @@ def mark_positions(kinds: pd.DataFrame) -> tuple[pd.Series, list[float], list[st
 def drive_kinds(table: pd.DataFrame) -> pd.DataFrame:
     """Return the rows of single Suns and exposures with column `kind`: mode, and lights and model if they vary."""
     rows = table[(table["sun"] != ALL) & (table["detector"] == table["mode"].map(compared_detectors(table)))]
-    both, models = (rows.groupby("mode")[axis].transform("nunique") > 1 for axis in ("lights", "model"))
-    mode = pd.Series(map(with_pose, rows["mode"], rows["pose"]), rows.index, dtype=object)
-    kind = mode.where(~both | (rows["lights"] == "off"), mode + ", lit")
-    kind = kind.where(~models, kind + ", " + rows["model"])
+    levels = rows[["lights", "model"]].replace(ANY, None)
+    lights, models = (levels[axis].groupby(rows["mode"]).transform("nunique") for axis in levels)
+    kind = pd.Series(map(with_pose, rows["mode"], rows["pose"]), rows.index, dtype=object)
+    kind = kind.mask((lights > 1) & (rows["lights"] == "on"), kind + ", lit")
+    kind = kind.mask((models > 1) & (rows["model"] != ANY), kind + ", " + rows["model"])
     order = kind.map(lambda name: (MODES.index(name.split(",")[0]), name))
     return rows.assign(kind=kind).loc[order.sort_values(kind="stable").index]
 
