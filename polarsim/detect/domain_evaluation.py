@@ -13,13 +13,12 @@ from polarsim import intervals
 from polarsim.detect import metrics
 from polarsim.detect.false_positives import false_positives_of_photos
 from polarsim.detect.grouping import detections_by_photo, labels_by_photo, units_of
-from polarsim.detect.ipd import IpdRules, instance_performance, pair_rock_labels
+from polarsim.detect.ipd import instance_performance, rock_performance
 from polarsim.detect.options import ComparisonOptions
 from polarsim.photo import BOX_CLASSES
 from polarsim.schemas.detect import CHANGE_ENDS
 
 _AT_HALF = np.array([0.5])
-_CELL = ["key", "kind", "rock"]
 
 
 @dataclass(frozen=True)
@@ -36,6 +35,11 @@ class DomainEvaluation:
     def performance(self) -> pd.DataFrame:
         labels, predictions = (table[table["key"].isin(self.keys)] for table in (self.labels, self.predictions))
         return instance_performance(labels, predictions, self.options.iou_confidence)
+
+    @cached_property
+    def rock_performance(self) -> dict[str, pd.Series]:
+        """Performance of the rocks in photos by class, see `ipd.rock_performance`."""
+        return {kind: rock_performance(self.performance[self.performance["kind"] == kind]) for kind in BOX_CLASSES}
 
     @cached_property
     def false_positives(self) -> pd.DataFrame:
@@ -75,21 +79,17 @@ def ipd_change(
     kind: str, photo: DomainEvaluation, twin: DomainEvaluation, replaced: DomainEvaluation
 ) -> dict[str, object]:
     """Return mean IoU, IPD and the change of the IPD over the rocks that photos and both twins contain."""
-    options = photo.options
-    rules = IpdRules(unit=options.resampled)
-    performances = [
-        evaluation.performance[evaluation.performance["kind"] == kind] for evaluation in (photo, twin, replaced)
-    ]
-    unchanged, modified = (pair_rock_labels(performances[0], side, rules) for side in performances[1:])
-    pairs = unchanged.merge(modified.drop(columns="first"), on=_CELL, suffixes=("", "_replaced"), validate="one_to_one")
+    sides = {"photo": photo, "twin": twin, "replaced": replaced}
+    performances = {name: evaluation.rock_performance[kind] for name, evaluation in sides.items()}
+    pairs = pd.concat(performances, axis=1, join="inner").sort_index()
     if pairs.empty:
         return {"pairs": 0}
-    unit = units_of(pairs["key"].astype(str).tolist(), rules.unit)
+    unit = units_of(pairs.index.get_level_values("key").astype(str).tolist(), photo.options.resampled)
     units = int(unit.max()) + 1
-    drawn = intervals.bootstrap_draws(units, options.resamples)
-    gain, other_gain = ((pairs["first"] - pairs[name]).to_numpy(float) for name in ("second", "second_replaced"))
-    row: dict[str, object] = {"pairs": len(pairs), "iou_photo": pairs["first"].mean()}
-    row |= {"iou_twin": pairs["second"].mean(), "iou": pairs["second_replaced"].mean()}
+    drawn = intervals.bootstrap_draws(units, photo.options.resamples)
+    gain, other_gain = ((pairs["photo"] - pairs[name]).to_numpy(float) for name in ("twin", "replaced"))
+    row: dict[str, object] = {"pairs": len(pairs), "iou_photo": pairs["photo"].mean()}
+    row |= {"iou_twin": pairs["twin"].mean(), "iou": pairs["replaced"].mean()}
     row |= paired_change("ipd", np.abs(_means(gain, unit, drawn)), np.abs(_means(other_gain, unit, drawn)), units)
     return row | paired_change(
         "ipd_abs", _means(np.abs(gain), unit, drawn), _means(np.abs(other_gain), unit, drawn), units

@@ -19,6 +19,7 @@ from polarsim.geometry import boxes
 from polarsim.photo import PhotoKey
 from polarsim.schemas.detect import IPD_ROCKS
 
+ROCK_KEY = ["key", "kind", "rock"]  # identifies a rock in a photo; the rock id is that of the terrain
 ROCK_COLUMNS = IPD_ROCKS.without("split", "seed", "trained", "first", "second")
 MissingTreatment = Literal["zero", "left_out"]
 
@@ -67,22 +68,25 @@ def instance_performance(labels: pd.DataFrame, predictions: pd.DataFrame, confid
     return table.sort_values(["key", "kind", "rock", "iou"], kind="stable", ignore_index=True)
 
 
-def pair_rock_labels(first: pd.DataFrame, second: pd.DataFrame, rules: IpdRules | None = None) -> pd.DataFrame:
-    """Pair the rocks of two tables of `instance_performance`: key, kind, rock, first, second (performances).
+def rock_performance(performances: pd.DataFrame) -> pd.Series:
+    """Return the performance of each rock in each photo, from `instance_performance`, by `ROCK_KEY`, sorted.
 
     If a rock has several labels in a photo, the maximum performance is used. NaN counts as a missing performance.
     """
+    identified = performances[(performances["rock"] > 0) & performances["iou"].notna()]
+    return identified.groupby(ROCK_KEY)["iou"].max()
+
+
+def pair_rock_labels(first: pd.DataFrame, second: pd.DataFrame, rules: IpdRules | None = None) -> pd.DataFrame:
+    """Pair the rocks of two tables of `instance_performance`: key, kind, rock, first, second (`rock_performance`)."""
     rules = rules or IpdRules()
-    sides = []
-    for table, name in ((first, "first"), (second, "second")):
-        identified = table[(table["rock"] > 0) & table["iou"].notna()]
-        sides.append(identified.groupby(["key", "kind", "rock"])["iou"].max().rename(name).reset_index())
+    sides = {"first": rock_performance(first), "second": rock_performance(second)}
     how: Literal["outer", "inner"] = "outer" if rules.unpaired == "zero" else "inner"
-    pairs = sides[0].merge(sides[1], on=["key", "kind", "rock"], how=how, validate="one_to_one")
+    pairs = pd.concat(sides, axis=1, join=how).reset_index()
     if rules.undetected == "left_out":
         pairs = pairs[(pairs["first"] != 0) & (pairs["second"] != 0)]  # keeps NaN of missing labels
     pairs = pairs.fillna({"first": 0.0, "second": 0.0})
-    return pairs.sort_values(["key", "kind", "rock"], ignore_index=True)
+    return pairs.sort_values(ROCK_KEY, ignore_index=True)
 
 
 def instance_performance_difference(
