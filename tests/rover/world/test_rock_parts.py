@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from polarsim.errors import FormatError
+from polarsim.rover.world import rock_parts as rock_parts_module
 from polarsim.rover.world.rock_parts import read_rock_parts, rock_parts, shape_table, write_rock_parts
 from polarsim.rover.world.stitch import TerrainSolids, rough_world, stitch
 from polarsim.rover.world.surface import World, bare_world
@@ -26,6 +27,21 @@ def test_all_rocks_of_a_world_have_hulls():
     assert all(0 <= shape["deviation_m"] < 1e-4 for shape in shape_table(parts))
     centres = [part.corners.mean(axis=0)[:2] for part in parts]
     np.testing.assert_allclose(centres, ground.rocks[["x_m", "y_m"]], atol=2e-3)
+
+
+def test_a_rock_with_other_parts_than_its_mesh_is_reported(caplog, monkeypatch):
+    rock_parts(world())
+    assert caplog.messages == []
+    of_mesh = rock_parts_module.convex_parts
+    monkeypatch.setattr(
+        rock_parts_module, "convex_parts",
+        lambda vertices, faces: [(corners, 0.0075) for corners, _ in of_mesh(vertices, faces)],
+    )  # fmt: skip
+    rock_parts(world())
+    assert caplog.messages == [
+        f"terrain {terrain}, rock {rock}: shape of the physics deviates by 7.5 mm from the mesh, expected 4.5 mm"
+        for terrain, rock in ((4, 7), (1, 3))
+    ]
 
 
 @pytest.mark.parametrize("ground", [world(), bare_world(np.zeros((5, 5)), 0.1, 0.0, 0.0)], ids=["rocks", "no rocks"])
