@@ -1,4 +1,4 @@
-# Main targets: make demo, make test. Dependencies are installed in .venv: `setup` for the demo, `dev` for all else.
+# Main targets: make demo, make test, make test-all. Dependencies are installed in .venv: `setup` for the demo, `dev` for all else.
 PYTHON ?= python3
 CORES ?= 2
 SEEDS ?= 1 2 3
@@ -6,11 +6,11 @@ POLAR_SIM_ROOT ?= ../shared/polar-sim
 BIN := .venv/bin
 RUN := $(BIN)/polarsim run --cores $(CORES)
 
-.PHONY: help setup dev demo rover release accuracy test pytest cluster chaos fuzz lint docs picture clean durations lock schema columns
+.PHONY: help setup dev demo rover release accuracy test test-all pytest cluster chaos fuzz lint docs picture clean durations lock schema columns
 .DEFAULT_GOAL := help
 
 help: ## list the targets
-	@grep -E '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/make \1\t\2/' | expand -t 16
+	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/make \1\t\2/' | expand -t 16
 
 setup: .venv/.ready ## create .venv with what the workflow needs: extras pipeline, detect and cluster
 
@@ -45,12 +45,16 @@ accuracy: setup ## accuracy of poses, rocks and meshes on three analog sandboxes
 	done
 	@$(BIN)/polarsim compare $(SEEDS:%=accuracy%) --out results/accuracy
 
-test: dev ## lint, formats, types, dry-runs and tests
+SELECTED ?= not slow
+test: dev ## lint, formats, types, dry-runs, a small run, and all tests that are not slow
 	@$(MAKE) --no-print-directory -j 2 lint pytest
+
+test-all: ## the same and slow tests: more small runs, trainings, faults, the manual; as in CI
+	@$(MAKE) --no-print-directory test SELECTED=
 
 # One thread per worker; bytecode, because many processes import the same modules; -rs: reasons of skipped tests.
 pytest: dev
-	OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n $(CORES) --dist worksteal --durations=20 -rs --basetemp .pytest
+	OMP_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -m "$(SELECTED)" -n $(CORES) --dist worksteal --durations=20 -rs --basetemp .pytest
 
 cluster: dev ## run the workflow on a local SLURM of one node (root, apt-get install slurm-wlm munge)
 	$(BIN)/python -m pytest -m cluster tests/cluster --basetemp .pytest

@@ -45,6 +45,7 @@ for arguments in json.loads(sys.argv[1]):
             results.append([ended.code or 0, out.getvalue(), errors.getvalue()])
 print(json.dumps(results))
 """
+pytestmark = pytest.mark.slow
 SQUARE = Mesh(np.array([[-2.0, -2, 0], [2, -2, 0], [2, 2, 0], [-2, 2, 0]]), np.array([[0, 1, 2], [0, 2, 3]]))
 
 

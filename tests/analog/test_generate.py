@@ -47,6 +47,7 @@ def made(tmp_path_factory, coarse):
     return root
 
 
+@pytest.mark.slow
 def test_photos_are_written_for_the_given_keys_only(made):
     photos = site_files.find_photos(polar(), made, TERRAIN)[0]
     assert [key for key, _ in photos] == sorted(KEYS)
@@ -160,6 +161,7 @@ def test_true_albedo_covers_all_visible_sand_and_rocks(made):
         assert np.linalg.norm(cubes[["x", "y", "z"]].to_numpy() - centre, axis=1).max() < rocks.loc[rock, "size_m"]
 
 
+@pytest.mark.slow
 def test_bytes_do_not_depend_on_threads_and_other_photos(tmp_path, coarse, made, monkeypatch):
     monkeypatch.setattr("polarsim.analog.generate._write_map", lambda *_: None)  # follows from clouds and cameras
     generate(tmp_path / "pair", coarse, [KEYS[1], PhotoKey.parse("11_A_off_30_R_0256")], threads=2)
@@ -200,6 +202,7 @@ def test_data_that_were_not_simulated_are_kept(tmp_path, folder):
     assert files_of(tmp_path / "data") == {f"{folder}/any.png": b"real"}
 
 
+@pytest.mark.slow
 def test_an_earlier_simulation_is_replaced(tmp_path, coarse, made):
     shutil.copytree(made, tmp_path / "data")
     generate(tmp_path / "data", coarse, keys=KEYS[:1])

@@ -69,6 +69,7 @@ def annotated(tmp_path, labelled):
     return Inventory(terrain=3, kind="release", meshes=meshes)
 
 
+@pytest.mark.slow
 def test_scans_localise_their_rigs_and_the_survey_localises_the_rest(tmp_path, scanned, sandbox, true_poses, caplog):
     with caplog.at_level(logging.WARNING):
         localised = locate(tmp_path, scanned, sandbox.rig)

@@ -123,6 +123,7 @@ def test_a_yard_without_walls_is_placed_by_its_tripods(yard, tmp_path, located):
     np.testing.assert_allclose(relative[0].matrix, relative[1].matrix, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_photos_of_one_camera_refine_poses_and_both_kinds_of_lamps(located, ground, tmp_path):
     rigs, yard = located
     surface = surface_of(TerrainMesh(ground.vertices, ground.faces, np.full(len(ground.faces), NO_ROCK)))

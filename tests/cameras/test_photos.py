@@ -103,6 +103,7 @@ def refined(photographed, tmp_path_factory):
     return refine(photographed, folder, {"A": LOCATED, "B": far}), folder
 
 
+@pytest.mark.slow
 def test_photos_correct_a_pose(refined):
     found, true = refined[0]["A"].sandbox_from_left, TRUE.sandbox_from_left
     assert np.linalg.norm(LOCATED.sandbox_from_left.translation - true.translation) > 0.0025
@@ -214,6 +215,7 @@ def test_photos_of_another_position_do_not_change_poses(photographed, tmp_path, 
     assert "13_A_off_180_L_0256.png" in caplog.text  # the broken photo
 
 
+@pytest.mark.slow
 def test_photos_under_another_lamp_than_named_change_no_pose_and_no_lamp(photographed, tmp_path, caplog):
     """Photos under Sun 30 have the names of Sun 180, or of all Suns."""
     rows = pd.read_parquet(photographed / "photos.parquet").to_dict("records")
@@ -249,6 +251,7 @@ def test_photos_that_resemble_the_meshes_under_no_lamp_do_not_show_another_lamp(
     assert "another lamp" not in caplog.text
 
 
+@pytest.mark.slow
 def test_shared_features_localise_positions(photographed, tmp_path, caplog):
     """As D to G of terrain 13: no scan, no survey, photos from nearly the same place; E only has a wrong survey."""
     stands = {

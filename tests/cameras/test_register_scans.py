@@ -84,6 +84,7 @@ def test_positions_without_a_survey_start_at_the_same_pose(scans, rng):
     assert np.degrees(angle_between(found, a_from_b)) < 0.03
 
 
+@pytest.mark.slow
 def test_scans_of_two_terrains_are_refused(scans):
     # The relief in the same box has bumps of 10 cm in C only.
     level = level_pose("C", scans["C"], STATIONS, AREA)
@@ -113,6 +114,7 @@ def test_scans_of_two_terrains_with_similar_relief_are_refused(scans, foreign):
         register_scans({"A": scans["A"], "C": foreign["C"]}, STATIONS, AREA)
 
 
+@pytest.mark.slow
 def test_a_scan_that_contradicts_two_scans_is_excluded(sandbox, scans, foreign):
     """It has more points than the other scan of its sandbox, and is tried earlier as the reference."""
     left_from_rectified = rectified_left(sandbox.rig).left_from_rectified

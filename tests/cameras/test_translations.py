@@ -15,7 +15,7 @@ from tests.support.polar_survey import RANGES, TRIPODS
 
 from .conftest import TRUE_POSES, annotated_boxes
 
-pytestmark = pytest.mark.usefixtures("coarse_search")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("coarse_search")]
 OPTIONS = LocalisationOptions(rock_translation_sd_mm=10)
 LENS = default_rig().left
 EDGE_PX = 0.7

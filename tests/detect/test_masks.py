@@ -70,6 +70,7 @@ def weights(dataset, tmp_path_factory):
     return trained(dataset, tmp_path_factory.mktemp("weights"))
 
 
+@pytest.mark.slow
 def test_the_loss_decreases_and_masks_agree_with_the_images(dataset, weights, tmp_path):
     curve = tables.read_csv(weights.with_suffix(".csv"))
     assert curve["train_mask_loss"].iloc[-1] < 0.5 * curve["train_mask_loss"].iloc[0]

@@ -11,6 +11,7 @@ pytest.importorskip("playwright.sync_api", reason="needs Playwright: pip install
 SCRIPT = Path(__file__).parents[2] / "docs/explorer_pictures.py"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="needs Chromium: apt-get install chromium")
 def test_all_screenshots_of_the_gallery_are_written(made, tmp_path):
     script = runpy.run_path(str(SCRIPT))

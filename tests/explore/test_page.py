@@ -42,7 +42,10 @@ LOCAL = ("http://127.0.0.1:", "blob:", "data:", "about:")
 VIEWS = ("photos", "compare", "terrain", "detectors", "rover", "correct")
 MARKS = {"boxes": ".box", "masks": ".mask", "ids": "text", "lines": ".link"}
 playwright = pytest.importorskip("playwright.sync_api", reason="needs Playwright: pip install polarsim[dev]")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium"),
+]
 
 
 def is_wrong(message) -> bool:

@@ -22,6 +22,7 @@ from polarsim.site import polar
 from tests.rocks.conftest import SIZES, Scene, angular_rock, hilly
 from tests.support.polar_rig import default_rig
 
+pytestmark = pytest.mark.slow
 OPTIONS = RocksOptions(ground_mesh_cell_mm=40)
 
 
@@ -149,7 +150,6 @@ def test_the_ground_covers_the_sand(worked):
     assert (ground[:, :2].max(axis=0) > 2.0).all()
 
 
-@pytest.mark.slow
 def test_a_rock_of_7_cm_and_17_mm_height_is_detected_without_boxes(tripods, tmp_path, monkeypatch):
     monkeypatch.setattr("polarsim.rocks.find.GROUND_CELL", GROUND_CELL)
     low = angular_rock(np.random.default_rng(8), (0.9, 0.3, -0.008), 0.07)

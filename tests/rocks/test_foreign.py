@@ -13,6 +13,7 @@ from polarsim.geometry.stereo import StereoRig
 from polarsim.rocks.options import RocksOptions
 from tests.support.polar_rig import default_rig
 
+pytestmark = pytest.mark.slow
 SCRIPT = Path(__file__).parents[2] / "benchmarks/foreign.py"
 AT_MOST = {
     ("worst position", "position_error_aligned"): 1.0,  # mm, in spite of loose cloth on thick walls
@@ -71,7 +72,6 @@ def test_the_ground_truth_excludes_rocks_under_the_sand(foreign, tmp_path):
     assert list(rock_files(tmp_path / "meshes")) == [2]
 
 
-@pytest.mark.slow
 def test_cameras_rocks_and_meshes_of_foreign_scans_are_accurate(foreign, tmp_path, monkeypatch):
     full = default_rig()
     half = StereoRig(full.left.scaled(0.4), full.right.scaled(0.4), full.left_from_right)  # to save time

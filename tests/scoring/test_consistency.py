@@ -161,6 +161,7 @@ def rotated_right(rig, degrees):
     return replace(rig, rig=replace(rig.rig, left_from_right=rig.rig.left_from_right @ rotation))
 
 
+@pytest.mark.slow
 def test_photos_of_a_correct_rig_exceed_no_limit(stereo):
     metrics = photos_of_both({"A": STANDING}, *stereo)
     assert exceeded(metrics) == set()
@@ -180,6 +181,7 @@ def test_a_rotated_right_camera_is_reported(stereo, rotation_deg, metric):
         assert metrics[1].value == pytest.approx(3.6, abs=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [0.4, 0.7, 1.3])
 @pytest.mark.parametrize(("pitch_deg", "reported"), [(0.02, False), (0.07, True)])  # 0.7 and 2.5 px of reference photos
 def test_the_same_errors_of_the_rig_are_reported_in_photos_of_any_width(wavy, tmp_path, scale, pitch_deg, reported):

@@ -5,6 +5,7 @@ import sys
 from importlib.metadata import PackageNotFoundError, packages_distributions, requires
 from pathlib import Path
 
+import pytest
 from packaging.requirements import Requirement
 
 CHECKOUT = Path(__file__).parents[2]
@@ -52,6 +53,7 @@ def required_by(*names: str) -> set[str]:
     return found
 
 
+@pytest.mark.slow
 def test_snakemake_alone_plans_and_lints(checkout):
     (checkout / "polarsim").symlink_to(CHECKOUT / "polarsim")  # without installation
     present = required_by("snakemake", "snakefmt")

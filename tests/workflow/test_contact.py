@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from polarsim.formats import png
 from polarsim.formats.tables import label_table, write_parquet
@@ -15,6 +16,7 @@ from tests.workflow.figures import find_picture, resized
 SHEET = "results/small/figures/contact_Terrain01_PosA.png"
 
 
+@pytest.mark.slow
 def test_a_contact_sheet_ignores_images_in_the_working_folder(checkout, snakemake, rng):
     keys = selected_grid(polar(), 1, ["A"], GridOptions(**SMALL["grid"]))
     for key in keys:

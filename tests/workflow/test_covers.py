@@ -16,6 +16,7 @@ from polarsim.scenes.strokes import COLOURS, draw_strokes
 from tests.support.label_rows import label_row
 from tests.support.polar_photos import HEIGHT, SIZE, WIDTH
 
+pytestmark = pytest.mark.slow
 ROCK, SHADOW = [900.0, 500, 1000, 620], [1000.0, 520, 1200, 600]
 TERRAINS = (1, 3)
 REAL_RULES = (
@@ -61,7 +62,6 @@ def ring(box):
     return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], float)
 
 
-@pytest.mark.slow
 def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, release):
     for terrain in TERRAINS:
         vertices, faces, _ = box_mesh(np.zeros(3), np.array([0.2, 0.15, 0.1 * terrain]))
@@ -121,7 +121,6 @@ def test_cover_photos_become_tables_a_figure_and_a_page(checkout, snakemake, rel
     assert "<h2>Domains</h2>" not in page  # this run has no domains
 
 
-@pytest.mark.slow
 def test_covers_and_twins_become_the_tables_of_the_paper(checkout, snakemake, release):
     run = checkout / "results/real_tables"
     keys = [f"{terrain:02d}_A_off_30_L_0256" for terrain in TERRAINS]

@@ -109,6 +109,7 @@ def test_contacts_of_a_wheel_are_as_deep_as_it_overlaps_the_edge_of_a_rock(job, 
     assert np.sum(np.array(depths) > 0.002) > 20
 
 
+@pytest.mark.slow
 def test_a_drive_by_labels_avoids_rocks_that_a_blind_drive_hits(job):
     blind = run_autonomous_drive(job, "blind", ImagingCondition("3", 256), OPTIONS, CAMERAS, render=driven.RENDER)
     rows = drive_metrics(blind, job.vehicle, OPTIONS)
@@ -235,6 +236,7 @@ def test_a_path_across_the_line_is_progress_and_spinning_in_place_is_not(job, mo
         assert np.ptp(late["x_m"]) < 0.2
 
 
+@pytest.mark.slow
 def test_stereo_maps_the_boxes_and_finds_the_pose_of_the_rover(job, tmp_path):
     short = replace(job, drive=job.drive.model_copy(update={"path_m": ((0.0, 0.0), (1.6, 0.0))}))
     outcome = run_autonomous_drive(
