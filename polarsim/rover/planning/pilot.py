@@ -12,12 +12,13 @@ from polarsim.rover.drive.control import Command, Driver, ReferencePath, Steerin
 from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.localisation.localiser import Localiser
 from polarsim.rover.perception.hazard_grid import HazardGrid
-from polarsim.rover.perception.observation import Observation, Perception
+from polarsim.rover.perception.observation import MOST_PAN, Observation, Perception
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.planner import HazardField, Planner, hazard_field
 
 OBSERVATIONS_HZ = 1.0  # observations per second
 _LOOK_AHEAD_M = 0.7  # distance of the target point on the path
+_WATCHED_M = 2.5  # distance of the point of the plan to which cameras turn
 _BACK_M = 0.8  # distance of backing off without a path
 _TRIES = 8  # maximum number of times of backing off
 _OBSERVATIONS_AT_REST = 2  # observations without a path before the rover backs off: the second may correct the first
@@ -82,7 +83,7 @@ class Pilot(Driver):
         now = self._simulation.time
         if now >= self._next - 1e-9:
             self._next += self._every
-            self._observe(now)
+            self._observe(now, x, y, heading)
             if self._localiser is not None:
                 x, y, heading = self._localiser.plane_pose  # corrected by the observation
             self._decide(now, x, y, heading)
@@ -107,10 +108,14 @@ class Pilot(Driver):
         if self._last_position is None or moved >= _MOVED_M:
             self.travelled, self._last_position = self.travelled + moved, (x, y)
 
-    def _observe(self, now: float) -> None:
+    def _observe(self, now: float, x: float, y: float, heading: float) -> None:
         self.grid.fade(now)
         observation = self.perception.observe(
-            self._simulation.state(), self._simulation.ground.level, self.grid, self._localiser
+            self._simulation.state(),
+            self._simulation.ground.level,
+            self.grid,
+            self._localiser,
+            self._pan(x, y, heading),
         )
         for update in observation.updates:
             self.grid.add(update)
@@ -119,6 +124,13 @@ class Pilot(Driver):
         else:
             self._next_shown = now + _SHOWN_EVERY_S
         self.observations.append((now, observation))
+
+    def _pan(self, x: float, y: float, heading: float) -> float:
+        """Return the angle of the plan `_WATCHED_M` ahead, rad to the left; at a stop, one side after the other."""
+        if self._plan is None:
+            return MOST_PAN * (-1) ** self._at_rest if self._at_rest else 0.0
+        dx, dy = _point_ahead(self._plan, x, y, _WATCHED_M) - [x, y]
+        return wrapped(math.atan2(dy, dx) - heading)
 
     def _decide(self, now: float, x: float, y: float, heading: float) -> None:
         if self._back_to is not None or self.given_up:
@@ -177,11 +189,7 @@ class Pilot(Driver):
 
     def _pursue(self, plan: np.ndarray, x: float, y: float, heading: float) -> float:
         """Return the steering angle of pure pursuit to the look-ahead point (Coulter, CMU-RI-TR-92-01)."""
-        rest = plan[_nearest(plan, x, y) :, :2]
-        distance = np.hypot(*(rest - [x, y]).T)
-        farther = np.flatnonzero(distance >= _LOOK_AHEAD_M)
-        target = rest[farther[0]] if len(farther) else rest[-1]
-        dx, dy = target - [x, y]
+        dx, dy = _point_ahead(plan, x, y, _LOOK_AHEAD_M) - [x, y]
         left = -math.sin(heading) * dx + math.cos(heading) * dy
         return self._steer(2 * left / max(dx * dx + dy * dy, 0.04))
 
@@ -193,3 +201,10 @@ class Pilot(Driver):
 
 def _nearest(plan: np.ndarray, x: float, y: float) -> int:
     return int(np.argmin(np.hypot(plan[:, 0] - x, plan[:, 1] - y)))
+
+
+def _point_ahead(plan: np.ndarray, x: float, y: float, distance: float) -> np.ndarray:
+    """Return the first point (2,) of the rest of a plan at a distance from a position, or the end of the plan."""
+    rest = plan[_nearest(plan, x, y) :, :2]
+    farther = np.flatnonzero(np.hypot(*(rest - [x, y]).T) >= distance)
+    return np.asarray(rest[farther[0]] if len(farther) else rest[-1])

@@ -16,7 +16,7 @@ pytest.importorskip("mujoco", reason="mujoco is not installed")
 
 from polarsim.geometry.poses import Pose
 from polarsim.report.figures.autonomy_maps import picture_times, shown_pictures
-from polarsim.rover.cameras.options import CameraSuiteOptions, ImagingCondition, lights_ahead
+from polarsim.rover.cameras.options import PACKAGED_FILES, CameraSuiteOptions, ImagingCondition, lights_ahead
 from polarsim.rover.drive import ride as ride_module
 from polarsim.rover.drive.job import DriveJob
 from polarsim.rover.drive.options import DriveOptions
@@ -26,7 +26,8 @@ from polarsim.rover.localisation.motion import Motion
 from polarsim.rover.localisation.sensors import SENSOR_COLUMNS
 from polarsim.rover.perception.ground_view import ground_below
 from polarsim.rover.perception.hazard_grid import PARTS, HazardGrid
-from polarsim.rover.perception.observation import Observation, Perception
+from polarsim.rover.perception.observation import MOST_PAN, Observation, Perception
+from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.planning import drive as drive_module
 from polarsim.rover.planning.drive import PICTURES, WIDTH_PX, autonomous_job, run_autonomous_drive, write_outcome
 from polarsim.rover.planning.metrics import drive_metrics, event_table
@@ -75,11 +76,12 @@ def moment(job) -> tuple[RunningDrive, Callable[..., Observation]]:
     ride.run_for(0.1)
     state, level = ride.simulation.state(), ride.simulation.ground.level
 
-    def observe(light: ImagingCondition, threads: int = 1) -> Observation:
+    def observe(light: ImagingCondition, threads: int = 1, mode: str = "stereo", **options: float) -> Observation:
         perception = Perception(
-            job.world, job.vehicle, ride.route, "stereo", light, CAMERAS, 0, render=driven.RENDER, threads=threads
-        )
-        return perception.observe(state, level, HazardGrid(job.world))
+            job.world, job.vehicle, ride.route, mode, light, CAMERAS, 0,
+            render=driven.RENDER, threads=threads, detector=OnboardDetector(weights=PACKAGED_FILES["packaged_rover"]),
+        )  # fmt: skip
+        return perception.observe(state, level, HazardGrid(job.world), **options)
 
     return ride, observe
 
@@ -298,3 +300,42 @@ def test_both_cameras_of_the_stereo_pair_see_the_ground_ahead_of_the_wheels_of_b
     np.testing.assert_array_equal(seen(1), seen(-1))
     wheel = job.vehicle.wheels[0]
     assert seen(1)[(x > 2.9) & (y < wheel.position_m[1] + 0.15)].all()  # the planner's gap of 0.15 m
+
+
+@pytest.mark.parametrize(("mode", "cameras"), [("stereo", 1), ("detector", 1), ("both", 2)])
+def test_cameras_also_look_to_the_side_to_which_the_path_bends(job, moment, mode, cameras):
+    _, observe = moment
+    grid, light = HazardGrid(job.world), ImagingCondition("3", 256.0)
+    ahead = observe(light, mode=mode)
+    assert len(ahead.updates) == cameras
+    for side in (1, -1):
+        turned = observe(light, mode=mode, pan=side * 0.6)
+        assert len(turned.updates) == 2 * cameras
+        for before, same, aside in zip(ahead.updates, turned.updates, turned.updates[cameras:], strict=False):
+            np.testing.assert_array_equal(same.weight, before.weight)
+            new = (aside.weight > 0) & (before.weight == 0)
+            assert new.sum() > 30
+            rows = np.nonzero(new)[0]
+            assert (side * grid.y[rows] > 0.3).mean() > 0.9
+        for picture, other in zip(ahead.pair or (), turned.pair or (), strict=True):
+            np.testing.assert_array_equal(picture, other)  # the localiser has the pair that looks ahead
+        np.testing.assert_array_equal(turned.found, ahead.found)
+    assert len(observe(light, mode=mode, pan=0.1).updates) == cameras
+    assert len(observe(light, mode="truth", pan=0.6).updates) == 1
+
+
+def test_cameras_turn_to_the_plan_and_to_both_sides_at_a_stop(job):
+    pilot = Pilot(job.route, perception=None, options=OPTIONS)
+    pilot.attach(SimpleNamespace(world=job.world, vehicle=job.vehicle))
+    assert pilot._pan(0.0, 0.0, 0.0) == 0
+    bend = np.linspace(0, 1.2, 30)
+    for side in (1, -1):
+        pilot._plan = np.column_stack([4 * np.sin(bend), side * 4 * (1 - np.cos(bend)), side * bend])
+        for heading in (0.0, 0.2):
+            angle = side * np.arcsin(2.5 / 8)  # of a chord of 2.5 m in a circle of radius 4 m
+            assert pilot._pan(0.0, 0.0, heading) == pytest.approx(angle - heading, abs=0.02)
+    pilot._plan = None
+    angles = []
+    for pilot._at_rest in (1, 2):
+        angles.append(pilot._pan(0.0, 0.0, 0.0))
+    assert sorted(angles) == [-MOST_PAN, MOST_PAN]
