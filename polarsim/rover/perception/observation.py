@@ -1,8 +1,8 @@
 """Observations by the rover's cameras at a time, depending on the mode.
 
 The detector uses the front camera, stereo a pair of smaller cameras on both sides of it, so that both see the ground
-ahead of all wheels. They look straight ahead and, where the plan bends, also towards it: their field of view does not
-contain the ground over which the wheels pass in a bend. In mode `truth`, cameras all around the rover observe labels.
+ahead of all wheels. Where the plan bends, the pair also looks towards it, since its field of view does not contain the
+ground over which the wheels pass in a bend. In mode `truth`, cameras all around the rover observe labels.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import ndimage
+from scipy.spatial.transform import Rotation
 
 from polarsim.detect import tone
 from polarsim.detect.stereo.match import match_stereo
@@ -54,8 +55,8 @@ _BESIDE_M = 2.0  # distance from the straight line within which changes of the g
 _MODES_WITH_DEPTH = ("stereo", "both")
 _NEAREST_M = 1.5  # minimum depth of stereo
 _STEREO_BASE_M = 0.3  # baseline of the stereo pair; the front camera is in the middle
-_LEAST_PAN = math.radians(10)  # cameras do not turn to smaller angles
-MOST_PAN = math.radians(35)  # largest angle to which cameras turn, to either side
+_LEAST_PAN = math.radians(10)  # the pair does not turn to smaller angles
+MOST_PAN = math.radians(35)  # largest angle to which the pair turns, to either side
 _STEREO_SCALE = 0.5  # size of the pair's pictures relative to the front camera's pictures
 # Cameras of the vehicle that also observe labels, if present: six of VIPER's eight, at a small scale.
 _AROUND = ("ncl", "acl", "hfp", "hfs", "hap", "has")
@@ -84,16 +85,11 @@ class Observation:
 
 @dataclass(frozen=True)
 class _View:
-    """Cameras that are turned to the side, and their pictures.
+    """Pictures of the stereo pair: left camera, 12-bit picture (h, w) of it, and both pictures with 8 bits."""
 
-    `picture`: 12-bit picture (h, w) of the front camera; `taken`: those of the pair; `pair`: the same with 8 bits.
-    """
-
-    front: Mount
     left: Mount
-    picture: np.ndarray | None = None
-    taken: tuple[np.ndarray, ...] = ()
-    pair: tuple[np.ndarray, np.ndarray] | None = None
+    taken: np.ndarray
+    pair: tuple[np.ndarray, np.ndarray]
 
 
 class Perception:
@@ -158,70 +154,60 @@ class Perception:
         """Observe the rover's state and the ground's levels (rows, columns), m.
 
         With a localiser, the pictures straight ahead correct its pose, and updates are placed by this pose, not by the
-        state. The cameras look straight ahead, and also at the angle `pan`, rad to the left, if it is large enough.
+        state. In modes with depth, the pair also looks at the angle `pan`, rad to the left, if it is large enough.
         """
         with self._timed("scene"):
             base = self._camera.show_state(state, level)
-        views = [self._look(base, 0.0)]
-        ahead = views[0]
-        if localiser is not None and ahead.pair is not None:
-            with self._timed("localisation"):
-                localiser.add_pair(*ahead.pair)
-        believed = base if localiser is None else localiser.pose
-        updates, detections, shown = [], np.zeros((0, 5)), ahead.pair[0] if ahead.pair else None
-        if self.mode == "truth":
-            updates.append(self._update_from_labels(base, believed, grid))
-        elif abs(pan) >= _LEAST_PAN:
+        with self._timed("pictures"):
+            front = None if self._detector is None else self._picture(self.mount.at(base), "front")
+        views = [self._look(base, 0.0)] if self.pairs else []
+        if self.mode in _MODES_WITH_DEPTH and abs(pan) >= _LEAST_PAN:
             views.append(self._look(base, min(max(pan, -MOST_PAN), MOST_PAN)))
         self._count += 1
-        for view in views:
-            camera = view.front.at(believed)
-            if view.picture is not None:
-                image, boxes = self._detect(view.picture)
-                with self._timed("map"):
-                    lit, ground = bright_pixels(view.picture, _LEAST_GREY), self._ground(believed, localiser is None)
-                    updates.append(update_from_boxes(boxes[:, :4], boxes[:, 4], lit, camera, ground, grid))
-                if view is ahead:
-                    shown, detections = image, boxes
-                    detections[:, :4] *= shown.shape[1] / camera.lens.width
-            if self.mode in _MODES_WITH_DEPTH:
-                with self._timed("stereo"):
-                    points = self._points(view, view.left.at(believed))
-                with self._timed("map"):
-                    updates.append(update_from_depth(points, camera, grid))
-        return Observation(updates, self.left.at(base), ahead.pair, shown, detections)
+        pair = views[0].pair if views else None
+        if localiser is not None and pair is not None:
+            with self._timed("localisation"):
+                localiser.add_pair(*pair)
+        believed = base if localiser is None else localiser.pose
+        camera, left = self.mount.at(believed), self.left.at(base)
+        shown = pair[0] if pair else None
+        detections = np.zeros((0, 5))
+        if self.mode == "truth":
+            return Observation([self._update_from_labels(base, believed, grid)], left, pair, shown)
+        updates: list[MapUpdate] = []
+        if self._detector is not None:
+            assert front is not None
+            with self._timed("detector"):
+                (shown,), (rows,) = self._detector.detect([front])
+            rocks = (rows[:, 5] == BOX_CLASSES.index(ROCK)) & (rows[:, 4] >= self.onboard.confidence)
+            detections = np.asarray(rows[rocks, :5], float)
+            with self._timed("map"):
+                lit, ground = bright_pixels(front, _LEAST_GREY), self._ground(believed, localiser is None)
+                updates.append(update_from_boxes(detections[:, :4], detections[:, 4], lit, camera, ground, grid))
+            detections[:, :4] *= shown.shape[1] / camera.lens.width
+        for view in views if self.mode in _MODES_WITH_DEPTH else []:
+            with self._timed("stereo"):
+                points = self._points(view, view.left.at(believed))
+            with self._timed("map"):
+                updates.append(update_from_depth(points, camera, grid))
+        return Observation(updates, left, pair, shown, detections)
 
     def _look(self, base: Pose, pan: float) -> _View:
-        """Turn the cameras to an angle and take the pictures that the mode needs."""
-        front, left, right = (self._turned(mount, pan) for mount in (self.mount, self.left, self.right))
-        which = "" if pan == 0 else " turned"
+        """Take the pictures of the pair, turned by an angle, rad to the left."""
+        mounts = {"left": self.left, "right": self.right}
+        if pan:
+            mounts = {f"{name} turned": self._turned(mount, pan) for name, mount in mounts.items()}
         with self._timed("pictures"):
-            picture = None if self._detector is None else self._picture(front.at(base), f"front{which}")
-            if not self.pairs:
-                return _View(front, left, picture)
-            sides = {"left": left, "right": right}
-            taken = tuple(self._picture(mount.at(base), f"{name}{which}") for name, mount in sides.items())
+            taken = [self._picture(mount.at(base), name) for name, mount in mounts.items()]
         with self._timed("stereo"):
-            first, second = tone.to_8_bits(np.stack(taken))  # by the same curve, since matching compares grey values
-        return _View(front, left, picture, taken, (first, second))
+            left, right = tone.to_8_bits(np.stack(taken))  # by the same curve, since matching compares grey values
+        return _View(next(iter(mounts.values())), taken[0], (left, right))
 
     def _turned(self, mount: Mount, pan: float) -> Mount:
-        """Turn a mount about the vertical axis of the rover through the front camera, rad to the left."""
-        if pan == 0:
-            return mount
+        """Turn a mount about the vertical through the front camera, rad to the left."""
         axis = Pose(np.eye(3), self.mount.base_from_camera.translation)
-        turn = Pose(
-            np.array([[math.cos(pan), -math.sin(pan), 0], [math.sin(pan), math.cos(pan), 0], [0, 0, 1]]), np.zeros(3)
-        )
+        turn = Pose(Rotation.from_euler("z", pan).as_matrix(), np.zeros(3))
         return replace(mount, base_from_camera=axis @ turn @ axis.inverse() @ mount.base_from_camera)
-
-    def _detect(self, picture: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the 8-bit picture of the detector, and (n, 5) confident boxes of rocks in the 12-bit picture."""
-        assert self._detector is not None
-        with self._timed("detector"):
-            (image,), (rows,) = self._detector.detect([picture])
-        rocks = (rows[:, 5] == BOX_CLASSES.index(ROCK)) & (rows[:, 4] >= self.onboard.confidence)
-        return image, np.asarray(rows[rocks, :5], float)
 
     def _ground(self, base: Pose, known: bool) -> HeightFunction:
         """Return the height of the ground; a surveyed ground is raised to the wheels if the pose is not known."""
@@ -259,13 +245,12 @@ class Perception:
         name = ("autonomy", self.seed, self._count, which, light.sun, light.exposure_ms)
         return self._camera.picture(camera, light, *name, threads=self._threads)[0]
 
-    def _points(self, view: _View, left: Camera) -> np.ndarray:
+    def _points(self, view: _View, camera: Camera) -> np.ndarray:
         """Return (n, 3) points of the world by pixel of the left camera; NaN without a depth."""
-        assert view.pair is not None
         depth = match_stereo(*view.pair, self.rectification, _NEAREST_M, 2 * FARTHEST_M)
-        depth = np.where(bright_pixels(view.taken[0], _LEAST_GREY) & has_texture(view.pair[0]), depth, np.nan)
+        depth = np.where(bright_pixels(view.taken, _LEAST_GREY) & has_texture(view.pair[0]), depth, np.nan)
         rays = self.rectification.left_from_rectified.rotate(self.rectification.lens.pixel_directions())
-        return left.world_from_camera.apply((rays * depth[..., None]).reshape(-1, 3))
+        return camera.world_from_camera.apply((rays * depth[..., None]).reshape(-1, 3))
 
     @contextmanager
     def _timed(self, part: str) -> Iterator[None]:

@@ -18,7 +18,7 @@ from polarsim.rover.planning.planner import HazardField, Planner, hazard_field
 
 OBSERVATIONS_HZ = 1.0  # observations per second
 _LOOK_AHEAD_M = 0.7  # distance of the target point on the path
-_WATCHED_M = 2.5  # distance of the point of the plan to which cameras turn
+_WATCHED_M = 2.5  # distance of the point of the plan to which the stereo pair turns
 _BACK_M = 0.8  # distance of backing off without a path
 _TRIES = 8  # maximum number of times of backing off
 _OBSERVATIONS_AT_REST = 2  # observations without a path before the rover backs off: the second may correct the first
