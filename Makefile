@@ -46,10 +46,10 @@ accuracy: setup ## accuracy of poses, rocks and meshes on three analog sandboxes
 	@$(BIN)/polarsim compare $(SEEDS:%=accuracy%) --out results/accuracy
 
 SELECTED ?= not slow
-test: dev ## lint, formats, types, dry-runs, a small run, and all tests that are not slow
+test: dev ## lint, formats, types, dry-runs and all tests that are not slow
 	@$(MAKE) --no-print-directory -j 2 lint pytest
 
-test-all: ## the same and slow tests: more small runs, trainings, faults, the manual; as in CI
+test-all: ## the same and slow tests: small runs, trainings, faults, the manual; as in CI
 	@$(MAKE) --no-print-directory test SELECTED=
 
 # One thread per worker; bytecode, because many processes import the same modules; -rs: reasons of skipped tests.

@@ -22,12 +22,12 @@ CHECKOUT = Path(__file__).parent.parent
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Sort modules with slow tests and those of the small run to the front, for a better distribution over workers.
+    """Sort modules with slow tests to the front, for a better distribution over workers.
 
     Tests of a module are adjacent, because every worker that runs tests of a module sets up its fixtures.
     """
-    first = {item.path for item in items if item.get_closest_marker("slow") or "small" in item.fixturenames}
-    items.sort(key=lambda item: item.path not in first)
+    slow = {item.path for item in items if item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in slow)
 
 
 @pytest.fixture(autouse=True)

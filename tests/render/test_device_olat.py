@@ -51,6 +51,7 @@ def test_the_device_supports_materials_vertex_albedo_and_diffuse_walls(blocks, c
     assert_close(device, reference)
 
 
+@pytest.mark.slow
 def test_device_results_do_not_depend_on_threads(blocks, camera, lens, plain):
     options = plain.model_copy(update=DEVICE)
     one, two = (

@@ -9,17 +9,16 @@ from polarsim.run_files.pictures import pictures_at
 from polarsim.site import polar
 from tests.workflow.figures import ALIKE, empty_figures, find_picture
 
+pytestmark = pytest.mark.slow
 DEMO = Path(__file__).parents[2] / "results/demo"
 
 
-@pytest.mark.slow
 def test_figures_of_a_small_run_show_pictures_and_data(small):
     # After one epoch no rock is detected, and no Sun is near opposition: these figures contain only a note.
     notes = ["gap_rocks_analog.png", "gap_rocks_hapke.png", "opposition.png"]
     assert empty_figures(small / "results/small") == dict.fromkeys(notes, "note")
 
 
-@pytest.mark.slow
 def test_a_contact_sheet_without_photos_is_detected(small, tmp_path):
     results = small / "results/small"
     photos = pictures_at(results / "acquire/Terrain01/photos.parquet")

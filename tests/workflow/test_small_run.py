@@ -13,6 +13,8 @@ from polarsim.formats import yolo
 from polarsim.photo import PhotoKey
 from tests.support.polar_photos import SIZE
 
+pytestmark = pytest.mark.slow
+
 
 def digests(folder: Path) -> dict[str, str]:
     """Return the SHA-256 of every reproducible output."""
@@ -58,7 +60,6 @@ def test_a_small_run_ends(small, snakemake):
     assert "Nothing to be done" in again.stdout + again.stderr
 
 
-@pytest.mark.slow
 def test_a_build_of_another_name_from_moved_data_has_the_same_bytes(small, checkout, snakemake):
     """Starts with meshes; `tests/cameras/` and `tests/rocks/` test the reproducibility of earlier stages."""
     (checkout / "data").symlink_to(small / "data")  # of the copied tables of photos

@@ -1,6 +1,7 @@
 """Tables of a run have the declared columns."""
 
 import pandas as pd
+import pytest
 
 from polarsim.schemas.__main__ import REPORT_TABLES, STAGE_TABLES
 from polarsim.schemas.report import ORIGIN
@@ -8,6 +9,7 @@ from polarsim.schemas.report import ORIGIN
 PATTERNS = {"TerrainTT": "Terrain01", "<split>": "*", "<seed>": "*", "<domain>": "*", "<trained>_on_<evaluated>": "*"}
 
 
+@pytest.mark.slow
 def test_every_table_of_a_small_run_has_the_columns_that_are_declared(small):
     run, checked = small / "results/small", 0
     origin = [name for one in ORIGIN for name in one.each]

@@ -48,6 +48,7 @@ def episode(environment, seed: int, steps: int, **lit) -> list:
     return result
 
 
+@pytest.mark.slow
 def test_gymnasiums_checks_pass():
     ground = replace(GROUND, length_m=5.0, width_m=4.0, rocks=1)
     environment = gymnasium.make(
