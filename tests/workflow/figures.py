@@ -1,6 +1,6 @@
 """Checks of the content of figures by their pixels."""
 
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import combinations
 from pathlib import Path
 
@@ -36,21 +36,20 @@ def find_picture(figure: Path, picture: Path) -> tuple[float, np.ndarray]:
     """
     sheet, photo = reduced_sheet(figure), grey(to_8bit(png.read_png(picture)))
     photo = resized(photo, sheet.shape[1])
-    matches: dict[int, tuple[float, np.ndarray]] = {}
 
-    def match(width: int) -> float:
+    @cache
+    def match(width: int) -> tuple[float, np.ndarray]:
         part = resized(photo, width)
         if part.shape[0] > sheet.shape[0]:
-            return -1.0
+            return -1.0, np.zeros(2)
         scores = np.nan_to_num(cv2.matchTemplate(sheet, part, cv2.TM_CCOEFF_NORMED))
         y, x = np.unravel_index(scores.argmax(), scores.shape)
-        matches[width] = float(scores.max()), (np.array([x, y]) + np.array(part.shape[::-1]) / 2) / sheet.shape[1]
-        return matches[width][0]
+        return float(scores.max()), (np.array([x, y]) + np.array(part.shape[::-1]) / 2) / sheet.shape[1]
 
     widths = range(round(NARROWEST * sheet.shape[1]), sheet.shape[1] + 1)
-    nearest = widths.index(max(widths[::WIDTH_STEP], key=match))
-    best = max(widths[max(nearest - WIDTH_STEP + 1, 0) : nearest + WIDTH_STEP], key=match)
-    return matches[best]
+    nearest = widths.index(max(widths[::WIDTH_STEP], key=lambda width: match(width)[0]))
+    near = widths[max(nearest - WIDTH_STEP + 1, 0) : nearest + WIDTH_STEP]
+    return max(map(match, near), key=lambda found: found[0])
 
 
 @lru_cache(maxsize=1)

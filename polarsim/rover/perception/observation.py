@@ -55,8 +55,8 @@ _BESIDE_M = 2.0  # distance from the straight line within which changes of the g
 _MODES_WITH_DEPTH = ("stereo", "both")
 _NEAREST_M = 1.5  # minimum depth of stereo
 _STEREO_BASE_M = 0.3  # baseline of the stereo pair; the front camera is in the middle
-_LEAST_PAN = math.radians(10)  # the pair does not turn to smaller angles
-MOST_PAN = math.radians(35)  # largest angle to which the pair turns, to either side
+_MIN_PAN_RAD = math.radians(10)  # the pair does not turn to smaller angles
+MAX_PAN_RAD = math.radians(35)  # largest angle to which the pair turns, to either side
 _STEREO_SCALE = 0.5  # size of the pair's pictures relative to the front camera's pictures
 # Cameras of the vehicle that also observe labels, if present: six of VIPER's eight, at a small scale.
 _AROUND = ("ncl", "acl", "hfp", "hfs", "hap", "has")
@@ -161,8 +161,8 @@ class Perception:
         with self._timed("pictures"):
             front = None if self._detector is None else self._picture(self.mount.at(base), "front")
         views = [self._look(base, 0.0)] if self.pairs else []
-        if self.mode in _MODES_WITH_DEPTH and abs(pan) >= _LEAST_PAN:
-            views.append(self._look(base, min(max(pan, -MOST_PAN), MOST_PAN)))
+        if self.mode in _MODES_WITH_DEPTH and abs(pan) >= _MIN_PAN_RAD:
+            views.append(self._look(base, min(max(pan, -MAX_PAN_RAD), MAX_PAN_RAD)))
         self._count += 1
         pair = views[0].pair if views else None
         if localiser is not None and pair is not None:
@@ -185,11 +185,12 @@ class Perception:
                 lit, ground = bright_pixels(front, _LEAST_GREY), self._ground(believed, localiser is None)
                 updates.append(update_from_boxes(detections[:, :4], detections[:, 4], lit, camera, ground, grid))
             detections[:, :4] *= shown.shape[1] / camera.lens.width
-        for view in views if self.mode in _MODES_WITH_DEPTH else []:
-            with self._timed("stereo"):
-                points = self._points(view, view.left.at(believed))
-            with self._timed("map"):
-                updates.append(update_from_depth(points, camera, grid))
+        if self.mode in _MODES_WITH_DEPTH:
+            for view in views:
+                with self._timed("stereo"):
+                    points = self._points(view, view.left.at(believed))
+                with self._timed("map"):
+                    updates.append(update_from_depth(points, camera, grid))
         return Observation(updates, left, pair, shown, detections)
 
     def _look(self, base: Pose, pan: float) -> _View:

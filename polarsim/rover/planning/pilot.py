@@ -12,7 +12,7 @@ from polarsim.rover.drive.control import Command, Driver, ReferencePath, Steerin
 from polarsim.rover.drive.simulation import Simulation
 from polarsim.rover.localisation.localiser import Localiser
 from polarsim.rover.perception.hazard_grid import HazardGrid
-from polarsim.rover.perception.observation import MOST_PAN, Observation, Perception
+from polarsim.rover.perception.observation import MAX_PAN_RAD, Observation, Perception
 from polarsim.rover.planning.options import AutonomyOptions
 from polarsim.rover.planning.planner import HazardField, Planner, hazard_field
 
@@ -128,7 +128,7 @@ class Pilot(Driver):
     def _pan(self, x: float, y: float, heading: float) -> float:
         """Return the angle of the plan `_WATCHED_M` ahead, rad to the left; at a stop, one side after the other."""
         if self._plan is None:
-            return MOST_PAN * (-1) ** self._at_rest if self._at_rest else 0.0
+            return MAX_PAN_RAD * (-1) ** self._at_rest if self._at_rest else 0.0
         dx, dy = _point_ahead(self._plan, x, y, _WATCHED_M) - [x, y]
         return wrapped(math.atan2(dy, dx) - heading)
 

@@ -43,7 +43,7 @@ def rock_parts(world: World) -> list[RockPart]:
             raise RoverError(f"{name}: {error}") from error
         if (worst := max(deviation for _, deviation in parts)) > BOUND_M:
             log.warning(
-                "%s: shape of the physics deviates by %.1f mm from the mesh, expected at most %.0f mm",
+                "%s: shape in the physics deviates by %.1f mm from the mesh, expected at most %.0f mm",
                 name, 1000 * worst, 1000 * BOUND_M,
             )  # fmt: skip
         result += [RockPart(rock, corners, deviation) for corners, deviation in parts]

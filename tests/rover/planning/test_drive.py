@@ -26,7 +26,7 @@ from polarsim.rover.localisation.motion import Motion
 from polarsim.rover.localisation.sensors import SENSOR_COLUMNS
 from polarsim.rover.perception.ground_view import ground_below
 from polarsim.rover.perception.hazard_grid import PARTS, HazardGrid
-from polarsim.rover.perception.observation import MOST_PAN, Observation, Perception
+from polarsim.rover.perception.observation import MAX_PAN_RAD, Observation, Perception
 from polarsim.rover.perception.options import OnboardDetector
 from polarsim.rover.planning import drive as drive_module
 from polarsim.rover.planning.drive import PICTURES, WIDTH_PX, autonomous_job, run_autonomous_drive, write_outcome
@@ -335,4 +335,4 @@ def test_the_pair_turns_to_the_plan_and_to_both_sides_at_a_stop(job):
     angles = []
     for pilot._at_rest in (1, 2):
         angles.append(pilot._pan(0.0, 0.0, 0.0))
-    assert sorted(angles) == [-MOST_PAN, MOST_PAN]
+    assert sorted(angles) == [-MAX_PAN_RAD, MAX_PAN_RAD]

@@ -39,7 +39,7 @@ def test_a_rock_with_other_parts_than_its_mesh_is_reported(caplog, monkeypatch):
     )  # fmt: skip
     rock_parts(world())
     assert caplog.messages == [
-        f"terrain {terrain}, rock {rock}: shape of the physics deviates by 7.5 mm from the mesh, expected at most 5 mm"
+        f"terrain {terrain}, rock {rock}: shape in the physics deviates by 7.5 mm from the mesh, expected at most 5 mm"
         for terrain, rock in ((4, 7), (1, 3))
     ]
 
