@@ -95,6 +95,8 @@ def read_png(path: str | Path) -> np.ndarray:
     width, height = _size(content)
     if width * height > MAX_PIXELS:
         raise FormatError(f"{width} x {height} pixels, expected at most {MAX_PIXELS / 1e6:.0f} megapixels")
+    if (own := _decode_own(content)) is not None:
+        return own
     # Without IMREAD_UNCHANGED, OpenCV applies the EXIF orientation.
     pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR)
     if pixels is None:
@@ -186,6 +188,30 @@ def encode_png(pixels: np.ndarray) -> bytes:
     header = struct.pack(">IIBBBBB", width, height, bits, 2 if pixels.ndim == 3 else 0, 0, 0, 0)
     parts = ((b"IHDR", header), (b"IDAT", _deflate(filtered.ravel())), (b"IEND", b""))
     return _SIGNATURE + b"".join(_chunk(kind, content) for kind, content in parts)
+
+
+def _decode_own(content: bytes) -> np.ndarray | None:
+    """Return the pixels of a file as `encode_png` writes it, in half the time of OpenCV; None for any other file."""
+    from isal import isal_zlib
+
+    start, end = len(_SIGNATURE) + 33, len(content) - 16  # of the compressed rows in a file of three chunks
+    kinds = content[12:16], content[start - 4 : start], content[end + 8 : end + 12]
+    if kinds != (b"IHDR", b"IDAT", b"IEND") or content[start - 8 : start - 4] != struct.pack(">I", end - start):
+        return None
+    width, height, bits, colour, *methods = struct.unpack(">IIBBBBB", content[16:29])
+    if bits not in (8, 16) or colour not in (0, 2) or any(methods) or not width * height:
+        return None
+    step = bits // 8 * _CHANNELS[colour]
+    size = height * (1 + width * step)
+    rows = np.frombuffer(
+        isal_zlib.decompressobj().decompress(memoryview(content)[start:end], max_length=size + 1), np.uint8
+    )
+    if len(rows) != size or (rows[:: 1 + width * step] != _FILTER_SUB).any():
+        return None
+    differences = rows.reshape(height, 1 + width * step)[:, 1:].reshape(height, width, step)
+    values = np.add.accumulate(differences, axis=1, dtype=np.uint8).view(f">u{bits // 8}")
+    pixels = values.astype(f"u{bits // 8}", copy=False)
+    return pixels if colour == 2 else pixels[..., 0]
 
 
 def _deflate(content: np.ndarray) -> bytes:

@@ -3,6 +3,7 @@ import struct
 import threading
 import zlib
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -24,7 +25,12 @@ def written_by_hand(pixels: np.ndarray, bits: int, colour: int) -> bytes:
     height, width = pixels.shape[:2]
     rows = pixels.astype(">u2" if bits == 16 else "u1").reshape(height, -1)
     raw = b"".join(b"\0" + row.tobytes() for row in rows)
-    header = struct.pack(">IIBBBBB", width, height, bits, colour, 0, 0, 0)
+    return png_file(raw, (height, width), bits, colour)
+
+
+def png_file(raw: bytes, shape: tuple[int, int], bits: int, colour: int) -> bytes:
+    """A PNG of filtered rows in a single data chunk."""
+    header = struct.pack(">IIBBBBB", shape[1], shape[0], bits, colour, 0, 0, 0)
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(raw)) + chunk(b"IEND", b"")
 
 
@@ -43,6 +49,25 @@ def test_images_read_back_exactly(tmp_path, rng, kind, shape):
     pixels = rng.integers(0, np.iinfo(kind).max, shape, dtype=kind, endpoint=True)
     png.write_png(tmp_path / "a.png", pixels)
     np.testing.assert_array_equal(png.read_png(tmp_path / "a.png"), pixels)
+
+
+@settings(max_examples=60)
+@given(data=st.data())
+def test_files_are_read_as_by_opencv(tmp_path_factory, data):
+    # Files of one data chunk, with the filters of PNG or with the wrong number of bytes, resemble polarsim's own.
+    height, width, bits, colour = (
+        data.draw(st.sampled_from(choices)) for choices in ((1, 2, 7), (1, 3, 9), (8, 16), (0, 2))
+    )
+    length = width * bits // 8 * (3 if colour else 1)
+    filters = data.draw(st.one_of(st.just([1] * height), st.lists(st.integers(0, 4), min_size=height, max_size=height)))
+    raw = b"".join(bytes([kind]) + data.draw(st.binary(min_size=length, max_size=length)) for kind in filters)
+    raw += data.draw(st.sampled_from([b"", b"\1", raw]))
+    path = tmp_path_factory.mktemp("png") / "a.png"
+    path.write_bytes(png_file(raw, (height, width), bits, colour))
+    expected = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
+    pixels = png.read_png(path)
+    assert pixels.dtype == expected.dtype
+    np.testing.assert_array_equal(pixels, expected[..., ::-1] if colour else expected)
 
 
 def repeated_rows(seed: int = 0) -> list[np.ndarray]:
