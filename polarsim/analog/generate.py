@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -68,10 +69,13 @@ def generate_terrain(
         raw = stack.enter_context(writing_raw_files(site, terrain, root))
         seeds, truth = (stack.enter_context(writing_folder(root / place)) for place in places)
         calibration = _write_calibration(site, made.stations, raw)
-        _write_scans(made, site, calibration, raw, options, threads)
-        write_truth(made, truth, options)
         albedo = AlbedoMap()
-        labels = take_photos(made, site, chosen, raw, seeds, albedo, options, threads)
+        with ThreadPoolExecutor(max(1, threads)) as pool:  # a scan or a view at a time in each thread
+            scans = _start_scans(made, site, calibration, raw, options, pool)
+            write_truth(made, truth, options)
+            labels = take_photos(made, site, chosen, raw, seeds, albedo, options, pool)
+            for scan in scans:
+                scan.result()
         tables.write_parquet(truth / "labels.parquet", labels)
         tables.write_parquet(truth / "albedo.parquet", albedo.table())
     content = {"terrain": terrain, "folder": raw.folder, "photos": len(chosen)}
@@ -98,12 +102,16 @@ def _write_calibration(site: Site, stations: Stations, raw: RawFiles) -> StereoR
     return read_calibration(raw.calibration, site)
 
 
-def _write_scans(
-    made: AnalogTerrain, site: Site, calibration: StereoRig, raw: RawFiles, options: AnalogOptions, threads: int
-) -> None:
-    """Write clouds and range maps of scanned positions, and range maps of other surveyed positions from all scans."""
+def _start_scans(
+    made: AnalogTerrain, site: Site, calibration: StereoRig, raw: RawFiles, options: AnalogOptions,
+    pool: ThreadPoolExecutor,
+) -> list[Future[Any]]:  # fmt: skip
+    """Write clouds and range maps of scanned positions, and range maps of other surveyed positions from all scans.
+
+    The pool writes them while the caller goes on.
+    """
     if site.files.clouds is None and site.files.range_maps is None:
-        return
+        return []
     grid = rectified_left(calibration)
     poses, scanned = made.stations.sandbox_from_left, site.analog.scanned
     chosen = [position for position in poses if scanned is None or position in scanned]
@@ -122,26 +130,28 @@ def _write_scans(
         if cloud := raw.cloud(position):
             points = frames[site.files.cloud_frame].apply(scan.points[valid])
             write_cloud(cloud, points, scan.intensity[valid], site.files.cloud_unit)
-        _write_map(raw.range_map(position), [surface], grid, frames["rectified"], threads)
+        _write_map(raw.range_map(position), [surface], grid, frames["rectified"])
         return surface
 
-    with ThreadPoolExecutor(max(1, threads)) as pool:  # each thread scans from a position at a time
-        surfaces = list(pool.map(write_scan, chosen))
-    for position in (position for position in site.tripods if position in poses and position not in chosen):
+    scans = [pool.submit(write_scan, position) for position in chosen]
+
+    def write_joint_map(position: str) -> None:
         rng = generator(options.seed, "scan", made.terrain, position)
         sandbox_from_rectified = poses[position] @ grid.left_from_rectified
         grid_from_sandbox = scanner.registration_error(rng) @ sandbox_from_rectified.inverse()
-        _write_map(raw.range_map(position), surfaces, grid, grid_from_sandbox, threads)
+        _write_map(raw.range_map(position), [scan.result() for scan in scans], grid, grid_from_sandbox)
+
+    others = [position for position in site.tripods if position in poses and position not in chosen]
+    return [*scans, *(pool.submit(write_joint_map, position) for position in others)]
 
 
 def _write_map(
-    path: Path | None, surfaces: Sequence[tuple[np.ndarray, np.ndarray]], grid: RectifiedGrid,
-    grid_from_sandbox: Pose, threads: int,
-) -> None:  # fmt: skip
+    path: Path | None, surfaces: Sequence[tuple[np.ndarray, np.ndarray]], grid: RectifiedGrid, grid_from_sandbox: Pose
+) -> None:
     if path is None:
         return
     in_grid = [(grid_from_sandbox.apply(vertices), faces) for vertices, faces in surfaces]
-    nasa.write_range_map(path, scanner.range_map(in_grid, grid.lens, threads))
+    nasa.write_range_map(path, scanner.range_map(in_grid, grid.lens))
 
 
 def carve_rocks(*, number: int, terrain: Terrain, seed: int, meshes: Path) -> None:

@@ -84,12 +84,9 @@ def take_photos(
     seeds: Path,
     albedo: AlbedoMap,
     options: AnalogOptions,
-    threads: int,
+    pool: ThreadPoolExecutor,
 ) -> pd.DataFrame:
-    """Write the photos and the seed labels; return the true labels of all photos and add the views to `albedo`.
-
-    Each of the threads photographs a view at a time.
-    """
+    """Write the photos and the seed labels; return the true labels of all photos and add the views to `albedo`."""
     if not keys:
         return _label_table([])
     at = sorted({key.position for key in keys})
@@ -109,7 +106,7 @@ def take_photos(
         return _shoot(site, olat_images, here, tokens, raw, seeds, options), sums
 
     text = f"views of terrain {terrain_text(made.terrain)}"
-    with ThreadPoolExecutor(max(1, threads)) as pool, progress_bar(text) as report:
+    with progress_bar(text) as report:
         for number, (labels, sums) in enumerate(pool.map(photograph, views), 1):
             rows += labels
             albedo.add(sums)

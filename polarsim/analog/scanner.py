@@ -96,11 +96,11 @@ def join_points(scanned: Scan, centre: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return np.nan_to_num(vertices), faces[joined]
 
 
-def range_map(surfaces: Sequence[tuple[np.ndarray, np.ndarray]], grid: Lens, threads: int) -> np.ndarray:
+def range_map(surfaces: Sequence[tuple[np.ndarray, np.ndarray]], grid: Lens) -> np.ndarray:
     """Return the surface point (h, w, 3) float32 at each pixel, rectified left frame; NaN without surface."""
     whole = join_meshes([Mesh(*surface) for surface in surfaces])
     directions = grid.pixel_directions().astype(np.float32)
-    hit = RayCaster(whole.vertices, whole.faces, threads).first_hits(np.zeros(3), directions)
+    hit = RayCaster(whole.vertices, whole.faces).first_hits(np.zeros(3), directions)
     depth = np.where(hit.is_hit, hit.distance, np.float32(np.nan))
     return np.round(depth[..., None] * directions / np.float32(_STEP_M)) * np.float32(_STEP_M)
 

@@ -173,7 +173,7 @@ def test_bytes_do_not_depend_on_threads_and_other_photos(tmp_path, coarse, made,
 
 
 def test_scans_and_truth_are_generated_without_photos(tmp_path, coarse, made, monkeypatch):
-    monkeypatch.setattr("polarsim.analog.generate._write_scans", lambda *_: None)  # tested above
+    monkeypatch.setattr("polarsim.analog.generate._start_scans", lambda *_: [])  # tested above
     generate(tmp_path / "none", coarse.model_copy(update={"photos": False}))
     again, before = files_of(tmp_path / "none"), files_of(made)
     assert [name for name in again if name.endswith(".png")] == []

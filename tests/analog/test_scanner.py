@@ -64,7 +64,7 @@ def test_a_map_of_an_exact_scan_shows_the_plane_at_its_depth(ball_scene, ball_ca
     grid = Lens(500.0, 500.0, 240.0, 150.0, width=480, height=300)
     sandbox_from_grid = camera_pose(SCANNER.translation, np.pi, np.radians(25))
     vertices, faces = scanner.join_points(found, SCANNER.translation)
-    points = scanner.range_map([(sandbox_from_grid.inverse().apply(vertices), faces)], grid, 1)
+    points = scanner.range_map([(sandbox_from_grid.inverse().apply(vertices), faces)], grid)
     at = sandbox_from_grid.apply(points.astype(float))
     flat = on_sand(at)
     assert flat.mean() > 0.2
