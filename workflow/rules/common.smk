@@ -59,8 +59,9 @@ SOURCE = CONFIG.data_source
 RUN, TERRAINS, MODELS, ORIGIN = PATHS.run, PATHS.terrains, PATHS.models, PATHS.origin
 DOMAINS, TRAINED, SPLITS, SEEDS, OTHERS = PATHS.domains, PATHS.trained, PATHS.splits, PATHS.seeds, PATHS.others
 options = PATHS.options
-# Trainings are the longest jobs, so their inputs have priority over figures and scores.
-TRAINING_WAITS, TWINS_WAIT = 2, 1
+# Trainings are the longest jobs, so their inputs have priority over figures and scores. The last steps of a run depend
+# on predictions, evaluations and scores of twins, figures of stages do not.
+TRAINING_WAITS, TWINS_WAIT, TABLES_WAIT = 2, 1, 1
 MAX_TERRAINS_SHOWN = 4  # with single figures in Snakemake's report: about 12 MB per terrain
 
 

@@ -12,9 +12,6 @@ EVALUATED = [  # tables of `evaluate`
 ]
 
 
-TABLES_WAIT = 1  # predictions and evaluations: the last steps of a run depend on them, figures of stages do not
-
-
 wildcard_constraints:
     other=one_of(OTHERS),
 

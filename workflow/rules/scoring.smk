@@ -128,6 +128,7 @@ rule score_twins:
     output:
         evaluation="results/{run}/evaluation/twins_Terrain{terrain}.csv",
         appearance="results/{run}/evaluation/appearance_Terrain{terrain}.parquet",
+    priority: TABLES_WAIT
     resources:
         mem_mb=memory_per_attempt(1000),
         runtime=20,
