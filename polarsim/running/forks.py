@@ -45,7 +45,7 @@ def run_with_server(arguments: Sequence[str]) -> int:
         for number in (signal.SIGINT, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
         os.environ |= dict.fromkeys(_THREADS, "1")
-        serve(SOCKET, import_scripts, lambda: os.getppid() == owner)
+        serve(SOCKET, prepare, lambda: os.getppid() == owner)
         os._exit(0)
     write_client(PYTHON, SOCKET)
     return run_python(["-m", "snakemake", *arguments], executable=str(PYTHON.absolute()))
@@ -61,6 +61,21 @@ def write_client(path: Path, address: Path) -> None:
     new.write_text(f'#!/bin/sh\nexec {shlex.join(words)} "$@"\n', encoding="utf-8")
     new.chmod(0o755)
     new.rename(path)
+
+
+def prepare() -> None:
+    """Import the modules of all scripts, then compile the kernels of rendering in a child while the first job runs."""
+    from polarsim.running.processes import die_with_parent
+
+    import_scripts()
+    if os.fork() == 0:
+        die_with_parent()
+        os.nice(19)
+        with suppress(Exception):  # jobs compile what is missing and report errors
+            from polarsim.render.first_use import compile_kernels
+
+            compile_kernels()
+        os._exit(0)
 
 
 def import_scripts() -> None:
