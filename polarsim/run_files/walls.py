@@ -64,21 +64,22 @@ class Walls:
 
         Negative: the wall shades the point. Infinite: the ray crosses no wall.
         """
-        to_lamp = lamp - points
-        low, high = self.bounds
+        position = np.ascontiguousarray(points.T)  # (3, n): operations on short rows are slow
+        to_lamp = lamp[:, None] - position
+        limits = np.where(to_lamp[:2] > 0, self.bounds[1][:, None], self.bounds[0][:, None])
         with np.errstate(divide="ignore", invalid="ignore"):
-            shares = np.where(to_lamp[:, :2] > 0, high - points[:, :2], low - points[:, :2]) / to_lamp[:, :2]
-        shares = np.where(shares >= 0, shares, np.inf)
-        axis = shares.argmin(axis=1)
-        share = shares[np.arange(len(points)), axis]
-        crossed = np.flatnonzero(share < 1)
+            shares = (limits - position[:2]) / to_lamp[:2]
+        along_x, along_y = np.where(shares >= 0, shares, np.inf)
+        share = np.minimum(along_x, along_y)
         clear = np.full(len(points), np.inf)
-        at = points[crossed] + share[crossed, None] * to_lamp[crossed]
         for number, side in enumerate(SIDES):
             if side not in self.sides:
                 continue
-            chosen = (axis[crossed] == number // 2) & ((to_lamp[crossed, number // 2] > 0) == (number % 2 == 1))
-            clear[crossed[chosen]] = at[chosen, 2] - self.sides[side].top(at[chosen, 1 - number // 2])
+            first = along_x <= along_y if number < 2 else along_y < along_x
+            towards = (to_lamp[number // 2] > 0) == (number % 2 == 1)
+            crossed = np.flatnonzero(first & towards & (share < 1))
+            at = position[:, crossed] + share[crossed] * to_lamp[:, crossed]
+            clear[crossed] = at[2] - self.sides[side].top(at[1 - number // 2])
         return clear
 
     def mesh(self, foot: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
