@@ -10,7 +10,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
-from polarsim.analog.light import BEFORE_LAMP, SURFACE_OFFSET, DiscLamp, towards
+from polarsim.analog.light import BEFORE_LAMP, SURFACE_OFFSET, DiscLamp, pixels, towards
 from polarsim.analog.rays import RayCaster, lengths
 from polarsim.analog.rocks import icosphere
 from polarsim.analog.sandbox import HALL_OBJECT, SandboxScene
@@ -35,7 +35,7 @@ class Bounce:
             [self.vectors[lamp] for lamp in lamps], axis=1
         )  # (v, n, 3): a single look-up per corner for all lamps
         out = {lamp: np.zeros(view.shape, np.float32) for lamp in lamps}
-        for rows in strips(len(view.faces)):
+        for rows in strips(len(view.faces), 32):  # smaller parts than elsewhere: a vector per lamp and corner
             corners = scene.faces[view.faces[rows]]
             second, third = view.weights[rows][..., :1, None], view.weights[rows][..., 1:, None]
             vector = vectors[corners[..., 0]] * (1 - second - third)
@@ -87,7 +87,7 @@ def _lit_radiance(
     to_lamp, distance = towards(lamp, points)
     cosine = np.einsum("...k,...k->...", normals, to_lamp)
     lit = cosine > 0
-    start = (points + SURFACE_OFFSET * normals)[lit]
+    start = pixels(points + SURFACE_OFFSET * normals, np.flatnonzero(lit))
     lit[lit] = ~caster.occluded(start, (lamp.position - start).astype(np.float32), BEFORE_LAMP)
     radiance = scene.albedo_of_face[face] / np.float32(np.pi) * cosine * lamp.irradiance(to_lamp, distance)
     return np.where(lit, radiance, 0).astype(np.float32)
