@@ -129,12 +129,8 @@ class PhotoKey:
         """Whether a lamp stands in for the Sun."""
         return self.azimuth != NO_SUN
 
-    def stops_off(self, exposure_ms: float) -> float:
+    def stops_from(self, exposure_ms: float) -> float:
         """Absolute difference to an exposure time, ms, in stops (factors of two)."""
-        return abs(log2(self.exposure_ms / exposure_ms))
-
-    def stops_from(self, exposure_ms: int) -> float:
-        """Absolute difference to an exposure, in stops (factors of two)."""
         return abs(log2(self.exposure_ms / exposure_ms))
 
     @property

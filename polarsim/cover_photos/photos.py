@@ -195,7 +195,7 @@ def _brackets(
         raise DetectError(f"no label file {known}.txt")
     keys = [key for key in files if key.position == position and key.light == "off" and key.has_sun]
     nearest: dict[object, PhotoKey] = {}
-    for key in sorted(keys, key=lambda key: (key.stops_off(usual_exposure_ms), key)):
+    for key in sorted(keys, key=lambda key: (key.stops_from(usual_exposure_ms), key)):
         nearest.setdefault(key.bracket, key)
     if known is not None:
         nearest[known.bracket] = known

@@ -91,7 +91,7 @@ def calibration_photos(index: Path | None, keys: Iterable[PhotoKey], site: Site)
         rival = next((other for other in chosen if other.azimuth == key.azimuth), None)
         if rival is None and len(chosen) < _MAX_PHOTOS:
             chosen[key] = path
-        elif rival is not None and key.stops_off(usual) < rival.stops_off(usual):
+        elif rival is not None and key.stops_from(usual) < rival.stops_from(usual):
             del chosen[rival]
             chosen[key] = path
     return chosen

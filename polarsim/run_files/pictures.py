@@ -23,7 +23,7 @@ def pictures_at(folder: Path) -> dict[PhotoKey, Path]:
     if folder.suffix != ".parquet":
         if not folder.is_dir():
             raise FormatError("no such folder of images", path=folder)
-        return {PhotoKey.parse(path.stem): path for path in sorted(folder.glob("*.png"))}
+        return {PhotoKey.parse(path.stem): path for path in sorted(folder.glob("[!.]*.png"))}  # not those being written
     photos = read_parquet(folder, ["key", "path"])
     stated = {
         PhotoKey.parse(str(key)): Path(str(path)) for key, path in zip(photos["key"], photos["path"], strict=True)

@@ -18,6 +18,7 @@ import jinja2
 from polarsim.errors import PolarsimError
 from polarsim.formats.files import read_json, relative_to, writing
 from polarsim.paths import RunPaths
+from polarsim.photo import PhotoKey
 from polarsim.progress import about
 from polarsim.running.stages import RunProgress
 
@@ -26,6 +27,7 @@ MODIFIED_S = 1  # modification time of the page; Snakemake ignores 0
 _TEMPLATE = Path(__file__).with_name("first_page.html.jinja")
 _MARK = b"<!doctype html><!-- incomplete run -->"  # first line of the template
 _PANEL = 640  # width of images, px
+_USUAL_STOPS = 0.5  # maximum difference of a usual exposure
 _LOG = logging.getLogger(__name__)
 
 
@@ -63,13 +65,17 @@ class FirstPage:
             self._write(progress, is_running=False)
 
     def _draw(self, progress: RunProgress) -> None:
-        """Draw the images of the first terrain with labels and twins in a thread."""
+        """Draw the images of the first terrain with labels and a twin in a thread."""
         if self._drawing:
             return
         unfinished = {path for job in progress.jobs if not job.finished for path in job.outputs}
+
+        def is_complete(path: Path) -> bool:
+            return path.exists() and path.as_posix() not in unfinished
+
         for terrain in self._paths.terrains:
-            needed = [self._labels(terrain), self._twins(terrain)]
-            if all(path.exists() and path.as_posix() not in unfinished for path in needed):
+            twins = self._twins(terrain)
+            if is_complete(self._labels(terrain)) and (is_complete(twins) or self._shows_sun(twins)):
                 self._drawing = Thread(target=self._draw_panels, args=(terrain,), daemon=True)
                 self._drawing.start()
                 return
@@ -79,6 +85,12 @@ class FirstPage:
 
     def _twins(self, terrain: str) -> Path:
         return self._results / f"renders/{self._paths.models[-1]}/Terrain{terrain}"
+
+    def _shows_sun(self, twins: Path) -> bool:
+        """Return whether a folder, which may be incomplete, has a twin under the Sun with about the usual exposure."""
+        keys = (PhotoKey.parse(path.stem) for path in twins.glob("[!.]*.png"))
+        usual_ms = self._paths.config.site.usual_exposure_ms
+        return any(key.has_sun and key.light == "off" and key.stops_from(usual_ms) < _USUAL_STOPS for key in keys)
 
     def _draw_panels(self, terrain: str) -> None:
         from polarsim.formats import thumbnails

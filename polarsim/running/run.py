@@ -165,7 +165,7 @@ def _run_owned(folder: Path, call: Call, config: Config, *, is_full: bool) -> in
     progress = RunProgress(stages, expected_durations(results, stages), call.cores or 2, start)
     page = FirstPage(paths)
     if is_full and "render_twins" in stages:
-        _print_result(f"page:  {page.page}, with the first images as soon as a terrain has labels and twins")
+        _print_result(f"page:  {page.page}, with the first images as soon as a terrain has labels and a twin")
     if not call.verbose:
         _print_result(f"log:   {OUTPUT}: output of Snakemake and of the jobs (on the terminal: --verbose)")
     with showing(progress, sys.stderr, is_silent=call.verbose) as display:

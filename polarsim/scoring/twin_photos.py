@@ -124,7 +124,7 @@ def photos_to_compare(
 def typical_photos(keys: Sequence[PhotoKey], n: int, usual_exposure_ms: int) -> list[PhotoKey]:
     """Return up to n photos under a Sun lamp near the usual exposure, evenly distributed over exposure brackets."""
     brackets = by_bracket(key for key in keys if key.has_sun).values()
-    typical = sorted(min(photos, key=lambda key: (key.stops_off(usual_exposure_ms), key)) for photos in brackets)
+    typical = sorted(min(photos, key=lambda key: (key.stops_from(usual_exposure_ms), key)) for photos in brackets)
     if len(typical) <= n:
         return typical
     return [typical[number] for number in np.linspace(0, len(typical) - 1, n).round().astype(int)] if n else []

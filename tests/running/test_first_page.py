@@ -1,6 +1,7 @@
 """Results page of a run that is not complete."""
 
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -84,13 +85,33 @@ def test_the_page_is_written_when_a_terrain_has_labels_and_twins_and_follows_the
     assert "refresh" not in text
 
 
-def test_outputs_of_running_jobs_have_no_images(results, page, progress):
+def running(output: str) -> str:
+    return WITH_PAGE + started(("mesh", "02", 1)).replace("results/toy/mesh/Terrain02", f"results/toy/{output}")
+
+
+def test_labels_of_a_running_job_are_not_shown(results, page, progress):
     add_labels_and_twins(results)
-    rendering = started(("mesh", "02", 1)).replace("results/toy/mesh/Terrain02", "results/toy/renders/hapke/Terrain02")
-    updated(page, progress, WITH_PAGE + rendering)
+    log = running("labels/tables/Terrain02.parquet")
+    updated(page, progress, log)
     assert not page.page.exists()
-    updated(page, progress, WITH_PAGE + rendering + FINISHED.format(number=1))
+    updated(page, progress, log + FINISHED.format(number=1))
     assert is_first_page(page.page)
+
+
+@pytest.mark.parametrize(
+    "other", ["02_A_off_30_L_0032", "02_A_on_30_L_0256", "02_A_off_no_L_0256", ".02_A_off_30_L_0256.1"]
+)
+def test_the_first_well_exposed_twin_under_the_sun_is_shown_while_others_are_rendered(results, page, progress, other):
+    add_labels_and_twins(results)
+    twin = results / f"renders/hapke/Terrain02/{KEY}.png"
+    only = twin.rename(twin.with_name(f"{other}.png"))
+    log = running("renders/hapke/Terrain02")
+    updated(page, progress, log)
+    assert not page.page.exists()
+    shutil.copy(only, twin)
+    updated(page, progress, log)
+    assert is_first_page(page.page)
+    assert f"Photo {KEY}" in page.page.read_text()
 
 
 def test_only_a_run_that_will_write_the_results_page_has_a_first_page(results, page, progress):

@@ -92,7 +92,7 @@ def _picture(sources: Iterable[Mapping[PhotoKey, Path]], key: PhotoKey) -> Path 
 def most_labelled(exposures: Sequence[PhotoKey], labels: pd.DataFrame, usual_exposure_ms: int) -> PhotoKey:
     """Return the exposure of a bracket with the most labels, the nearest to the usual one if there are several."""
     counts = labels["key"].value_counts()
-    return min(exposures, key=lambda key: (-int(counts.get(str(key), 0)), key.stops_off(usual_exposure_ms), key))
+    return min(exposures, key=lambda key: (-int(counts.get(str(key), 0)), key.stops_from(usual_exposure_ms), key))
 
 
 def doubtful_confidence(confidences: pd.Series) -> float:
@@ -225,4 +225,4 @@ def shown_photo(keys: Sequence[PhotoKey], site: Site) -> PhotoKey:
     Without such a photo, the nearest in this order is returned.
     """
     first, usual = site.suns[:1], site.usual_exposure_ms
-    return min(keys, key=lambda key: (key.azimuth not in first, key.light, key.camera, key.stops_off(usual)))
+    return min(keys, key=lambda key: (key.azimuth not in first, key.light, key.camera, key.stops_from(usual)))

@@ -117,7 +117,7 @@ def shown_keys(instances: pd.DataFrame, usual_exposure_ms: int) -> list[PhotoKey
 
 
 def _order(key: PhotoKey, rocks: int, usual_exposure_ms: int) -> tuple[bool, bool, float, bool, int, PhotoKey]:
-    off = key.stops_off(usual_exposure_ms)
+    off = key.stops_from(usual_exposure_ms)
     return not key.has_sun, key.light == "on", off, key.camera == "R", -rocks, key
 
 

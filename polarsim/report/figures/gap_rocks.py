@@ -99,7 +99,7 @@ def most_different(
             photos = signed[(signed["terrain"] == terrain) & (signed["rock"] == rock)]
             large = photos[photos["gain"] >= NEAR_LARGEST * photos["gain"].max()]
             ranked = sorted(
-                (PhotoKey.parse(str(key)).stops_off(usual_exposure_ms), -gain, str(key))
+                (PhotoKey.parse(str(key)).stops_from(usual_exposure_ms), -gain, str(key))
                 for key, gain in zip(large["key"], large["gain"], strict=True)
             )
             chosen.append(([key for *_, key in ranked], int(rock)))

@@ -98,7 +98,7 @@ def _backgrounds(
             cover_photo(inventory, position), boxes, site.images.size
         )
     usual = site.usual_exposure_ms
-    for key in sorted(rendered, key=lambda key: (not key.has_sun, key.light == "on", key.stops_off(usual), key)):
+    for key in sorted(rendered, key=lambda key: (not key.has_sun, key.light == "on", key.stops_from(usual), key)):
         if key.camera == "L" and background.get(key.position) is None:
             background[key.position] = rendered[key]
     return background

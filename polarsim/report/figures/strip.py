@@ -99,7 +99,7 @@ def shown_key(
             key not in twins,
             not key.has_sun,
             key.light == "on",
-            key.stops_off(site.usual_exposure_ms),
+            key.stops_from(site.usual_exposure_ms),
             key.azimuth not in site.suns[:1],
             -float(areas.get(str(key), 0.0)),
             key,
