@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -77,9 +77,12 @@ def legend_line(**style: Any) -> Any:
     return Line2D([], [], **style)
 
 
-def box_legend(figure: Any, colours: Mapping[str, str]) -> None:
-    """Write the meaning of colours of boxes below all panels."""
-    lines = [legend_line(color=colour, linewidth=3) for colour in colours.values()]
+def box_legend(figure: Any, colours: Mapping[str, str], dashed: Collection[str] = ()) -> None:
+    """Write the meaning of colours of boxes below all panels; `dashed`: meanings of dashed boxes."""
+    lines = [
+        legend_line(color=colour, linewidth=3, linestyle="--" if meaning in dashed else "-")
+        for meaning, colour in colours.items()
+    ]
     figure.legend(lines, list(colours), loc="outside lower center", ncols=len(lines))
 
 

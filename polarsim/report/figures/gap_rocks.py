@@ -68,7 +68,7 @@ def draw_gap_rocks(site: Site, results: DetectorResults, figure: Path, width: in
             return
         name = f"Rocks with the largest difference of IoU, detector trained on {results.title(results.trained)}"
         figure_title(sheet, name)
-        box_legend(sheet, BOX_LEGEND)
+        box_legend(sheet, BOX_LEGEND, dashed={"prediction"})
         sheet.get_layout_engine().set(wspace=0.01, hspace=0.1)
         grid = sheet.subplots(len(rows), 4 * ROCKS_PER_SIDE, squeeze=False)
         for axes in grid.ravel():
