@@ -380,7 +380,11 @@ def test_a_change_in_progress_ends_before_the_server(run, monkeypatch):
 def test_ctrl_c_during_loading_ends_without_a_crash(made):
     """Threads that decode images at interpreter exit would abort the process."""
     call = (sys.executable, "-u", "-c", SLOW, "explore", made.name, "--no-browser", "--results", made.parent)
-    started = subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    # A shell that starts pytest in the background ignores SIGINT, and child processes inherit this.
+    started = subprocess.Popen(
+        call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
     connections = []
     try:
         port = int(re.search(r":(\d+)/", started.stdout.readline())[1])
