@@ -86,7 +86,10 @@ def take_photos(
     options: AnalogOptions,
     pool: ThreadPoolExecutor,
 ) -> pd.DataFrame:
-    """Write the photos and the seed labels; return the true labels of all photos and add the views to `albedo`."""
+    """Write the photos and the seed labels; return the true labels of all photos and add the views to `albedo`.
+
+    Each thread of the pool photographs a view at a time.
+    """
     if not keys:
         return _label_table([])
     at = sorted({key.position for key in keys})
