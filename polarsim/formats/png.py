@@ -9,7 +9,6 @@ from __future__ import annotations
 import io
 import os
 import struct
-import zlib
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,15 +50,18 @@ class Header:
 
 def parse_header(content: bytes) -> Header:
     """Return the header of a PNG file after a check that all chunks are complete; pixels are not decoded."""
+    from isal import isal_zlib
+
     if not content.startswith(_SIGNATURE):
         raise FormatError("no PNG file")
+    view = memoryview(content)  # without copies of the chunks
     offset, kind, header, exif = len(_SIGNATURE), b"", b"", b""
     while kind != b"IEND":
         length, kind = struct.unpack(">I4s", content[offset : offset + 8].ljust(8, b"\0"))
         end = offset + 12 + length
         if end > len(content):
             raise FormatError(f"the PNG file is truncated after {len(content)} bytes")
-        if zlib.crc32(content[offset + 4 : end - 4]) != int.from_bytes(content[end - 4 : end], "big"):
+        if isal_zlib.crc32(view[offset + 4 : end - 4]) != int.from_bytes(content[end - 4 : end], "big"):
             raise FormatError(f"the PNG file is damaged, wrong checksum at byte {offset}")
         if offset == len(_SIGNATURE):
             header = content[offset + 8 : end - 4]
