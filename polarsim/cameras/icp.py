@@ -92,7 +92,7 @@ def thin_to_planes(points: np.ndarray, viewpoint: np.ndarray, voxel: float) -> S
         np.asarray, KDTree(thin).query(thin, k=NORMAL_NEIGHBOURS, distance_upper_bound=NORMAL_RADIUS * voxel)
     )
     dense = np.isfinite(distance).all(axis=1)
-    neighbours, kept = thin[near[dense]], thin[dense]
+    neighbours, kept = thin.take(near[dense], axis=0), thin[dense]
     centre = neighbours.mean(axis=1)
     offsets = neighbours - centre[:, None]
     scatter = np.einsum("nkc,nkd->ncd", offsets, offsets) / (NORMAL_NEIGHBOURS - PLANE_UNKNOWNS)

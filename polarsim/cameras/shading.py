@@ -7,6 +7,7 @@ not move cameras.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -39,6 +40,11 @@ class ViewHits:
         """Mask (h, w) of pixels with a hit."""
         return np.isfinite(self.points[..., 0])
 
+    @cached_property
+    def _pixels(self) -> np.ndarray:
+        """Numbers (n,) of the pixels with a hit."""
+        return np.flatnonzero(self.hit)
+
     def shade(self, lamp: np.ndarray) -> np.ndarray:
         """Return the brightness (h, w) float32 under a lamp at (3,), sandbox frame, metres; zero in shadow.
 
@@ -49,9 +55,9 @@ class ViewHits:
         power = 0.5 if is_directional(lamp) else 1.5
         light = np.einsum("nk,nk->n", self.normal, to_lamp) / square**power
         lit = np.flatnonzero(light > 0)
-        lit = lit[~self.surface.rays.occluded(self.point[lit], to_lamp[lit], 1.0)]
+        lit = lit[~self.surface.rays.occluded(self.point.take(lit, axis=0), to_lamp.take(lit, axis=0), 1.0)]
         image = np.zeros(self.points.shape[:2], np.float32)
-        image.ravel()[np.flatnonzero(self.hit)[lit]] = light[lit]
+        image.ravel()[self._pixels[lit]] = light[lit]
         return image
 
 
@@ -66,7 +72,8 @@ def cast_view(surface: MeshSurface, camera: Camera) -> ViewHits:
     distance, face = surface.rays.nearest(np.broadcast_to(camera.centre, directions.shape), directions)
     hit = np.flatnonzero(np.isfinite(distance))
     points = np.full(directions.shape, np.nan, np.float32)
-    points[hit] = camera.centre + distance[hit, None] * directions[hit]
-    normal = surface.normals[face[hit]]
-    normal = normal * -np.sign(np.einsum("nk,nk->n", normal, directions[hit]))[:, None]
+    along = directions.take(hit, axis=0)
+    points[hit] = camera.centre + distance[hit, None] * along
+    normal = surface.normals.take(face[hit], axis=0)
+    normal = normal * -np.sign(np.einsum("nk,nk->n", normal, along))[:, None]
     return ViewHits(surface, points.reshape(pixels.shape), points[hit], normal)

@@ -42,8 +42,9 @@ class VisibleIds:
         self.rock = np.where(self.hit, world.rock_of_face[rays.face].reshape(self.shape), NO_ROCK)
         on_ground = np.isfinite(rays.ground) & (rays.ground < rays.wall)
         self.ground = on_ground.reshape(self.shape)
+        visible = np.flatnonzero(on_ground)
         # (n, 3), row by row
-        self.points = view.centre + rays.ground[on_ground, None] * rays.directions[on_ground]
+        self.points = view.centre + rays.ground[visible, None] * rays.directions.take(visible, axis=0)
 
     def shadow_of(self, world: TerrainCasters, lamp_position: np.ndarray) -> np.ndarray:
         """Return the rock (rows, columns) that occludes the lamp from the ground at each pixel, else `NO_ROCK`.

@@ -119,7 +119,7 @@ def sightlines(world: TerrainCasters, view: Camera, rows: np.ndarray, columns: n
     wall = np.full(len(directions), np.inf)
     if world.walls is not None:
         hit = np.flatnonzero(np.isfinite(distance))
-        wall[hit] = world.walls.nearest(origins[hit], directions[hit])[0]
+        wall[hit] = world.walls.nearest(origins[: len(hit)], directions.take(hit, axis=0))[0]
     return Sightlines(directions, distance, face, ground, wall)
 
 

@@ -72,7 +72,7 @@ def surface_cloud(scan: ScanPoints) -> Cloud:
 def _plane_normals(scan: ScanPoints, near: np.ndarray, weights: np.ndarray, rows: slice) -> np.ndarray:
     """Return normals (n, 3), towards the scanner, of the planes through neighbours (n, k) with weights (n, k)."""
     shares = weights / weights.sum(axis=1, keepdims=True)
-    neighbours = scan.points[near]
+    neighbours = scan.points.take(near, axis=0)
     offsets = neighbours - np.einsum("nk,nkc->nc", shares, neighbours)[:, None]
     covariance = (shares[..., None] * offsets).swapaxes(1, 2) @ offsets
     normals = np.linalg.eigh(covariance)[1][:, :, 0]
@@ -85,11 +85,11 @@ def _on_quadrics(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return points and normals (n, 3) on the height quadrics over the tangent planes of points."""
     normal = normals[rows]
-    difference = np.linalg.norm(normals[near] - normal[:, None], axis=-1)
+    difference = np.linalg.norm(normals.take(near, axis=0) - normal[:, None], axis=-1)
     weights = weights * np.exp(-0.5 * (difference / NORMAL_SCALE) ** 2)
     weights = weights / weights.sum(axis=1, keepdims=True)
     across, along = tangents(normal)
-    offsets = (points[near] - points[rows, None]) / NEIGHBOUR_SCALE
+    offsets = (points.take(near, axis=0) - points[rows, None]) / NEIGHBOUR_SCALE
     x, y, z = np.moveaxis(offsets @ np.stack([across, along, normal], axis=-1), -1, 0)
     terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
     weighted = (terms * weights[..., None]).swapaxes(1, 2)

@@ -31,7 +31,9 @@ class ScanPoints:
 
     def select(self, chosen: np.ndarray) -> ScanPoints:
         """Select points by a mask or an index array (n,)."""
-        return ScanPoints(self.points[chosen], self.to_scanner[chosen], self.weights[chosen])
+        numbers = np.flatnonzero(chosen) if chosen.dtype == bool else chosen
+        points, to_scanner = (values.take(numbers, axis=0) for values in (self.points, self.to_scanner))
+        return ScanPoints(points, to_scanner, self.weights[numbers])
 
     def scanner(self, points: np.ndarray) -> np.ndarray:
         """Return the index (n,) of the scanner of each point, given the positions (s, 3) of scanners, metres."""
