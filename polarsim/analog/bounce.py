@@ -10,11 +10,11 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
-from polarsim.analog.light import BEFORE_LAMP, SURFACE_OFFSET, DiscLamp, pixels, towards
+from polarsim.analog.light import BEFORE_LAMP, SURFACE_OFFSET, DiscLamp, towards
 from polarsim.analog.rays import RayCaster, lengths
 from polarsim.analog.rocks import icosphere
 from polarsim.analog.sandbox import HALL_OBJECT, SandboxScene
-from polarsim.analog.view import GBuffer, strips
+from polarsim.analog.view import GBuffer, pixels, strips
 from polarsim.geometry.outlines import spread_directions
 
 AMBIENT = "ambient"  # weak ambient light of the hall, in addition to the lamps

@@ -108,7 +108,7 @@ def _start_scans(
 ) -> list[Future[Any]]:  # fmt: skip
     """Write clouds and range maps of scanned positions, and range maps of other surveyed positions from all scans.
 
-    The pool writes them while the caller goes on.
+    The threads of the pool write them while the caller continues. Returns their tasks, whose results raise errors.
     """
     if site.files.clouds is None and site.files.range_maps is None:
         return []

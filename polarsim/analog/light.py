@@ -8,7 +8,7 @@ import numpy as np
 
 from polarsim.analog.rays import RayCaster, lengths
 from polarsim.analog.sandbox import SurfaceMaterial
-from polarsim.analog.view import GBuffer, strips
+from polarsim.analog.view import GBuffer, pixels, strips
 
 SURFACE_OFFSET = np.float32(0.0015)  # rays start this far above a surface, metres
 BEFORE_LAMP = 0.995  # shadow rays end at this share of the distance from the lamp
@@ -108,11 +108,6 @@ def direct(view: GBuffer, lamp: DiscLamp, visible: np.ndarray) -> np.ndarray:
         shade = reflect(material, albedo, gloss, normals, to_lamp, to_eye) * lamp.irradiance(to_lamp, distance)
         out[rows].reshape(-1)[lit] = shade * share[lit]
     return out
-
-
-def pixels(values: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-    """Return the values (n, ...) of (h, w, ...) at the pixels with numbers (n,), ten times as fast as by a mask."""
-    return values.reshape(-1, *values.shape[2:]).take(chosen, axis=0)
 
 
 def visibility(view: GBuffer, caster: RayCaster, lamp: DiscLamp, rng: np.random.Generator) -> np.ndarray:

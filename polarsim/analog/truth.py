@@ -15,7 +15,7 @@ from polarsim.analog.rays import RayCaster
 from polarsim.analog.rocks import SimulatedRock, icosphere
 from polarsim.analog.sandbox import HALL_OBJECT
 from polarsim.analog.terrain import AnalogTerrain
-from polarsim.analog.view import GBuffer, strips
+from polarsim.analog.view import GBuffer, pixels, strips
 from polarsim.formats import obj, tables
 from polarsim.formats.files import write_json
 from polarsim.geometry.meshes import Mesh
@@ -123,10 +123,11 @@ def albedo_sums(view: GBuffer) -> list[AlbedoSums]:
     """Return sums over the pixels of sand and rocks of a view, strip by strip."""
     result = []
     for rows in strips(len(view.objects)):
-        chosen = view.objects[rows] != HALL_OBJECT
-        points, objects = view.points[rows][chosen].astype(float), view.objects[rows][chosen]
+        chosen = np.flatnonzero(view.objects[rows] != HALL_OBJECT)
+        points, objects, albedo = (pixels(part[rows], chosen) for part in (view.points, view.objects, view.albedo))
+        points = points.astype(float)
         cubes, of_pixel = np.unique(_cube_of(points, objects), return_inverse=True)
-        values = (np.ones(len(points)), view.albedo[rows][chosen], *points.T)
+        values = (np.ones(len(points)), albedo, *points.T)
         sums = [np.bincount(of_pixel, value, len(cubes)) for value in values]
         result.append(AlbedoSums(cubes, np.stack(sums, axis=1)))
     return result
