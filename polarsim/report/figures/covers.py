@@ -11,8 +11,9 @@ from polarsim.formats import png
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.geometry import boxes
 from polarsim.geometry.matching_numba import match_predictions_of_photo
-from polarsim.photo import COLOURS, HEX_COLOURS, ROCK
+from polarsim.photo import COLOURS, ROCK
 from polarsim.report.figures.canvas import FIGURE_WIDTH, PREDICTED, aspect_of, box_legend, boxed, page, rgb, show_image
+from polarsim.report.figures.detector_results import BOX_LEGEND
 from polarsim.schemas.detect import PREDICTIONS
 
 _COLUMNS = 2
@@ -48,7 +49,7 @@ def draw_covers(*, photos: Path, labels: Path, predictions: Path, figure: Path, 
             show_image(
                 axes, boxed(png.read_png(path), coloured, column), f"{key}, confidence of at least {threshold:.2f}"
             )
-        box_legend(sheet, {"labelled rock": HEX_COLOURS[ROCK], "prediction": PREDICTED})
+        box_legend(sheet, BOX_LEGEND)
 
 
 def best_confidence(labels: pd.DataFrame, predictions: pd.DataFrame) -> float:
