@@ -66,7 +66,8 @@ class Walls:
         """
         position = np.ascontiguousarray(points.T)  # (3, n): operations on short rows are slow
         to_lamp = lamp[:, None] - position
-        limits = np.where(to_lamp[:2] > 0, self.bounds[1][:, None], self.bounds[0][:, None])
+        low, high = self.bounds[..., None]
+        limits = np.where(to_lamp[:2] > 0, high, low)
         with np.errstate(divide="ignore", invalid="ignore"):
             shares = (limits - position[:2]) / to_lamp[:2]
         along_x, along_y = np.where(shares >= 0, shares, np.inf)
