@@ -11,6 +11,7 @@ import numpy as np
 
 from polarsim.formats import png
 from polarsim.formats.files import writing
+from polarsim.photo import HEX_COLOURS, ROCK
 
 DPI = 100
 FIGURE_WIDTH = 1600  # px, fits a screen
@@ -20,6 +21,7 @@ COLUMN_IN, PRINTED_PT = 3.5, 7.5  # width of a column of a paper, inches, and fo
 INK, FAINT, LINE = "#202124", "#5f6368", "#dadce0"
 SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8c6d1f", "#56b4e9")  # Okabe and Ito, for colour-blind readers
 PREDICTED = "#ff4fa3"  # predicted boxes, distinct from the amber labels and from blue shadows for colour-blind readers
+BOX_LEGEND = {"labelled rock": HEX_COLOURS[ROCK], "prediction": PREDICTED}
 LETTER_M = (0.09, 0.13)  # width and height of a digit on a map of the sandbox of half the figure's width, metres
 PLAIN = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 1.0}  # background of text on a map
 _STYLE = {

@@ -12,8 +12,17 @@ from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
 from polarsim.geometry import boxes
 from polarsim.geometry.matching_numba import match_predictions_of_photo
 from polarsim.photo import COLOURS, ROCK
-from polarsim.report.figures.canvas import FIGURE_WIDTH, PREDICTED, aspect_of, box_legend, boxed, page, rgb, show_image
-from polarsim.report.figures.detector_results import BOX_LEGEND
+from polarsim.report.figures.canvas import (
+    BOX_LEGEND,
+    FIGURE_WIDTH,
+    PREDICTED,
+    aspect_of,
+    box_legend,
+    boxed,
+    page,
+    rgb,
+    show_image,
+)
 from polarsim.schemas.detect import PREDICTIONS
 
 _COLUMNS = 2

@@ -15,6 +15,7 @@ from polarsim.formats import png
 from polarsim.formats.tables import read_parquet
 from polarsim.photo import NO_ROCK, ROCK, PhotoKey, Terrain
 from polarsim.report.figures.canvas import (
+    BOX_LEGEND,
     FIGURE_WIDTH,
     PREDICTED,
     box_legend,
@@ -23,7 +24,7 @@ from polarsim.report.figures.canvas import (
     rgb,
     show_image,
 )
-from polarsim.report.figures.detector_results import BOX_LEGEND, DetectorResults, read_detector_results
+from polarsim.report.figures.detector_results import DetectorResults, read_detector_results
 from polarsim.report.figures.gap_rocks import draw_gap_rocks
 from polarsim.run_files.pictures import picture_finder
 from polarsim.site import Site

@@ -10,12 +10,9 @@ import numpy as np
 import pandas as pd
 
 from polarsim.formats.tables import LABEL_COLUMNS, read_parquet
-from polarsim.photo import HEX_COLOURS, ROCK, PhotoKey
+from polarsim.photo import ROCK, PhotoKey
 from polarsim.report import paper
-from polarsim.report.figures.canvas import PREDICTED
 from polarsim.schemas.detect import INSTANCES, PREDICTIONS
-
-BOX_LEGEND = {"labelled rock": HEX_COLOURS[ROCK], "prediction": PREDICTED}
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ import pandas as pd
 from polarsim.geometry import boxes
 from polarsim.photo import HEX_COLOURS, ROCK, PhotoKey
 from polarsim.report.figures.canvas import (
+    BOX_LEGEND,
     FAINT,
     FIGURE_WIDTH,
     PREDICTED,
@@ -23,7 +24,7 @@ from polarsim.report.figures.canvas import (
     page,
     rectangle,
 )
-from polarsim.report.figures.detector_results import BOX_LEGEND, DetectorResults
+from polarsim.report.figures.detector_results import DetectorResults
 from polarsim.schemas.photos import BOX
 from polarsim.site import Site
 from polarsim.tone import to_8bit
