@@ -113,8 +113,8 @@ class TrainingOptions(DetectorOptions, extra="forbid", frozen=True):
     )
     precision: Literal["auto", "float32", "bfloat16"] = Field(
         "auto",
-        description="Precision of convolutions in training; for Ultralytics models on a CPU only. auto: bfloat16 if "
-        "supported, 1.5 times faster.",
+        description="Precision of convolutions in training; for Ultralytics models on a CPU only. auto: bfloat16 "
+        "where it is faster (processors of AMD with AVX512-BF16, of Intel with AMX).",
     )
 
     @model_validator(mode="after")
@@ -138,7 +138,7 @@ class PredictionOptions(BaseModel, extra="forbid", frozen=True):
     )
     precision: Literal["auto", "float32", "bfloat16"] = Field(
         "float32",
-        description="Precision of convolutions in the inference. auto: bfloat16 if supported, 1.5 to 1.7 times faster.",
+        description="Precision of convolutions in the inference. auto: bfloat16 where it is faster, see `training`.",
     )
     confidence: float = Field(
         0.001, gt=0, lt=1, description="Confidence threshold of written predictions. Higher values write fewer boxes."

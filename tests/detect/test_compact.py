@@ -73,12 +73,17 @@ def test_it_learns_in_the_other_precision_and_with_another_seed(dataset, matched
     assert (curves[0]["train_box_loss"] != curves[1]["train_box_loss"]).all()
 
 
-def test_bfloat16_is_used_if_the_processor_supports_it(monkeypatch):
-    for there in (True, False):
-        monkeypatch.setattr(torch.cpu, "_is_avx512_bf16_supported", lambda there=there: there)
-        assert computes_bfloat16("auto", "cpu") is there
-        assert computes_bfloat16("bfloat16", "cpu")
-        assert not computes_bfloat16("float32", "cpu")
+@pytest.mark.parametrize("bfloat16", [True, False])
+@pytest.mark.parametrize("amx", [True, False])
+@pytest.mark.parametrize("maker", ["GenuineIntel", "AuthenticAMD"])
+def test_automatic_precision_is_bfloat16_where_it_is_faster(monkeypatch, bfloat16, amx, maker):
+    """Without AMX, Intel's bfloat16 is slower than float32; a processor with AMX has bfloat16."""
+    monkeypatch.setattr(torch.cpu, "_is_avx512_bf16_supported", lambda: bfloat16)
+    monkeypatch.setattr(torch.cpu, "_is_amx_tile_supported", lambda: amx)
+    monkeypatch.setattr(Path, "read_text", lambda _: f"vendor_id\t: {maker}\n")
+    assert computes_bfloat16("auto", "cpu") is (bfloat16 and (amx or maker == "AuthenticAMD"))
+    assert computes_bfloat16("bfloat16", "cpu")
+    assert not computes_bfloat16("float32", "cpu")
 
 
 def test_a_resumed_training_gives_the_same_bytes(dataset, matched, tmp_path, monkeypatch):

@@ -198,13 +198,13 @@ def test_a_detector_uses_the_requested_precision_or_fails(weights, tmp_path, mon
 
 
 @pytest.mark.parametrize(("model", "there"), [("compact", True), ("compact", False), ("yolov5n", True)])
-def test_automatic_precision_is_bfloat16_if_supported(weights, monkeypatch, model, there):
+def test_automatic_precision_is_bfloat16_if_faster(weights, monkeypatch, model, there):
     seen = []
 
     class Family:
         load = staticmethod(lambda *_: lambda _pictures: seen.append(torch.is_autocast_enabled("cpu")) or [])
 
-    monkeypatch.setattr("polarsim.detect.detectors.devices.has_bfloat16", lambda _: there)
+    monkeypatch.setattr("polarsim.detect.detectors.devices.has_fast_bfloat16", lambda _: there)
     monkeypatch.setattr("polarsim.detect.detectors.models.family", lambda _: Family)
     detector = replace(detectors.read_detector(weights), model=model)
     detectors.load_detector(detector, weights.parent, PredictionOptions(precision="auto"), 1)(np.zeros((1, 32, 32)))
