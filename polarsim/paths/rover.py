@@ -32,6 +32,7 @@ class RoverPaths:
         self.deciding = self.config.deciding_detectors(folder)
         planned = cases(rover.autonomy, rover.cameras, rover.seeds, list(self.deciding))
         self.cases = {case.name: case for case in planned} if rover.run and rover.autonomy.run else {}
+        self.cases_without_pictures = [name for name, case in self.cases.items() if not case.has_pictures]
         self.detectors_driven = {case.detector for case in self.cases.values()} & set(self.deciding)
         # Whether the run has metrics of these detectors: it evaluates only detectors that it trains.
         self.has_gap = bool(set(rover.autonomy.detectors) & set(run.trained))

@@ -60,7 +60,12 @@ def test_a_drive_of_all_that_it_depends_on_then_tables_and_figures(checkout, sna
     own |= {f"both_{light}_{name}" for light in lights for name in ("packaged", "hapke-seed0", "hapke-seed1")}
     cases = {f"{case}_seed5" for case in own}
     assert set(re.findall(r"output: results/demo/rover/autonomy/([\w-]+)/figures\.parquet", text)) == cases
-    assert jobs["drive_alone"] == len(cases) == 2 + 8 + 24
+    assert (jobs["drive_alone"], jobs["drive_with_pictures"]) == (2, 8 + 24)
+    assert len(cases) == 2 + 8 + 24
+    planned_rules = re.findall(r"rule (drive_\w+):(?:\n    .*)*?\n    wildcards: .*case=(\w+?)_", text)
+    assert {mode: rule for rule, mode in planned_rules} == {
+        "truth": "drive_alone", "blind": "drive_alone", "stereo": "drive_with_pictures", "both": "drive_with_pictures",
+    }  # fmt: skip
     assert len(re.findall(r"Terrain11, site\.tif, \S+/autonomy\.npz", text)) == len(cases)  # other ground, other drives
     trained = re.findall(r"site\.tif.*detect/position/(seed\d)/detectors/hapke\.pt", text)
     assert [trained.count(seed) for seed in ("seed0", "seed1")] == [8, 8]

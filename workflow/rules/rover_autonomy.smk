@@ -28,6 +28,8 @@ rule drive_alone:
         # written through figures
         localisation=directory("results/{run}/rover/autonomy/{case}/localisation"),
         drive="results/{run}/rover/autonomy/{case}/drive.json",  # written through figures
+    wildcard_constraints:
+        case=one_of(DRIVES.cases_without_pictures),
     resources:
         mem_mb=memory_per_attempt(3000),
         runtime=60,
@@ -41,6 +43,13 @@ rule drive_alone:
         detector=DRIVES.detector_of_case,
     script:
         "../scripts/drive_alone.py"
+
+
+# Drives with images take two to four times as long, so they start first: else the other cores wait for the last one.
+use rule drive_alone as drive_with_pictures with:
+    wildcard_constraints:
+        case=one_of(DRIVES.cases, but=DRIVES.cases_without_pictures),
+    priority: 1
 
 
 rule summarise_autonomy:
