@@ -114,7 +114,7 @@ class TrainingOptions(DetectorOptions, extra="forbid", frozen=True):
     precision: Literal["auto", "float32", "bfloat16"] = Field(
         "auto",
         description="Precision of convolutions in training; for Ultralytics models on a CPU only. auto: bfloat16 "
-        "where it is faster (processors of AMD with AVX512-BF16, of Intel with AMX).",
+        "where it is faster (AMD processors with AVX512-BF16, Intel processors with AMX).",
     )
 
     @model_validator(mode="after")

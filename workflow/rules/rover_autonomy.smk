@@ -45,7 +45,7 @@ rule drive_alone:
         "../scripts/drive_alone.py"
 
 
-# Drives with images take two to four times as long, so they start first: else the other cores wait for the last one.
+# Drives with images take two to four times as long and start first, so that no core waits for the last of them.
 use rule drive_alone as drive_with_pictures with:
     wildcard_constraints:
         case=one_of(DRIVES.cases, but=DRIVES.cases_without_pictures),

@@ -36,8 +36,8 @@ def computes_bfloat16(precision: str, device: str) -> bool:
 def has_fast_bfloat16(device: str) -> bool:
     """Return whether convolutions on `cpu` or `cuda` are faster in bfloat16 than in float32.
 
-    Processors of AMD with AVX512-BF16 compute bfloat16 at twice the rate of float32. Those of Intel need AMX: their
-    AVX512-BF16 has the rate of float32, so conversions make trainings and inference 1.3 times slower.
+    AMD processors with AVX512-BF16 compute bfloat16 at twice the rate of float32. Intel processors need AMX: their
+    AVX512-BF16 has the rate of float32, so that conversions make training and inference 1.3 times slower.
     """
     cpu = load_torch().cpu
     return has_bfloat16(device) and (device == "cuda" or cpu._is_amx_tile_supported() or _is_amd())
