@@ -60,9 +60,11 @@ def _rows(boxes: np.ndarray) -> np.ndarray:
 
 def _intersection(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     """Return the intersection areas (n, m) of boxes (n, 4) and (m, 4), px^2."""
-    low = np.maximum(first[:, None, :2], second[None, :, :2])
-    high = np.minimum(first[:, None, 2:], second[None, :, 2:])
-    return np.asarray(np.prod(np.clip(high - low, 0, None), axis=-1))
+    width, height = (
+        np.minimum(first[:, None, axis + 2], second[:, axis + 2]) - np.maximum(first[:, None, axis], second[:, axis])
+        for axis in (0, 1)
+    )
+    return np.asarray(np.maximum(width, 0) * np.maximum(height, 0))
 
 
 def match_pairs(
