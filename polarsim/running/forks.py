@@ -95,6 +95,7 @@ def serve(address: Path, prepare: Callable[[], object], is_needed: Callable[[], 
     import gc
 
     prepare()
+    _forget_exit_functions()
     gc.freeze()  # collections of forks skip these objects and do not copy their memory
     with socket.socket(socket.AF_UNIX) as server:
         new = address.with_suffix(".new")
@@ -115,6 +116,16 @@ def serve(address: Path, prepare: Callable[[], object], is_needed: Callable[[], 
                 server.close()
                 _answer(connection)
             connection.close()
+
+
+def _forget_exit_functions() -> None:
+    """Leave out of forks what imported modules do when the interpreter ends, which takes 60 ms."""
+    import atexit
+    import weakref
+
+    atexit._clear()
+    weakref.finalize._registry.clear()  # type: ignore[attr-defined]
+    weakref.finalize._registered_with_atexit = False  # type: ignore[attr-defined] # finalizers of a fork register anew
 
 
 def _answer(connection: socket.socket) -> None:
