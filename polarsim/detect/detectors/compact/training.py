@@ -26,7 +26,7 @@ from polarsim.geometry import masks
 from polarsim.randomness import generator
 from polarsim.run_files.class_masks import CLASSES, IGNORED
 
-_WARM_UP = 100  # number of warm-up steps
+_WARM_UP, _WARM_UP_SHARE = 100, 0.25  # maximum number of warm-up steps, and maximum share of all steps
 _LAST_RATE = 0.02  # final learning rate relative to the peak
 _DECAY = 0.01  # weight decay of convolutions; none for biases and norms
 _AVERAGE = 0.98  # decay of the averaged weights per step; Polyak and Juditsky, SIAM J. Control 30 (1992) 838
@@ -151,7 +151,7 @@ def _rate(step: int, steps: int) -> float:
     `SequentialLR` of torch starts the cosine after the warm-up and has different rounding.
     """
     falling = _LAST_RATE + (1 - _LAST_RATE) * (1 + math.cos(math.pi * step / steps)) / 2
-    return min(1.0, (step + 1) / min(_WARM_UP, steps)) * falling
+    return min(1.0, (step + 1) / min(_WARM_UP, _WARM_UP_SHARE * steps)) * falling
 
 
 def _update_average(state: TrainingState) -> None:
