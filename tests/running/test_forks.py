@@ -15,10 +15,12 @@ import pytest
 from polarsim.running import forks
 
 SERVE = """
-import os, sys
+import atexit, os, sys, weakref
 from pathlib import Path
 from polarsim.running import forks
 owner = os.getppid()
+atexit.register(print, "exit function of the server")
+weakref.finalize(sys, print, "finalizer of the server")
 forks.serve(Path(sys.argv[1]), lambda: sys.modules.update(prepared=sys), lambda: os.getppid() == owner)
 """
 STATE = """
@@ -125,8 +127,11 @@ def test_an_exception_has_its_traceback_and_code_1(python, script):
 
 
 def test_output_of_libraries_and_functions_at_the_end_are_not_lost(python, script):
-    text = "import atexit, ctypes\natexit.register(print, 'last')\nctypes.CDLL(None).puts(b'of C')\n"
-    assert sorted(lines_of(python, script(text))) == ["", "last", "of C"]
+    text = (
+        "import atexit, ctypes, sys, weakref\natexit.register(print, 'last')\n"
+        "weakref.finalize(sys, print, 'finalized')\nctypes.CDLL(None).puts(b'of C')\n"
+    )
+    assert sorted(lines_of(python, script(text))) == ["", "finalized", "last", "of C"]
 
 
 @pytest.mark.parametrize(("threads", "is_fork"), [("1", "True"), ("2", "False")])
