@@ -26,6 +26,7 @@ torch = pytest.importorskip("torch")
 
 from polarsim.detect.detectors.compact.loss import assign_labels, losses  # noqa: E402
 from polarsim.detect.detectors.compact.network import STRIDE  # noqa: E402
+from polarsim.detect.detectors.compact.training import _rate  # noqa: E402
 from polarsim.detect.detectors.compact.weights import decode_boxes  # noqa: E402
 from polarsim.detect.detectors.devices import computes_bfloat16  # noqa: E402
 from polarsim.site import polar  # noqa: E402
@@ -53,6 +54,14 @@ def matched(dataset, tmp_path_factory) -> Path:
             patch.setitem(sys.modules, name, None)
         train(dataset, folder, "real")
     return folder
+
+
+@given(steps=st.integers(1, 5000))
+def test_the_learning_rate_reaches_the_configured_peak_in_trainings_of_any_length(steps):
+    rates = [_rate(step, steps) for step in range(steps)]
+    assert max(rates) == pytest.approx(1, abs=0.15)
+    assert np.argmax(rates) <= min(100, 0.3 * steps)
+    assert steps < 20 or rates[-1] < 0.05
 
 
 def test_it_learns(matched):
