@@ -11,6 +11,7 @@ from polarsim.photo import BOX_CLASSES
 from polarsim.report.layout import interval_text, write_table
 from polarsim.run_files.class_masks import CLASSES
 from polarsim.schemas.covers import COVER_SCORES, FINE_TUNED, MASK_SCORES, MEAN, MERGED, RENDERED, SINGLE
+from polarsim.wording import counted
 
 CAPTION = "Detectors trained on random scenes, tested on real cover photos of held-out terrains: value [95 % interval]."
 NOTES = (
@@ -25,7 +26,7 @@ SEVERAL = (
     "only 1 of n detectors gets 1/n of the confidence."
 )
 PHOTOS_TOO = (
-    "Scenes, photos: fine-tuned for {epochs} epochs of {pictures} images: scenes, and windows of the labelled cover "
+    "Scenes, photos: fine-tuned for {epochs} of {pictures} images: scenes, and windows of the labelled cover "
     "photos of all terrains outside the tested fold (same sandbox and walls)."
 )
 TRAINED_ON = {RENDERED: "scenes", FINE_TUNED: "scenes, photos"}
@@ -45,12 +46,12 @@ def tabulate_covers(*, scores: list[Path], stem: Path, origin: dict[str, str]) -
     table = pd.concat([read_parquet(path, COVER_SCORES.columns) for path in scores], ignore_index=True)
     first = table.iloc[0]
     trained = (
-        f"Detector {first['detector']} from {first['start']}, {first['epochs']} epochs of {first['pictures']} images "
-        f"of scenes, {first['folds']} folds."
+        f"Detector {first['detector']} from {first['start']}, {counted(first['epochs'], 'epoch')} of "
+        f"{first['pictures']} images of scenes, {first['folds']} folds."
     )
     notes = [*NOTES, trained]
     for photos_too in table[table["trained"] == FINE_TUNED].head(1).to_dict("records"):
-        notes.append(PHOTOS_TOO.format_map(photos_too))
+        notes.append(PHOTOS_TOO.format_map(photos_too | {"epochs": counted(photos_too["epochs"], "epoch")}))
     notes += [SEVERAL] if _are_several(table) else []
     write_table(stem, table, CAPTION, layout=tidy_covers(table), notes=notes, origin=origin)
 

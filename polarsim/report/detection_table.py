@@ -14,6 +14,7 @@ from polarsim.report.layout import MISSING, write_blocks
 from polarsim.report.training_seeds import SEED, over_seeds, seed_notes
 from polarsim.schemas import detect
 from polarsim.schemas.report import DETECTION
+from polarsim.wording import counted
 
 MEASURES = ("map50", "map50_95", "iou_mean")
 INTERVALS = tuple(f"{name}_{bound}" for name in MEASURES for bound in ("low", "high"))
@@ -86,7 +87,7 @@ def _format(table: pd.DataFrame, cell: Callable[[pd.DataFrame, str], str]) -> pd
         kind, split, detector, epochs, imgsz, trained = (str(value) for value in group)
         row: dict[str, str] = {"labels": kind, "T": paper.domain_title(trained)}
         if several:
-            row["detector"] = f"{detector}, {epochs} epochs at {imgsz} px, split by {split}"
+            row["detector"] = f"{detector}, {counted(int(epochs), 'epoch')} at {imgsz} px, split by {split}"
         for prefix, text, domains in (("", "E: {}", evaluated), ("paper_", "paper, E: {}", published)):
             for domain in domains:
                 row[text.format(paper.domain_title(domain))] = cell(part[part["evaluated"] == domain], prefix)
@@ -118,7 +119,7 @@ def detector_notes(detection: pd.DataFrame) -> list[str]:
         leak = "training and test share views" if part["shares_views"].any() else "training and test share no view"
         low, high = part["images"].min(), part["images"].max()
         images = f"{low}" if low == high else f"{low} to {high}"
-        training = f"started from {start}, {epochs} epochs, seed {seeds},"
+        training = f"started from {start}, {counted(epochs, 'epoch')}, seed {seeds},"
         notes.append(f"Detector {detector}, {training} at {imgsz} px; split by {split}: {leak}; {images} test images.")
         corrupt = int(part["left_out"].max())
         if corrupt:

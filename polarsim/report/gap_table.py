@@ -14,6 +14,7 @@ from polarsim.report.layout import MISSING, value_and_interval, write_blocks
 from polarsim.report.training_seeds import by_splits, over_seeds, seed_notes
 from polarsim.schemas.detect import ABLATION
 from polarsim.schemas.report import GAP
+from polarsim.wording import counted
 
 CAPTION = (
     "Ablation, {kind}s: one component of the {model} twin is replaced at a time (T: detector trained on). "
@@ -101,7 +102,7 @@ def ablation_notes(table: pd.DataFrame) -> list[str]:
     """Return a note per detector with split and number of test photos."""
     facts = table[["detector", "epochs", "imgsz", "split", "images", "units", "unit"]].drop_duplicates()
     return [
-        f"Detector {detector}, {epochs} epochs at {imgsz} px; split by {split}; {images} test photos in {units} "
-        f"{unit}s."
+        f"Detector {detector}, {counted(epochs, 'epoch')} at {imgsz} px; split by {split}; {images} test photos in "
+        f"{units} {unit}s."
         for detector, epochs, imgsz, split, images, units, unit in facts.itertuples(index=False)
     ]

@@ -62,11 +62,11 @@ def test_notes_name_the_detector_its_training_split_and_corrupt_images(tmp_path,
 def test_detectors_of_further_models_have_separate_rows(tmp_path, tabulated):
     """Detectors are not averaged like seeds."""
     ours = detection(kinds=("rock",)).assign(detector="compact (polarsim's own)")
-    theirs = detection(kinds=("rock",)).assign(detector="yolov8n", map50=0.75)
+    theirs = detection(kinds=("rock",)).assign(detector="yolov8n", map50=0.75, epochs=1)
     lines = tabulated(tabulate_detection, ours, others=theirs).splitlines()
     assert len(read_csv(tmp_path / "detection.csv")) == 2 * 9
     rows = [line for line in lines if line.startswith("| rock | Analog")]
-    assert ["yolov8n, 12 epochs at 320 px" in row for row in rows] == [False, True] * 2  # figures, then intervals
+    assert ["yolov8n, 1 epoch at 320 px" in row for row in rows] == [False, True] * 2  # figures, then intervals
     assert rows[1].count("0.750 /") == 3
     assert "0.750 /" not in rows[0]
     assert sum(line.startswith("Detector yolov8n") or "- Detector yolov8n" in line for line in lines) == 1
