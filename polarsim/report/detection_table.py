@@ -113,13 +113,14 @@ def detector_notes(detection: pd.DataFrame) -> list[str]:
     """Return notes on detector, training, split, seeds and number of test images, from detect/detection.parquet."""
     seeds = ", ".join(str(seed) for seed in sorted(set(detection[SEED])))
     notes = []
-    for (detector, start, epochs, imgsz, split), part in detection.groupby(
+    for (detector, start, _, imgsz, split), part in detection.groupby(
         ["detector", "start", "epochs", "imgsz", "split"], sort=False
     ):
         leak = "training and test share views" if part["shares_views"].any() else "training and test share no view"
         low, high = part["images"].min(), part["images"].max()
         images = f"{low}" if low == high else f"{low} to {high}"
-        training = f"started from {start}, {counted(epochs, 'epoch')}, seed {seeds},"
+        epochs = counted(int(part["epochs"].iloc[0]), "epoch")
+        training = f"started from {start}, {epochs}, seed {seeds},"
         notes.append(f"Detector {detector}, {training} at {imgsz} px; split by {split}: {leak}; {images} test images.")
         corrupt = int(part["left_out"].max())
         if corrupt:
