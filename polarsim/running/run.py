@@ -43,7 +43,8 @@ UNFINISHED = ".snakemake/polarsim_unfinished.txt"  # outputs of unfinished jobs
 MISSING_PAGE = "missing.md"  # in the folder of an incomplete run
 PROFILE = "SNAKEMAKE_PROFILE"  # environment variable of Snakemake
 _FIXED = ("--rerun-incomplete", "--keep-going", "--retries", "1")
-_LATENCY = ("--latency-wait", "10")
+# The default scheduler starts a solver for each choice of jobs, and lets a job of a low priority overtake --prioritize.
+_SCHEDULING = ("--scheduler", "greedy", "--latency-wait", "10")
 _REFUSED = {"--nolock", "--ignore-incomplete", "--ii", "--unlock"}  # concurrent runs of a folder, incomplete files
 _WITHOUT_JOBS = {  # options that only print
     *(
@@ -78,12 +79,12 @@ class Call:
     def words(self) -> list[str]:
         """Return the arguments of Snakemake. Targets are first, because options with several values consume targets.
 
-        The latency of a profile is not replaced, because files of other nodes of a cluster appear later.
+        Latency and scheduler of a profile are not replaced, because files of other nodes of a cluster appear later.
         """
         profiled = "--profile" in self.options
         cores = [] if profiled and self.cores is None else ["--cores", str(self.cores or 2)]
-        latency = () if profiled else _LATENCY
-        return [*self.targets, *cores, *_FIXED, *latency, *self.configured(), *self.rest]
+        scheduling = () if profiled else _SCHEDULING
+        return [*self.targets, *cores, *_FIXED, *scheduling, *self.configured(), *self.rest]
 
     def configured(self) -> list[str]:
         """Return the arguments that define the configuration."""
