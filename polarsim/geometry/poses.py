@@ -21,11 +21,14 @@ class Pose:
 
     def apply(self, points: np.ndarray) -> np.ndarray:
         """Map points (..., 3)."""
-        return points @ self.rotation.T + self.translation
+        moved = self.rotate(points)
+        moved += self.translation
+        return moved
 
     def rotate(self, directions: np.ndarray) -> np.ndarray:
         """Map directions (..., 3): rotation only."""
-        return directions @ self.rotation.T
+        # A single product is faster than a stack of products.
+        return (directions.reshape(-1, 3) @ self.rotation.T).reshape(directions.shape)
 
     def __matmul__(self, other: Pose) -> Pose:
         return Pose(self.rotation @ other.rotation, self.apply(other.translation))
