@@ -38,8 +38,8 @@ def display_white_level(pixels: np.ndarray) -> float:
     return white_level(pixels, WHITE_PERCENTILE, MIN_WHITE_DN, BLACK_LEVEL)
 
 
-def to_8bit(pixels: np.ndarray, white: float | None = None) -> np.ndarray:
-    """Return (h, w, 3) uint8 of a photo or twin (h, w) uint16; 8-bit images are not changed.
+def to_uint8(pixels: np.ndarray, white: float | None = None) -> np.ndarray:
+    """Return uint8 values, of the same shape, of a photo or twin with uint16 values; 8-bit images are not changed.
 
     Parameters
     ----------
@@ -47,9 +47,14 @@ def to_8bit(pixels: np.ndarray, white: float | None = None) -> np.ndarray:
         DN above black that becomes 255; a common value makes the brightness of images comparable.
         None: `display_white_level`.
     """
-    shown = pixels
-    if pixels.dtype != np.uint8:
-        shown = _curve(display_white_level(pixels) if white is None else white).take(pixels)
+    if pixels.dtype == np.uint8:
+        return pixels
+    return _curve(display_white_level(pixels) if white is None else white).take(pixels)
+
+
+def to_8bit(pixels: np.ndarray, white: float | None = None) -> np.ndarray:
+    """Return (h, w, 3) uint8 of a photo or twin (h, w), see `to_uint8`."""
+    shown = to_uint8(pixels, white)
     return np.repeat(shown[..., None], 3, axis=2) if shown.ndim == 2 else shown[..., :3]
 
 

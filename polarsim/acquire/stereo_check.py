@@ -13,7 +13,7 @@ from polarsim.formats import png
 from polarsim.geometry.features import Features, match_features, sift_features
 from polarsim.geometry.stereo import StereoRig, epipolar_distances, triangulated_depth
 from polarsim.photo import PhotoKey, photo_scale
-from polarsim.tone import to_8bit
+from polarsim.tone import to_uint8
 
 _SCALE = 0.5  # scale of the photos for feature detection
 _MAX_FEATURES = 2000
@@ -100,7 +100,7 @@ def _features(path: Path) -> Features:
     import cv2
 
     try:
-        grey = to_8bit(png.read_photo(path, None))[..., 0]
+        grey = to_uint8(png.read_photo(path, None))
     except PolarsimError as error:
         log.warning("%s: not used to check the calibration", error)
         return Features(np.empty((0, 2)), np.empty((0, 128), np.float32))

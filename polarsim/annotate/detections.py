@@ -33,5 +33,5 @@ def draw_detections(
     labels = pd.DataFrame(boxes[:, :4], columns=EDGES)
     labels["kind"] = [BOX_CLASSES[int(number)] for number in boxes[:, 5]]
     labels["rock"], labels["confidence"] = NO_ROCK, boxes[:, 4]
-    drawn = draw_labels(np.repeat(grey[..., None], 3, axis=2), labels, width, OverlayStyle(stated_below=np.inf), masks)
+    drawn = draw_labels(grey, labels, width, OverlayStyle(stated_below=np.inf), masks)
     return add_legend(drawn, f"{title}: detections with confidence" if width >= _MIN_TITLE_PX else "", labels)

@@ -142,7 +142,7 @@ def draw_labels(
 
     Parameters
     ----------
-    pixels : (h, w, 3) uint8
+    pixels : (h, w) or (h, w, 3) uint8
         The photo at any scale; the result has the same aspect and `width` pixels per row.
     labels
         Rows with kind, rock, confidence, x0, y0, x1, y1 in pixels of the full-size photo.
@@ -156,7 +156,7 @@ def draw_labels(
     marks = marks or OverlayStyle()
     width = width or pixels.shape[1]
     size = (width, round(pixels.shape[0] * width / pixels.shape[1]))
-    picture = Image.fromarray(np.ascontiguousarray(pixels)).resize(size, Image.Resampling.LANCZOS)
+    picture = Image.fromarray(np.ascontiguousarray(pixels)).resize(size, Image.Resampling.LANCZOS).convert("RGB")
     for kind in _bottom_up(marks.kinds):
         if masks and kind in masks:
             _fill(picture, masks[kind], COLOURS[kind])

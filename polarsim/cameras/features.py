@@ -21,7 +21,7 @@ from polarsim.geometry.lens import Lens
 from polarsim.geometry.poses import Pose
 from polarsim.run_files.best_photos import BestPhotos, ViewPhotos, read_resized
 from polarsim.run_files.rigs import FEATURES, LocalisedRig
-from polarsim.tone import to_8bit
+from polarsim.tone import to_uint8
 
 FEATURE_SCALE = 0.5  # of the photos in which features are detected
 _MAX_FEATURES = 6000  # maximum number of features of a photo
@@ -72,7 +72,7 @@ def localise_by_features(
 def _features(photos: ViewPhotos) -> dict[str, Features]:
     """Return the features of each photo, by the azimuth of the Sun lamp."""
     return {
-        azimuth: sift_features(to_8bit(np.rint(photo).astype(np.uint16))[..., 0], _MAX_FEATURES)
+        azimuth: sift_features(to_uint8(np.rint(photo).astype(np.uint16)), _MAX_FEATURES)
         for azimuth, photo in photos.items()
     }
 

@@ -37,7 +37,7 @@ from polarsim.run_files.inventory import read_inventory, write_inventory
 from polarsim.run_files.rigs import STEREO, LocalisedRig, read_rig, write_localised, write_rig
 from polarsim.run_files.survey import surveyed_poses
 from polarsim.site import Site
-from polarsim.tone import to_8bit
+from polarsim.tone import to_uint8
 
 log = logging.getLogger("polarsim")
 MIN_MATCHED = 0.15  # minimum share of the pixels of a left photo that match the right photo; 0.65 to 0.75 is usual
@@ -153,7 +153,7 @@ def _matched_features(pictures: BestPhotos, position: str, rig: StereoRig, area:
         found = []
         for camera in "LR":
             lens = rig.lens(camera)
-            grey = to_8bit(png.read_photo(pictures[position, camera][azimuth], (lens.width, lens.height)))[..., 0]
+            grey = to_uint8(png.read_photo(pictures[position, camera][azimuth], (lens.width, lens.height)))
             small = cv2.resize(grey, None, fx=_FEATURE_SCALE, fy=_FEATURE_SCALE, interpolation=cv2.INTER_AREA)
             found.append(sift_features(small, _MAX_FEATURES))
         first, second = match_features(*found)

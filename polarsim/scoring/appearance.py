@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from polarsim.photo import BLACK_LEVEL
-from polarsim.tone import display_white_level, to_8bit
+from polarsim.tone import display_white_level, to_uint8
 
 REDUCTION = 4  # side in px of the squares whose mean is compared: differences of single pixels do not count
 ROWS, COLUMNS = (0.15, 0.68), (0.10, 0.90)  # part of the image that shows the sandbox, share of height and width
@@ -82,7 +82,7 @@ def reduce_photo(
 ) -> ReducedPhoto:
     """Return the compared part of a photo, see `compare_appearance`."""
     used = photo if ignored is None or ignored.all() else photo[~ignored]
-    tones = reduce_picture(to_8bit(photo, display_white_level(used))[..., 0])
+    tones = reduce_picture(to_uint8(photo, display_white_level(used)))
     everywhere = np.ones(tones.shape, bool)
     valid = everywhere if ignored is None else reduce_picture(ignored) == 0
     sand = everywhere if lit_sand is None else reduce_picture(~lit_sand) == 0

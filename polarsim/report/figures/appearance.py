@@ -28,7 +28,7 @@ from polarsim.scoring.appearance import (
     tone_of_twin,
 )
 from polarsim.scoring.twin_photos import ComparedPhoto, read_compared, read_in_size, subject_of, twin_of_same_view
-from polarsim.tone import display_white_level, to_8bit
+from polarsim.tone import display_white_level, to_uint8
 
 SHOWN = 4  # maximum number of photos
 TITLE_PX = 72  # height of a title of two lines
@@ -135,7 +135,7 @@ class ShownPhoto:
         """Read a photo for a figure in which it is `width` px wide."""
         photo, drawn = read_compared(compared)
         used = photo if drawn is None or drawn.all() else photo[~drawn]
-        tones = _small(to_8bit(photo, display_white_level(used))[..., 0], width)
+        tones = _small(to_uint8(photo, display_white_level(used)), width)
         clear = np.ones(tones.shape, bool) if drawn is None else _small(drawn, width) == 0
         return cls(photo.shape, reduce_photo(photo, drawn), tones, clear)
 

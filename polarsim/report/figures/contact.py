@@ -32,7 +32,7 @@ from polarsim.report.figures.canvas import COMPRESSION
 from polarsim.report.figures.comparison import draw_comparison
 from polarsim.run_files.pictures import pictures_at
 from polarsim.site import Site
-from polarsim.tone import to_8bit
+from polarsim.tone import to_uint8
 
 ALWAYS_DOUBTFUL = 0.5  # a label with a lower confidence is always dashed
 DOUBTFUL_SHARE = 0.1  # share of a terrain's labels with the lowest confidence, which are also dashed
@@ -138,9 +138,9 @@ def _legend(tiles: Sequence[Tile], doubtful_below: float) -> str:
 
 def _tile_pixels(tile: Tile, width: int, doubtful_below: float, size: tuple[int, int]) -> np.ndarray:
     if tile.picture is not None and tile.picture.exists():
-        pixels = to_8bit(png.read_png(tile.picture))
+        pixels = to_uint8(png.read_png(tile.picture))
     else:
-        pixels = np.full((*size[::-1], 3), BLANK, np.uint8)
+        pixels = np.full(size[::-1], BLANK, np.uint8)
     marks = OverlayStyle(
         links=True, stated_below=0, doubtful_below=doubtful_below, letter_px=max(10, round(width / 42))
     )
@@ -153,8 +153,11 @@ def _write(path: Path, sheet: Any) -> None:
     coded = red << 16 | green << 8 | blue
     used = np.zeros(1 << 24, bool)
     used[coded] = True
-    indices = (np.cumsum(used, dtype=np.int32) - 1)[coded]  # a tenth of the time of `np.unique`
-    colours = np.flatnonzero(used)[:, None] >> [16, 8, 0] & 255
+    codes = np.flatnonzero(used)
+    place = np.zeros(len(used), np.int32)
+    place[codes] = np.arange(len(codes))
+    indices = place[coded]  # a twentieth of the time of `np.unique`
+    colours = codes[:, None] >> [16, 8, 0] & 255
     for greys in GREYS:
         content = _coded(colours, indices, _palette(greys))
         if len(content) <= MAX_BYTES:
