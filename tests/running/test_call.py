@@ -5,9 +5,9 @@ from polarsim.running.run import Call
 PROFILE = ("--profile", "config/profiles/slurm")
 
 
-def test_a_profile_says_how_many_cores_and_how_long_to_wait_for_files():
+def test_a_profile_says_how_many_cores_how_long_to_wait_for_files_and_how_to_schedule():
     alone, profiled = Call(("labels",), (), ()).words(), Call(("labels",), (), (), rest=PROFILE).words()
-    assert set(alone) - set(profiled) == {"--cores", "2", "--latency-wait", "10"}
+    assert set(alone) - set(profiled) == {"--cores", "2", "--latency-wait", "10", "--scheduler", "greedy"}
     assert profiled[-2:] == list(PROFILE)
 
 
