@@ -44,7 +44,8 @@ def show_of_run(
     picture = run.pictures_of(domain, key.terrain).get(key)
     if domain == PHOTO and picture is None:
         picture = next(iter(sorted(run.folder.glob(f"renders/*/Terrain{terrain_text(key.terrain)}/{key}.png"))), None)
-        log.warning("%s: no photo %s, using %s", run.folder, key, picture or "nothing, because there is no twin")
+        if picture:
+            log.warning("%s: no photo %s, using its twin %s", run.folder, key, picture)
     if picture is None or not picture.exists():
         reason = f"no image {key} of the domain {domain}; domains of this run: {', '.join(run.domains)}"
         raise LabelError(reason, path=run.folder)
