@@ -119,7 +119,7 @@ def serve(address: Path, prepare: Callable[[], object], is_needed: Callable[[], 
 
 
 def _forget_exit_functions() -> None:
-    """Leave out of forks what imported modules do when the interpreter ends, which takes 60 ms."""
+    """Drop the exit functions and finalizers of imported modules, which would take 60 ms at the end of each fork."""
     import atexit
     import weakref
 

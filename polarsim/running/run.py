@@ -43,7 +43,8 @@ UNFINISHED = ".snakemake/polarsim_unfinished.txt"  # outputs of unfinished jobs
 MISSING_PAGE = "missing.md"  # in the folder of an incomplete run
 PROFILE = "SNAKEMAKE_PROFILE"  # environment variable of Snakemake
 _FIXED = ("--rerun-incomplete", "--keep-going", "--retries", "1")
-# The default scheduler starts a solver for each choice of jobs, and lets a job of a low priority overtake --prioritize.
+# Snakemake's default scheduler runs a solver for each choice of jobs. Among jobs of equal priority, `greedy` prefers
+# larger inputs: labels before twins, so that the first page does not wait for all twins of its terrain.
 _SCHEDULING = ("--scheduler", "greedy", "--latency-wait", "10")
 _REFUSED = {"--nolock", "--ignore-incomplete", "--ii", "--unlock"}  # concurrent runs of a folder, incomplete files
 _WITHOUT_JOBS = {  # options that only print
@@ -79,7 +80,7 @@ class Call:
     def words(self) -> list[str]:
         """Return the arguments of Snakemake. Targets are first, because options with several values consume targets.
 
-        Latency and scheduler of a profile are not replaced, because files of other nodes of a cluster appear later.
+        A profile keeps its scheduler and its latency: on a cluster, files of other nodes appear later.
         """
         profiled = "--profile" in self.options
         cores = [] if profiled and self.cores is None else ["--cores", str(self.cores or 2)]
