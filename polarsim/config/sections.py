@@ -151,6 +151,11 @@ class Sections(BaseModel, extra="forbid", frozen=True):
         return self.has_scans or self.measures_ranges or not self.data_source.has_scans
 
     @property
+    def closed_meshes(self) -> str:
+        """Folder of the run with closed rocks: repaired copies of published meshes, which have holes."""
+        return "meshes" if self.data_source.has_scans else "repaired"
+
+    @property
     def photo_domain(self) -> str:
         """Domain of the photos of this run."""
         return self.data_source.domain

@@ -54,11 +54,10 @@ class CoverPaths:
         return "carved rocks" if self.covers.carved_scenes else self.config.detect.training.start
 
     def rocks(self, wildcards: Wildcards) -> str:
-        """Return the folder of a terrain's closed rocks: repaired ones of a release, else the run's meshes."""
+        """Return the folder of a terrain's closed rocks."""
         if parse_terrain(wildcards.terrain) == CARVED:
             return f"results/{wildcards.run}/covers/carved"
-        kind = "meshes" if self.config.data_source.has_scans else "repaired"
-        return f"results/{wildcards.run}/{kind}/Terrain{wildcards.terrain}"
+        return f"results/{wildcards.run}/{self.config.closed_meshes}/Terrain{wildcards.terrain}"
 
     def files(self) -> list[str]:
         """Return the cover photos and the annotated label files of the same terrains.

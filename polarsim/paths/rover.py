@@ -48,6 +48,11 @@ class RoverPaths:
         return str(resolve_packaged(self.rover.soil.table))
 
     @property
+    def meshes(self) -> list[str]:
+        """The folders of the terrains that are driven over, with closed rocks."""
+        return [f"results/{{run}}/{self.config.closed_meshes}/Terrain{terrain}" for terrain in self.terrains]
+
+    @property
     def elevation_model(self) -> str | list[str]:
         """The file of the elevation model that is driven over; empty without a file."""
         dem = self.rover.world.dem

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -20,11 +21,11 @@ from polarsim.geometry.topology import is_watertight, largest_island, linked_par
 from polarsim.photo import Terrain, terrain_text
 from polarsim.progress import track
 from polarsim.rocks.fitted_ground import FITTED_GROUND_CELL
-from polarsim.rocks.folder import write_named
+from polarsim.rocks.folder import DECIMATED_SHARE, write_named
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.mesh import ground_heights
 from polarsim.rocks.options import RocksOptions
-from polarsim.rocks.solids import merged_vertices
+from polarsim.rocks.solids import decimate_mesh, merged_vertices
 from polarsim.rocks.surfaces import closed_rock
 from polarsim.run_files.inventory import read_inventory
 from polarsim.run_files.rigs import read_all_localised
@@ -105,7 +106,7 @@ def _skirt_height(mesh: Mesh, points: np.ndarray) -> np.ndarray:
 def repair_rocks(
     *, site: Site, terrain: Terrain, inventory: Path, cameras: Path, meshes: Path, copies: Path, options: RocksOptions
 ) -> None:
-    """Write `copies`: a watertight OBJ file per rock, `meshes.csv`, and `defects.csv` of the published rocks.
+    """Write `copies`: each rock watertight, also decimated, the ground, `meshes.csv`, and `defects.csv` of the release.
 
     A rock with a surface that encloses no volume is skipped with a warning.
 
@@ -126,6 +127,8 @@ def repair_rocks(
             log.warning("terrain %s, rock %d cannot be closed: %s", terrain_text(terrain), rock, error)
             continue
         closed[obj.rock_name(terrain, rock)] = copy
+        closed[obj.rock_name(terrain, rock, decimated=True)] = decimate_mesh(copy, DECIMATED_SHARE)
     with writing_folder(copies) as folder:
         write_named(folder, closed, dict.fromkeys(closed, PUBLISHED))
+        shutil.copyfile(meshes / obj.ground_name(terrain), folder / obj.ground_name(terrain))
         tables.write_csv(folder / FILE, defect_table(published))

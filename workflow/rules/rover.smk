@@ -24,7 +24,7 @@ rule rover:
 rule cut_rocks:
     """Convex parts of the rocks for all drives along a path (`path`) or all autonomous drives (`autonomy`)."""
     input:
-        meshes=expand("results/{{run}}/meshes/Terrain{terrain}", terrain=DRIVES.terrains),
+        meshes=DRIVES.meshes,
         dem=DRIVES.elevation_model,  # read through params.world
     output:
         parts="results/{run}/rover/rock_parts/{drives}.npz",
@@ -42,7 +42,7 @@ rule cut_rocks:
 rule drive_rover:
     """Physics of one drive: rover on deformable ground, composed of terrains or an elevation model, with rocks."""
     input:
-        meshes=expand("results/{{run}}/meshes/Terrain{terrain}", terrain=DRIVES.terrains),
+        meshes=DRIVES.meshes,
         dem=DRIVES.elevation_model,  # read through params.world
         parts="results/{run}/rover/rock_parts/path.npz",
         vehicle=DRIVES.vehicle,  # read through params.drive

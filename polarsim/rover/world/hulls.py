@@ -39,6 +39,7 @@ _NEIGHBOURS = 6  # maximum number of adjacent parts with which a part is joined 
 _BATCH = 128  # number of points whose distances are searched together
 _LEVEL = 0.05  # maximum horizontal component of the normal of a surface that is open from above only
 _THICKNESS_M = 0.002  # of flat parts
+_MIN_PART_M3 = 1e-10  # m3, minimum volume of flat parts with this thickness: a triangle of 0.05 mm2
 _SKY_RAYS = 60  # number of directions of the upper hemisphere in which the sky is searched
 
 
@@ -202,7 +203,7 @@ class _Rock:
                 continue
             try:
                 halves = [self._part(part.triangles[side], part.deep, within) for side in (below, ~below)]
-            except RoverError:  # a side has no volume
+            except RoverError:  # a side is smaller than any part
                 continue
             best = min(best or halves, halves, key=_worst)
             if _worst(best) <= _ENOUGH * part.deviation:
@@ -223,7 +224,7 @@ class _Rock:
         except RoverError:
             inwards = -_THICKNESS_M * self._sides[triangles].mean(axis=0)
             corners = np.concatenate([corners, corners + inwards])
-            hull = require_volume(corners)
+            hull = require_volume(corners, _MIN_PART_M3)
         on_hull = np.zeros(len(corners), bool)
         on_hull[hull.simplices] = True  # `hull.vertices` sorts all corners of all facets
         return _Part(triangles, corners[on_hull], *self._deviation(hull, deep, within))
@@ -307,12 +308,12 @@ def _barycentric(count: int) -> np.ndarray:
     return np.stack([i[inside], j[inside], count - i[inside] - j[inside]], axis=1) / count
 
 
-def require_volume(points: np.ndarray) -> ConvexHull:
-    """Return the hull of points (n, 3); coplanar and nearly coplanar points are an error."""
+def require_volume(points: np.ndarray, least_m3: float = MIN_VOLUME_M3) -> ConvexHull:
+    """Return the hull of points (n, 3); coplanar points, and a volume below `least_m3`, are an error."""
     try:
         hull = ConvexHull(points)
     except (QhullError, ValueError) as error:
         raise RoverError(f"a rock's mesh of {len(points)} corners has no volume") from error
-    if hull.volume < MIN_VOLUME_M3:
+    if hull.volume < least_m3:
         raise RoverError(f"a rock's mesh of {1e9 * hull.volume:.3g} mm3 has no volume")
     return hull

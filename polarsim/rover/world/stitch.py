@@ -7,6 +7,7 @@ published meshes with vertical offsets of decimetres also match.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,14 +20,16 @@ from scipy.sparse.linalg import spsolve
 from polarsim.errors import RoverError, with_path
 from polarsim.formats import obj
 from polarsim.geometry.meshes import Mesh
-from polarsim.geometry.topology import remove_unused_vertices
+from polarsim.geometry.topology import is_watertight, remove_unused_vertices
 from polarsim.photo import Terrain
 from polarsim.randomness import generator
 from polarsim.rover.world.hulls import require_volume
 from polarsim.rover.world.mesh_heights import top_at
 from polarsim.rover.world.options import WorldOptions
 from polarsim.rover.world.surface import PlacedRock, World, bare_world, outward, with_rocks
+from polarsim.wording import counted
 
+log = logging.getLogger("polarsim")
 BLEND_M = 0.4  # width of the blend of two grounds at a seam
 FILLER_SD_M = 0.003  # standard deviation of filler ground's heights
 FILLER_GRAIN = 0.08  # m, correlation length of the filler ground's heights
@@ -47,15 +50,25 @@ class TerrainSolids:
 
 
 def read_terrain_meshes(folder: str | Path, number: Terrain) -> TerrainSolids:
-    """Read ground and rocks of a folder; decimated rocks are preferred, and a rock without volume is an error."""
+    """Read ground and rocks of a folder; decimated rocks are preferred, and a rock without volume is an error.
+
+    Rocks with holes are reported, because their images differ from their convex parts.
+    """
     folder = Path(folder)
-    rocks = {}
+    rocks, opened = {}, []
     for rock, path in obj.rock_files(folder).items():
         decimated = folder / obj.rock_name(number, rock, decimated=True)
         chosen = decimated if decimated.exists() else path
         rocks[rock] = obj.read_obj(chosen)
         with with_path(chosen):
             require_volume(rocks[rock].vertices)
+        if not is_watertight(rocks[rock].faces):
+            opened.append(rock)
+    if opened:
+        log.warning(
+            "%s: %s with holes, which the physics fills and images show: %s",
+            folder, counted(len(opened), "rock"), ", ".join(map(str, opened)),
+        )  # fmt: skip
     return TerrainSolids(number, obj.read_obj(folder / obj.ground_name(number)), rocks)
 
 
