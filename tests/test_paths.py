@@ -148,6 +148,13 @@ def test_a_drive_with_a_detector_has_detections_in_every_picture_set():
     assert drives.terrains == ["03", "01"]
 
 
+@pytest.mark.parametrize(("kind", "folder"), [("analog", "meshes"), ("release", "repaired")])
+def test_drives_are_over_closed_rocks(kind, folder):
+    drives = {"run": True, "world": {"terrains": [3, 1]}}
+    expected = [f"results/{{run}}/{folder}/Terrain{terrain}" for terrain in ("03", "01")]
+    assert RoverPaths(paths(kind, rover=drives)).meshes == expected
+
+
 def test_labels_of_every_view_are_written_with_its_pictures():
     folder = "results/{run}/rover/seed{seed}/front_end_cam"
     suns = rover().suns

@@ -12,7 +12,11 @@ from polarsim.geometry.topology import remove_unused_vertices
 from polarsim.rocks.adopt import adopt_rocks
 from polarsim.rocks.fitted_ground import FOOT_SD
 from polarsim.rocks.heights import FloorGrid
+from polarsim.rocks.options import RocksOptions
+from polarsim.rocks.repair import repair_rocks
 from polarsim.rocks.scans import Extent
+from polarsim.rover.world.hulls import DEVIATION_M, convex_parts
+from polarsim.rover.world.stitch import read_terrain_meshes
 from polarsim.run_files.inventory import Inventory, write_inventory
 from polarsim.run_files.scene import mesh_origins
 from polarsim.site import polar
@@ -138,6 +142,34 @@ def test_a_ground_of_other_rocks_is_refused(tmp_path, ground, number):
     assert refused.value.path.name == "terrain04_ground.obj"
     assert number in refused.value.reason
     assert not (tmp_path / "rocks.parquet").exists()
+
+
+def test_drives_get_closed_rocks_on_the_published_ground(tmp_path, caplog):
+    adopt_on(tmp_path, wavy_ground())
+    (tmp_path / "cameras").mkdir()  # without positions
+    read_terrain_meshes(tmp_path / "meshes", 4)
+    assert "3 rocks with holes, which the physics fills and images show: 3, 5, 8" in caplog.text
+    caplog.clear()
+    repair_rocks(
+        site=polar(),
+        terrain=4,
+        inventory=tmp_path / "inventory.json",
+        cameras=tmp_path / "cameras",
+        meshes=tmp_path / "meshes",
+        copies=tmp_path / "repaired",
+        options=RocksOptions(rock_cell_mm=4),
+    )
+    closed = read_terrain_meshes(tmp_path / "repaired", 4)
+    assert not caplog.text
+    assert sorted(closed.rocks) == sorted(PLACES)
+    assert all(len(rock.faces) < 3000 for rock in closed.rocks.values())  # decimated
+    for rock, (x, y) in PLACES.items():
+        assert closed.rocks[rock].vertices[:, 2].max() == pytest.approx(wavy(x, y) + 0.06, abs=0.002)
+        parts = convex_parts(closed.rocks[rock].vertices, closed.rocks[rock].faces)
+        assert max(deviation for _, deviation in parts) <= DEVIATION_M
+    np.testing.assert_array_equal(
+        closed.ground.vertices, obj.read_obj(tmp_path / "meshes" / "terrain04_ground.obj").vertices
+    )
 
 
 def test_invalid_ids_are_refused(tmp_path):

@@ -11,9 +11,12 @@ from polarsim.geometry.outlines import rim
 from polarsim.geometry.topology import is_watertight, part_of_face, remove_unused_vertices
 from polarsim.rocks.adopt import cleaned, volume_above
 from polarsim.rocks.fitted_ground import fit_ground
+from polarsim.rocks.folder import DECIMATED_SHARE
 from polarsim.rocks.heights import FloorGrid
 from polarsim.rocks.repair import defect_table, defects, repaired
 from polarsim.rocks.scans import Extent
+from polarsim.rocks.solids import decimate_mesh
+from polarsim.rover.world.hulls import DEVIATION_M, convex_parts
 from polarsim.schemas.stages import DEFECTS
 
 RADIUS = 0.08
@@ -101,3 +104,5 @@ def test_published_rocks_become_closed_solids(release_root, terrain):
         assert is_watertight(copy.faces), rock
         upper = mesh.vertices[mesh.vertices[:, 2] > np.median(mesh.vertices[:, 2])]
         assert np.median(KDTree(copy.vertices).query(upper)[0]) < 0.002  # vertices of both are millimetres apart
+        coarse = decimate_mesh(copy, DECIMATED_SHARE)
+        assert max(deviation for _, deviation in convex_parts(coarse.vertices, coarse.faces)) <= DEVIATION_M

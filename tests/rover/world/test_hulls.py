@@ -5,7 +5,7 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull, KDTree
 
-from polarsim.rover.world.hulls import DEVIATION_M, convex_parts
+from polarsim.rover.world.hulls import DEVIATION_M, MIN_VOLUME_M3, convex_parts
 from polarsim.rover.world.mesh_heights import under_rocks
 from polarsim.rover.world.stitch import TerrainSolids, stitch
 from tests.rover.made_world import SMALL, ball, plane
@@ -69,6 +69,14 @@ def bumpy(random: np.random.Generator) -> trimesh.Trimesh:
     waves = random.uniform(-5, 5, (3, 3)), random.uniform(0, 6.3, 3)
     mesh.vertices *= (1 + 0.1 * np.sin(mesh.vertices / 0.12 @ waves[0].T + waves[1]).sum(axis=1))[:, None]
     return mesh
+
+
+def test_parts_may_be_smaller_than_the_smallest_rock():
+    """A deviation of half a millimetre requires parts of a few triangles of 10 mm2, which are flat."""
+    mesh = bumpy(np.random.default_rng(0))
+    parts = convex_parts(mesh.vertices / 4, mesh.faces, 0.0005, 1000)
+    assert max(deviation for _, deviation in parts) <= 0.0005
+    assert min(ConvexHull(corners).volume for corners, _ in parts) < MIN_VOLUME_M3
 
 
 def opened(mesh: trimesh.Trimesh, random: np.random.Generator) -> trimesh.Trimesh:
