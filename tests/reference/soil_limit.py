@@ -29,24 +29,25 @@ class Steady:
     torque: float  # N m
 
 
-def steady_wheel(wheel: Wheel, law: ContactLaw, load: float, slip: float) -> Steady:
+def steady_wheel(wheel: Wheel, law: ContactLaw, load: float, slip: float, peak: float = 0.0) -> Steady:
     """Return the sinkage at which the soil carries `load` newtons, pull and torque; K_e is infinite.
 
-    `slip` is 1 minus the ratio of forward and rim speed, below 1.
+    `slip` is 1 minus the ratio of forward and rim speed, below 1. `peak` is the angle of maximum pressure as a share of
+    the entry angle: 0, the lowest point, for soil of nodes; above 0 in front of it (Wong and Reece 1967, equation 12).
     """
 
     def excess(sinkage: float) -> float:
-        return _bear(wheel, law, sinkage, slip)[0] - load
+        return _bear(wheel, law, sinkage, slip, peak)[0] - load
 
     deepest = wheel.radius * 0.999
     if excess(deepest) < 0:
         raise RoverError(f"the soil does not carry {load:g} N at slip {slip:g}: the wheel sinks to the axle")
     sinkage = brentq(excess, 1e-7, deepest, xtol=1e-9)
-    _, pull, torque = _bear(wheel, law, sinkage, slip)
+    _, pull, torque = _bear(wheel, law, sinkage, slip, peak)
     return Steady(sinkage, pull, torque)
 
 
-def _bear(wheel: Wheel, law: ContactLaw, sinkage: float, slip: float) -> tuple[float, float, float]:
+def _bear(wheel: Wheel, law: ContactLaw, sinkage: float, slip: float, peak: float) -> tuple[float, float, float]:
     """Return vertical force, pull and torque; angles are zero at the lowest point, positive in front.
 
     A driven rim drags the soil by the component of slip along the ground. With the rim's speed w and the wheel's speed
@@ -57,7 +58,9 @@ def _bear(wheel: Wheel, law: ContactLaw, sinkage: float, slip: float) -> tuple[f
     exponent = law.n + law.n_slip * min(max(slip, 0.0), 1.0)
     stiffness = law.K_c / wheel.width + law.K_phi
     theta, weight = 0.5 * ahead * NODES + 0.5 * ahead, 0.5 * ahead * WEIGHTS
-    sigma = stiffness * (R * (np.cos(theta) - math.cos(ahead))) ** exponent
+    # Behind the maximum, the pressure is that of a point as far between maximum and entry.
+    pressed = np.where(theta < peak * ahead, ahead - theta * (1 - peak) / max(peak, 1e-12), theta)
+    sigma = stiffness * (R * (np.cos(pressed) - math.cos(ahead))) ** exponent
     # Of the node, integrated over the time since first contact, R cos(theta) dtheta / v.
     two, three = (ahead_k - k for ahead_k, k in zip(_powers(np.array(ahead)), _powers(theta), strict=True))
     of_node = R * (two / (1 - slip) - three)

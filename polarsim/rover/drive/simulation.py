@@ -61,7 +61,7 @@ class Simulation:
         options = options or SoilOptions()
         self.world, self.vehicle, self.dt = world, vehicle, options.step_s
         self.soil = soil.at_gravity(options.gravity_m_s2)
-        self._law = self.soil.law(options.slip_sinkage)
+        self._law = self.soil.law(options.slip_sinkage, not any(wheel.grousers for wheel in vehicle.wheels))
         energy.require_small_step(vehicle, self._law, options)
         parts = rock_parts(world) if parts is None else parts
         self.rock_shapes = shape_table(parts)

@@ -52,7 +52,12 @@ class WheelPart(VehicleSection):
     mass_kg: PositiveFloat = Field(description="Mass of the rotating part, kg.")
     arm_mass_kg: PositiveFloat = Field(description="Mass of the parts that slide but do not steer, kg.")
     upright_mass_kg: PositiveFloat = Field(description="Mass of the parts that steer but do not rotate, kg.")
-    grousers: int = Field(0, ge=0, description="Number of straight grousers around the rim.")
+    grousers: int = Field(
+        0,
+        ge=0,
+        description="Number of straight grousers around the rim. If no wheel has any, rims slide on the soil with two "
+        "thirds of its friction angle and without cohesion.",
+    )
     grouser_height_m: float = Field(0.0, ge=0, description="Height above the rim, m.")
     grouser_thickness_m: float = Field(0.0, ge=0, description="Thickness along the rim, m.")
 

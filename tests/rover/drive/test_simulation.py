@@ -80,6 +80,17 @@ def test_a_flat_drive_has_little_ripple_and_closes_the_energy_balance(lunar):
     assert (slips < 0.12).all()
 
 
+def test_a_rover_without_grousers_slips_on_a_slope_that_one_with_grousers_climbs(lunar):
+    smooth = VIPER.model_copy(update={"wheels": [wheel.model_copy(update={"grousers": 0}) for wheel in VIPER.wheels]})
+    climbed = []
+    for vehicle in (VIPER, smooth):
+        simulation = Simulation(flat(slope_deg=12), vehicle, lunar, start=Start(-0.5))
+        before = run(simulation, 0.5)[-1].position[0]
+        climbed.append(run(simulation, 2.5, Command(0.2))[-1].position[0] - before)
+    assert climbed[0] > 0.15
+    assert climbed[1] < 0.01
+
+
 def test_rovers_with_locked_wheels_do_not_creep_down_a_slope(lunar):
     """5 s after settling here, 10 s in the benchmark."""
     simulation = Simulation(flat(slope_deg=15), VIPER, lunar)

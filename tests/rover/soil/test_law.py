@@ -1,5 +1,6 @@
 """Soils by name, and scaling with gravity."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -61,6 +62,18 @@ def test_sinkage_at_equal_mass_is_independent_of_gravity(gravity, slip):
     there = steady_wheel(WHEEL_A, soil.at_gravity(gravity).law(), mass * gravity, slip)
     assert there.sinkage == pytest.approx(on_moon.sinkage, rel=1e-6)
     assert there.pull / gravity == pytest.approx(on_moon.pull / 1.62, rel=1e-5, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", ["lunar", "hit-simulant"])
+def test_a_smooth_rim_slides_at_two_thirds_of_the_friction_angle(name):
+    soil = replace(read_soil(SOILS, name), n_slip=0.0)
+    load, slips = 100.0, (0.1, 0.4, 0.9)
+    grousers, smooth = (
+        [steady_wheel(WHEEL_A, soil.law(smooth_rim=rim), load, slip) for slip in slips] for rim in (False, True)
+    )
+    assert all(sliding.pull < shearing.pull for sliding, shearing in zip(smooth, grousers, strict=True))
+    limit = load * math.tan(math.radians(2 / 3 * soil.phi_deg))  # of a level surface
+    assert max(wheel.pull for wheel in smooth) < limit < max(wheel.torque for wheel in grousers) / WHEEL_A.radius
 
 
 def test_without_scaling_a_wheel_sinks_three_times_as_deep_on_earth():
