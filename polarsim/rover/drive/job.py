@@ -79,7 +79,7 @@ class DriveJob:
 def job_of(
     *, meshes: Path, world: WorldOptions, soil: SoilOptions, drive: DriveOptions, seed: int, parts: Path | None = None
 ) -> DriveJob:
-    """Return the drive that the options describe, over the meshes of a run (`meshes/TerrainNN/`).
+    """Return the drive that the options describe, over meshes of a run (`meshes/` or `repaired/TerrainNN/`).
 
     `parts` is a file of `cut_rocks` for the same meshes and options.
     """

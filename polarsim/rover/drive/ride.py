@@ -40,7 +40,7 @@ def run_drive(
     parts: Path | None = None,
     progress: Progress | None = None,
 ) -> Trace:
-    """Drive over the meshes of a run (`meshes/TerrainNN/`) and write its files, see `job_of` and `drive_to_end`."""
+    """Drive over the meshes of a run and write its files, see `job_of` and `drive_to_end`."""
     job = job_of(meshes=meshes, world=world, soil=soil, drive=drive, seed=seed, parts=parts)
     return drive_to_end(job, folder, progress)
 

@@ -70,7 +70,7 @@ class WorldCourse(Course):
 
 @dataclass(frozen=True)
 class TerrainCourse(Course):
-    """Terrains of a run side by side, as in autonomous drives (`meshes/TerrainNN/`); seeds change ground noise."""
+    """Terrains of a run side by side, as in autonomous drives (`meshes/` or `repaired/`); seeds change ground noise."""
 
     meshes: Path
     world: WorldOptions = field(default_factory=WorldOptions)
