@@ -37,6 +37,7 @@ log = logging.getLogger("polarsim")
 FILE = "defects.csv"
 SKIRT = 0.004  # metres above the plane through a rock's rim: lower parts are sand that was cut out with the rock
 SKIRT_SHARE = 0.35  # maximum share of a rock's height that the skirt has
+HIGHER = 0.01  # metres by which the top of a copy may exceed that of the published surface without a warning
 RIM_SCALE = 0.003  # scale of the robust plane through the rim, metres
 
 
@@ -121,11 +122,17 @@ def repair_rocks(
     scanners = np.array([rig.sandbox_from_left.translation for rig in rigs]).reshape(-1, 3)
     closed = {}
     for rock, path in track(list(obj.rock_files(meshes).items()), f"repair of terrain {terrain_text(terrain)}"):
+        published_rock = obj.read_obj(path)
         try:
-            copy = repaired(obj.read_obj(path), grid, heights, scanners, options.rock_cell_mm / 1000)
+            copy = repaired(published_rock, grid, heights, scanners, options.rock_cell_mm / 1000)
         except ReconstructionError as error:
             log.warning("terrain %s, rock %d cannot be closed: %s", terrain_text(terrain), rock, error)
             continue
+        if (excess := copy.vertices[:, 2].max() - published_rock.vertices[:, 2].max()) > HIGHER:
+            log.warning(
+                "terrain %s, rock %d: the closed copy is %.0f mm higher than the published surface",
+                terrain_text(terrain), rock, 1000 * excess,
+            )  # fmt: skip
         closed[obj.rock_name(terrain, rock)] = copy
         closed[obj.rock_name(terrain, rock, decimated=True)] = decimate_mesh(copy, DECIMATED_SHARE)
     with writing_folder(copies) as folder:

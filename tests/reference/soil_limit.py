@@ -33,7 +33,7 @@ def steady_wheel(wheel: Wheel, law: ContactLaw, load: float, slip: float, peak: 
     """Return the sinkage at which the soil carries `load` newtons, pull and torque; K_e is infinite.
 
     `slip` is 1 minus the ratio of forward and rim speed, below 1. `peak` is the angle of maximum pressure as a share of
-    the entry angle: 0, the lowest point, for soil of nodes; above 0 in front of it (Wong and Reece 1967, equation 12).
+    the entry angle: 0, the lowest point, for soil of nodes; above 0 in front of it (Wong and Reece 1967).
     """
 
     def excess(sinkage: float) -> float:
