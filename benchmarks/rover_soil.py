@@ -118,8 +118,9 @@ def against_measured(fit: bool) -> None:
 def against_wheels(folder: Path) -> None:
     """Print median errors of pull, sinkage and torque by testbed, with the published soil parameters.
 
-    Without and with slip sinkage of n_slip 1, since no simulant has a published value, and with pressure distributions
-    of other models. Finally, the smallest median error of pull of any model without grousers.
+    Without and with slip sinkage of n_slip 1, since no simulant has a published value, with the radius at the tips of
+    grousers, and with pressure distributions of other models. Finally, the smallest median error of pull of any model
+    that does not distinguish wheels by grousers.
     """
     rows = tables.read_csv(folder / "single_wheel_experiments.csv")
     simulants = tables.read_csv(folder / "soil_simulants.csv").set_index("simulant")

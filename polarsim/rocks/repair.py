@@ -122,13 +122,13 @@ def repair_rocks(
     scanners = np.array([rig.sandbox_from_left.translation for rig in rigs]).reshape(-1, 3)
     closed = {}
     for rock, path in track(list(obj.rock_files(meshes).items()), f"repair of terrain {terrain_text(terrain)}"):
-        published_rock = obj.read_obj(path)
+        adopted = obj.read_obj(path)
         try:
-            copy = repaired(published_rock, grid, heights, scanners, options.rock_cell_mm / 1000)
+            copy = repaired(adopted, grid, heights, scanners, options.rock_cell_mm / 1000)
         except ReconstructionError as error:
             log.warning("terrain %s, rock %d cannot be closed: %s", terrain_text(terrain), rock, error)
             continue
-        if (excess := copy.vertices[:, 2].max() - published_rock.vertices[:, 2].max()) > HIGHER:
+        if (excess := copy.vertices[:, 2].max() - adopted.vertices[:, 2].max()) > HIGHER:
             log.warning(
                 "terrain %s, rock %d: the closed copy is %.0f mm higher than the published surface",
                 terrain_text(terrain), rock, 1000 * excess,
