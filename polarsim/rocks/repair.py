@@ -15,6 +15,7 @@ from polarsim.formats import obj, tables
 from polarsim.formats.files import writing_folder
 from polarsim.formats.ply import Cloud
 from polarsim.geometry.meshes import Mesh
+from polarsim.geometry.orientation import oriented
 from polarsim.geometry.outlines import rim
 from polarsim.geometry.planes import robust_plane
 from polarsim.geometry.topology import is_watertight, largest_island, linked_parts, open_edges, part_of_face
@@ -76,11 +77,13 @@ def defects(mesh: Mesh) -> dict[str, object]:
 def repaired(mesh: Mesh, grid: FloorGrid, ground: np.ndarray, scanners: np.ndarray, cell: float) -> Mesh:
     """Return a closed copy: the surface above the skirt, the hidden back, and an underside below the ground.
 
+    Faces of some published rocks have no common orientation, so the outer sides are searched.
+
     `ground` (rows, columns): heights of the ground on `grid`, also under the rock.
     `scanners` (s, 3): positions of the scanners, which distinguish scanned and hidden sides.
     `cell`: cell of the reconstruction, metres.
     """
-    normals = mesh.normals()
+    normals = oriented(mesh).normals()
     directed = np.linalg.norm(normals, axis=1) > 0.5  # vertices of faces without area have no normal
     rock = directed & (mesh.vertices[:, 2] > _skirt_height(mesh, mesh.vertices))
     return closed_rock(

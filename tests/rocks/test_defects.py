@@ -89,6 +89,16 @@ def test_a_closed_copy_keeps_the_surface_and_loses_the_skirt():
     assert volume_above(copy, GRID, LEVEL) == pytest.approx(2 / 3 * np.pi * RADIUS**3, rel=0.05)
 
 
+@pytest.mark.parametrize("flipped_share", [0.5, 1.0])
+def test_inward_faces_do_not_change_a_closed_copy(rng, flipped_share):
+    rock = with_skirt(half_ball())
+    inward = rng.random(len(rock.faces)) < flipped_share
+    spoiled = Mesh(rock.vertices, np.where(inward[:, None], rock.faces[:, ::-1], rock.faces))
+    copies = [repaired(mesh, GRID, LEVEL, SCANNERS, 0.003) for mesh in (rock, spoiled)]
+    assert np.abs(np.ptp(copies[0].vertices, axis=0) - np.ptp(copies[1].vertices, axis=0)).max() < 1e-6
+    assert volume_above(copies[1], GRID, LEVEL) == pytest.approx(volume_above(copies[0], GRID, LEVEL))
+
+
 @pytest.mark.release
 @pytest.mark.parametrize("terrain", [8])
 def test_published_rocks_become_closed_solids(release_root, terrain):

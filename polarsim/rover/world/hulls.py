@@ -21,7 +21,7 @@ import pandas as pd
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from polarsim.errors import RoverError
-from polarsim.geometry.outlines import spread_directions
+from polarsim.geometry.orientation import outward_signs
 from polarsim.geometry.rays_embree import EmbreeCaster
 from polarsim.geometry.topology import is_watertight
 from polarsim.geometry.vectors import cross
@@ -40,7 +40,6 @@ _BATCH = 128  # number of points whose distances are searched together
 _LEVEL = 0.05  # maximum horizontal component of the normal of a surface that is open from above only
 _THICKNESS_M = 0.002  # of flat parts
 _MIN_PART_M3 = 1e-10  # m3, minimum volume of flat parts with this thickness: a triangle of 0.05 mm2
-_SKY_RAYS = 60  # number of directions of the upper hemisphere in which the sky is searched
 
 
 def convex_parts(
@@ -133,29 +132,14 @@ class _Rock:
         volume = np.einsum("nk,nk->", self._centres, normals)  # six times; negative if all normals are inward
         self._caster = EmbreeCaster(vertices, faces)
         self._sides = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-        if volume <= 0 or not is_watertight(faces):
-            self._sides *= self._outwards()[:, None]
+        self._has_holes = not is_watertight(faces)
+        if volume <= 0 or self._has_holes:
+            self._sides *= outward_signs(self._centres, self._sides, self._caster)[:, None]
         self._step = max(STEP_M, float(np.ptp(vertices, axis=0).max()) / _STEPS)
         large = np.flatnonzero(longest_edges(triangles) > self._step)
         divided, owners = points_on(triangles[large], self._step)
         self._points = np.concatenate([self._centres, divided])
         self._normals = self._sides[np.concatenate([np.arange(len(faces)), large[owners]])]
-
-    def _outwards(self) -> np.ndarray:
-        """Return (f,) 1 where normals are outward and -1 elsewhere: more of the sky is visible from the outer side.
-
-        By ray casting, as Takayama et al., A Simple Method for Correcting Facet Orientations in Polygon Meshes Based on
-        Ray Casting (JCGT 2014), for meshes with holes, the faces of which have no common orientation.
-        """
-        sky = spread_directions(2 * _SKY_RAYS)[:_SKY_RAYS]
-        visible = []
-        for side in (1, -1):
-            origins = np.repeat(self._centres + side * _OFF_M * self._sides, len(sky), axis=0)
-            directions = np.tile(sky, (len(self._centres), 1))
-            above = np.einsum("nk,nk->n", np.repeat(side * self._sides, len(sky), axis=0), directions) > 0
-            above[above] = np.isinf(self._caster.nearest(origins[above], directions[above])[0])
-            visible.append(above.reshape(-1, len(sky)).sum(axis=1))
-        return np.where(visible[0] >= visible[1], 1.0, -1.0)
 
     def whole(self) -> _Part:
         """Return the hull of the rock."""
@@ -178,9 +162,10 @@ class _Rock:
         facets = np.flatnonzero(hull.equations[:, 2] > OVERHANG)
         points, owners = points_on(hull.points[hull.simplices[facets]], self._step / 2)
         sides = hull.equations[facets[owners], :3]
-        hits = self._caster.intersect(points + _OFF_M * sides, -sides)
-        solid = hits.ray[np.einsum("nk,nk->n", self._sides[hits.face], sides[hits.ray]) > 0]
-        points, sides = points[solid], sides[solid]
+        if self._has_holes:
+            hits = self._caster.intersect(points + _OFF_M * sides, -sides)
+            solid = hits.ray[np.einsum("nk,nk->n", self._sides[hits.face], sides[hits.ray]) > 0]
+            points, sides = points[solid], sides[solid]
         points = points[self._reached(points + _OFF_M * sides, sides)]
         if not len(points):
             return part
