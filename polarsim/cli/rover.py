@@ -57,7 +57,7 @@ def drive(
             "rover.run is false in this run: add --configfile config/overlays/rover.yaml",
             path=run_folder / STORED,
         )
-    meshes = run_folder / "meshes"
+    meshes = run_folder / chosen.closed_meshes
     for terrain in rover.world.terrains if rover.world.dem is None else ():
         if not (there := meshes / f"Terrain{terrain_text(terrain)}").is_dir():
             raise PolarsimError("no such folder of meshes; create the meshes with polarsim run", path=there)

@@ -49,17 +49,8 @@ class RoverPaths:
 
     @property
     def meshes(self) -> list[str]:
-        """The folders of the terrains of drives along a path: published meshes of a release, as in the paper."""
-        return [f"results/{{run}}/meshes/Terrain{terrain}" for terrain in self.terrains]
-
-    @property
-    def closed_meshes(self) -> list[str]:
-        """The folders of the terrains of autonomous drives, with closed rocks."""
+        """The folders of the terrains that are driven over, with closed rocks."""
         return [f"results/{{run}}/{self.config.closed_meshes}/Terrain{terrain}" for terrain in self.terrains]
-
-    def meshes_of_parts(self, wildcards: Wildcards) -> list[str]:
-        """Return the folders of the terrains of drives along a path, or of autonomous drives."""
-        return self.closed_meshes if wildcards.drives == "autonomy" else self.meshes
 
     @property
     def elevation_model(self) -> str | list[str]:

@@ -24,7 +24,7 @@ rule rover:
 rule cut_rocks:
     """Convex parts of the rocks for all drives along a path (`path`) or all autonomous drives (`autonomy`)."""
     input:
-        meshes=DRIVES.meshes_of_parts,
+        meshes=DRIVES.meshes,
         dem=DRIVES.elevation_model,  # read through params.world
     output:
         parts="results/{run}/rover/rock_parts/{drives}.npz",

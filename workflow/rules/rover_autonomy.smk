@@ -13,7 +13,7 @@ rule rover_autonomy:
 rule drive_alone:
     """One drive with perception, mapping, planning and steering, and its metrics."""
     input:
-        meshes=DRIVES.closed_meshes,
+        meshes=DRIVES.meshes,
         dem=DRIVES.elevation_model,  # read through params.world
         parts="results/{run}/rover/rock_parts/autonomy.npz",
         vehicle=DRIVES.vehicle,  # read through params.drive_options
