@@ -22,9 +22,10 @@ from polarsim.errors import RoverError
 from polarsim.rover.soil.law import ContactLaw, Soil
 from polarsim.rover.soil.shapes import Wheel
 from tests.reference.soil_limit import steady_wheel
-from tests.reference.soil_rig import WHEEL_A, Rig, drive
+from tests.reference.soil_rig import Rig, drive
 
 EARTH, MOON = 9.81, 1.62  # m/s2
+MGRU3_WHEEL = Wheel(0.275, 0.20)  # at the tips of its grousers
 EX1_WHEEL, EX1_LOAD = Wheel(0.11, 0.10), 20.0 * EARTH / 4  # N; 20 kg on four wheels
 SLOPES_DEG = (0.0, 5.0, 10.0, 15.0, 18.0)  # up to the steepest slope of the experiment
 SINKING_SLIPS = (0.0, 0.1, 0.2, 0.4, 0.6)
@@ -93,7 +94,7 @@ def misses_deg(curve: SlopeCurve, law: ContactLaw) -> np.ndarray:
     found = []
     for slip, slope in curve.points:
         load = curve.load * (math.cos(math.radians(slope)) if curve.tilted else 1.0)
-        pull = steady_wheel(WHEEL_A, law, load, slip / 100).pull
+        pull = steady_wheel(MGRU3_WHEEL, law, load, slip / 100).pull
         found.append(math.degrees(math.atan2(pull, load)) - slope)
     return np.array(found)
 

@@ -13,7 +13,7 @@ from polarsim.rover.world.surface import ROCK_COLUMNS, World
 
 RENDER = RenderOptions()
 CELL, SPEED, SINKAGE = 0.02, 0.2, 0.016
-RADIUS = 0.25
+RADIUS = 0.275
 ROCKS = (  # x, y, height above the ground, half-width
     (2.4, 0.15, 0.20, 0.14), (3.0, -0.9, 0.12, 0.10), (1.6, 0.95, 0.30, 0.20),
     (3.3, 0.25, 0.07, 0.06), (1.2, -0.2, 0.15, 0.12),

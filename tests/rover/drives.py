@@ -35,7 +35,7 @@ SMALL = {
     },
     "bag": {"sun": "3", "height_hz": 0.2},
 }
-RADIUS, SPEED = 0.25, 0.2
+RADIUS, SPEED = 0.275, 0.2
 SUMMARY = {"ended": "finished", "options": {"soil": {"gravity_m_s2": 1.62}}}  # of drive.json
 
 

@@ -44,7 +44,7 @@ def body_of(vehicle: Vehicle) -> Bodywork:
 def grousers(link: str, wheel: WheelPart) -> Solid:
     """Return straight bars across a wheel's rim, arranged about the link's y axis."""
     half = wheel.grouser_thickness_m / 2, wheel.width_m / 2
-    foot, crest = wheel.radius_m - _ROOT * wheel.grouser_height_m, wheel.radius_m + wheel.grouser_height_m
+    foot, crest = wheel.radius_m - _ROOT * wheel.grouser_height_m, wheel.outer_radius_m
     bar = box_mesh(np.array([-half[0], -half[1], foot]), np.array([half[0], half[1], crest]))
     parts = []
     for number in range(wheel.grousers):

@@ -119,4 +119,4 @@ def _marks(trace: Trace, vehicle: Vehicle) -> list[GrouserMark]:
 
 def _tread(vehicle: Vehicle) -> Tread:
     wheel = vehicle.wheels[0]
-    return Tread(max(wheel.grousers, 1), wheel.radius_m, wheel.width_m)
+    return Tread(max(wheel.grousers, 1), wheel.outer_radius_m, wheel.width_m)

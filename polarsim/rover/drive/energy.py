@@ -70,8 +70,8 @@ def largest_step(vehicle: Vehicle, law: ContactLaw, gravity: float) -> float:
     for wheel in vehicle.wheels:
         load = vehicle.mass * gravity / len(vehicle.wheels)
         stiffness = law.K_c / wheel.width_m + law.K_phi
-        sunk = (1.5 * load / (wheel.width_m * stiffness * math.sqrt(2 * wheel.radius_m))) ** (2 / 3)
-        area = wheel.width_m * math.sqrt(2 * wheel.radius_m * sunk)
+        sunk = (1.5 * load / (wheel.width_m * stiffness * math.sqrt(2 * wheel.outer_radius_m))) ** (2 / 3)
+        area = wheel.width_m * math.sqrt(2 * wheel.outer_radius_m * sunk)
         unsprung = wheel.mass_kg + wheel.arm_mass_kg + wheel.upright_mass_kg
         steps.append(MAX_PHASE_RAD / math.sqrt(law.K_e * area / unsprung))
     return min(steps)

@@ -133,7 +133,7 @@ def path_of(world: WorldOptions, drive: DriveOptions, beyond_m: float = 0.0) -> 
 def require_on_grid(job: DriveJob) -> None:
     """Raise `OffGridError` with the position at which a wheel would leave the grid along the path."""
     world, wheels, route = job.world, job.vehicle.wheels, job.route
-    reach = max(wheel.radius_m for wheel in wheels) + wheels[0].width_m / 2 + EDGE_MARGIN_M
+    reach = max(wheel.outer_radius_m for wheel in wheels) + wheels[0].width_m / 2 + EDGE_MARGIN_M
     low, high = (world.x[0] + reach, world.y[0] + reach), (world.x[-1] - reach, world.y[-1] - reach)
     centres = job.vehicle.wheel_centres[:, :2]
     for begin, heading, length in zip(route.points, route.headings, route.lengths, strict=False):

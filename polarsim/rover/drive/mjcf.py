@@ -148,7 +148,7 @@ def _add_corner(mujoco: Any, base: Any, vehicle: Vehicle, wheel: WheelPart) -> N
         armature=drive.armature_kg_m2, solimp_friction=HARD_BRAKE,
     )  # fmt: skip
     rim = spinning.add_geom(
-        name=f"{code}_rim", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[wheel.radius_m, wheel.width_m / 2, 0],
+        name=f"{code}_rim", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[wheel.outer_radius_m, wheel.width_m / 2, 0],
         solref=STIFF_ROCK, friction=_friction(vehicle), **WHEEL_BITS,
     )  # fmt: skip
     rim.alt.type, rim.alt.zaxis = mujoco.mjtOrientation.mjORIENTATION_ZAXIS, [0, 1, 0]

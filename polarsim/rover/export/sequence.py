@@ -49,6 +49,6 @@ def calibration_of(vehicle: Vehicle, views: Sequence[str], scale: float) -> Sens
     cameras = {name: CalibratedCamera(mount.base_from_camera, mount.lens) for name, mount in mounts.items()}
     imu = Imu(UNIT, RATE_HZ, GYRO_NOISE, GYRO_WALK, ACCELERATION_NOISE, ACCELERATION_WALK)
     wheels: dict[str, EncodedWheel] = {
-        wheel.code: EncodedWheel(wheel.position_m, wheel.radius_m) for wheel in vehicle.wheels
+        wheel.code: EncodedWheel(wheel.position_m, wheel.outer_radius_m) for wheel in vehicle.wheels
     }
     return SensorCalibration(cameras, imu, wheels, stereo_pair(cameras))

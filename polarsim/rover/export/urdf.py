@@ -61,7 +61,7 @@ def _corner(robot: ET.Element, vehicle: Vehicle, wheel: WheelPart) -> None:
         if name == "wheel":
             collision = ET.SubElement(link, "collision")
             _origin(collision, _lying(Pose.identity()))
-            _cylinder(collision, 2 * wheel.radius_m, wheel.width_m)
+            _cylinder(collision, 2 * wheel.outer_radius_m, wheel.width_m)
     lift = _joint(robot, f"{code}_lift", "prismatic", "base_link", f"{code}_arm", (0, 0, 1))
     _origin(lift, Pose(np.eye(3), np.array(wheel.position_m)))
     _limit(lift, _FREE, _FREE, spring.travel_m, spring.damping_n_s_m)

@@ -16,7 +16,7 @@ class WheelOdometry:
 
     def __init__(self, vehicle: Vehicle) -> None:
         centres = vehicle.wheel_centres[:, :2]
-        self._radii = np.array([wheel.radius_m for wheel in vehicle.wheels])
+        self._radii = np.array([wheel.outer_radius_m for wheel in vehicle.wheels])
         across = np.column_stack([-centres[:, 1], centres[:, 0]])
         equations = np.concatenate([np.tile(np.eye(2), (len(centres), 1)), across.reshape(-1, 1)], axis=1)
         self._solve = np.linalg.pinv(equations)  # (3, 8)

@@ -39,7 +39,7 @@ class Estimate:
 
 def ground_below(vehicle: Vehicle) -> float:
     """Return the height of the ground below the wheels in base_link, m."""
-    return float(np.mean([wheel.position_m[2] - wheel.radius_m for wheel in vehicle.wheels]))
+    return float(np.mean([wheel.position_m[2] - wheel.outer_radius_m for wheel in vehicle.wheels]))
 
 
 def plane_under(world_from_base: Pose, ground_m: float) -> HeightFunction:

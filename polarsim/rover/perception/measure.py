@@ -71,7 +71,7 @@ def front_camera_drive(suite: CameraSuite) -> FrontCameraDrive:
     wheels = vehicle.wheels
     paths = [table[[f"{wheel.code}_x_m", f"{wheel.code}_y_m"]].to_numpy() for wheel in wheels]
     positions = table[["x_m", "y_m"]].to_numpy()
-    front = max(wheel.position_m[0] + wheel.radius_m + wheel.grouser_height_m for wheel in wheels)
+    front = max(wheel.position_m[0] + wheel.outer_radius_m for wheel in wheels)
     return FrontCameraDrive(
         frames=suite.frames,
         cameras={frame: suite.camera(FRONT, frame) for frame in suite.frames},

@@ -73,7 +73,7 @@ def _wheel_gaps(table: pd.DataFrame, vehicle: Vehicle, points: np.ndarray, rows:
     """Return the minimum gap of each wheel in rows of a trace from points (n, 3) of the world."""
     parts = zip(WHEELS, vehicle.wheels, strict=True)
     return [
-        float(cylinder_gap(_local(table, f"{code}_", points, rows), wheel.radius_m, wheel.width_m).min())
+        float(cylinder_gap(_local(table, f"{code}_", points, rows), wheel.outer_radius_m, wheel.width_m).min())
         for code, wheel in parts
     ]
 

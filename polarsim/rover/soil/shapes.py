@@ -19,7 +19,7 @@ LEVEL_AXLE = 1e-9  # maximum vertical component of an axle that is treated as le
 
 @dataclass(frozen=True)
 class Wheel:
-    """A rigid cylinder; metres. Grousers are omitted, since cells of 2 cm do not resolve them."""
+    """A rigid cylinder up to the tips of grousers; metres. Cells of 2 cm do not resolve single grousers."""
 
     radius: float
     width: float

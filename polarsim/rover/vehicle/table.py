@@ -58,8 +58,24 @@ class WheelPart(VehicleSection):
         description="Number of straight grousers around the rim. If no wheel has any, rims slide on the soil with two "
         "thirds of its friction angle and without cohesion.",
     )
-    grouser_height_m: float = Field(0.0, ge=0, description="Height above the rim, m.")
+    grouser_height_m: float = Field(
+        0.0, ge=0, description="Height above the rim, m; soil and rocks touch a wheel at the tips."
+    )
     grouser_thickness_m: float = Field(0.0, ge=0, description="Thickness along the rim, m.")
+
+    @model_validator(mode="after")
+    def _grousers_have_a_height(self) -> WheelPart:
+        if (self.grousers > 0) != (self.grouser_height_m > 0):
+            raise ValueError(
+                f"wheel {self.code}: grousers {self.grousers} and grouser_height_m {self.grouser_height_m:g}, "
+                "expected both or neither above 0"
+            )
+        return self
+
+    @property
+    def outer_radius_m(self) -> float:
+        """Radius at the tips of the grousers, m: soil between them moves with the wheel, so tips carry and roll."""
+        return self.radius_m + self.grouser_height_m
 
     def inertia(self) -> np.ndarray:
         """Return (3,) kg m2 of the rotating part, a solid cylinder along y."""

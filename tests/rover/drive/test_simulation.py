@@ -52,6 +52,8 @@ def test_at_rest_the_soil_carries_the_weight_with_the_same_sinkage_at_any_gravit
     # Bekker's wheel at rest, theta_1 = theta_2, has twice the contact of a rolling wheel, so it sinks less than 17 mm.
     assert (last.wheel("sinkage_first_m") > 0.008).all()
     assert (last.wheel("sinkage_first_m") < 0.017).all()
+    tips = [wheel.radius_m + wheel.grouser_height_m for wheel in VIPER.wheels]
+    np.testing.assert_allclose(last.wheel("z_m") + last.wheel("sinkage_first_m"), tips, atol=5e-4)
 
 
 def test_a_rover_lowered_onto_rough_ground_sinks_as_on_level_ground(lunar):
@@ -81,7 +83,8 @@ def test_a_flat_drive_has_little_ripple_and_closes_the_energy_balance(lunar):
 
 
 def test_a_rover_without_grousers_slips_on_a_slope_that_one_with_grousers_climbs(lunar):
-    smooth = VIPER.model_copy(update={"wheels": [wheel.model_copy(update={"grousers": 0}) for wheel in VIPER.wheels]})
+    bare = {"grousers": 0, "grouser_height_m": 0.0}
+    smooth = VIPER.model_copy(update={"wheels": [wheel.model_copy(update=bare) for wheel in VIPER.wheels]})
     climbed = []
     for vehicle in (VIPER, smooth):
         simulation = Simulation(flat(slope_deg=12), vehicle, lunar, start=Start(-0.5))
@@ -127,7 +130,7 @@ def test_a_bend_has_the_commanded_radius(lunar):
 def test_a_point_turn_turns_left_in_place(lunar):
     simulation = Simulation(flat(), VIPER, lunar)
     run(simulation, 1.0)
-    states = run(simulation, 5.0, Command(0.15, 0.0, "turn"))
+    states = run(simulation, 3.5, Command(0.15, 0.0, "turn"))
     assert states[-1].heading > 0.2
     assert np.hypot(*states[-1].position[:2]) < 0.05
 
@@ -166,4 +169,4 @@ def test_a_wheel_on_a_rock_has_contact_with_the_rock(lunar):
     assert list(last.wheel("contact")) == [2, 1, 1, 1]
     assert last.wheel("load_n").sum() == pytest.approx(430 * 1.62, rel=0.01)
     # The wheel is on top of the box, 2 cm above the ground.
-    assert last.wheel("z_m")[0] == pytest.approx(0.27, abs=0.003)
+    assert last.wheel("z_m")[0] == pytest.approx(0.295, abs=0.003)

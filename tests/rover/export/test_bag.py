@@ -119,7 +119,7 @@ def test_states_are_those_of_the_drive(found):
     assert wheels[2].slip == pytest.approx(0.03)
     joints = found["/joint_states"][10].ros_msg
     assert list(joints.name[:3]) == ["lf_lift", "lf_steer", "lf_spin"]
-    assert joints.velocity[:3] == pytest.approx([0.01, 0.0, SPEED / 0.25])
+    assert joints.velocity[:3] == pytest.approx([0.01, 0.0, SPEED / 0.275])
 
 
 def test_frames_chain_from_the_map_to_each_wheel(found):
@@ -159,7 +159,7 @@ def test_sensors_have_the_readings_of_the_drive_and_only_the_truth_has_no_noise(
     assert found["/imu"][0].ros_msg.orientation_covariance[0] == -1
     speeds, steering = (found[f"/wheels/{name}"][100].ros_msg for name in ("speeds", "steering"))
     assert list(speeds.name) == [f"{code}_spin" for code in ("lf", "rf", "lr", "rr")]
-    assert speeds.velocity == pytest.approx([SPEED / 0.25] * 4, abs=0.01)  # a step of the encoder in 10 ms
+    assert speeds.velocity == pytest.approx([SPEED / 0.275] * 4, abs=0.01)  # a step of the encoder in 10 ms
     assert (len(speeds.position), len(steering.velocity)) == (0, 0)  # not measured
 
 

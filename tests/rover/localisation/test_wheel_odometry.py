@@ -11,7 +11,7 @@ from polarsim.rover.localisation.wheel_odometry import WheelOdometry
 from polarsim.rover.vehicle.table import read_vehicle
 
 VEHICLE = read_vehicle(Path(__file__).parents[3] / "config" / "viper.yaml")
-RADII = np.array([wheel.radius_m for wheel in VEHICLE.wheels])
+RADII = np.array([wheel.outer_radius_m for wheel in VEHICLE.wheels])
 
 
 def measured(command: Command) -> np.ndarray:

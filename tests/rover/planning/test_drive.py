@@ -167,7 +167,7 @@ def test_a_rover_on_odometry_drives_to_where_it_believes_the_goal(job):
     start, end = estimate.iloc[0], estimate.iloc[-1]
     assert start[["x_m", "y_m", "z_m"]].tolist() == true.iloc[0][["x_m", "y_m", "z_m"]].tolist()
     assert outcome.trace.drive["ended"] == "finished"
-    assert end["x_m"] == pytest.approx(1.6, abs=0.01)
+    assert 1.6 - OPTIONS.speed_m_s * 0.05 <= end["x_m"] < 1.6  # last row, a row every 0.05 s
     slipped = end["x_m"] - true["x_m"].iloc[-1]
     assert 0.02 < slipped < 3 * end["x_sd_m"]
     error = np.abs(estimate[["y_m", "z_m"]] - true[["y_m", "z_m"]]).iloc[-1]

@@ -40,6 +40,8 @@ def changed(tmp_path, change):
     ("change", "key"),
     [
         (lambda c: c["wheels"].pop(), "wheels"),
+        (lambda c: c["wheels"][1].update(grousers=0), "wheel rf: grousers 0"),
+        (lambda c: c["wheels"][1].update(grouser_height_m=0), "wheel rf: grousers 24"),
         (lambda c: c["chassis"].update(mass_kg=-1), "chassis.mass_kg"),
         (lambda c: c.update(wings=2), "wings"),
         (lambda c: c["cameras"][0].update(link="tail"), "camera ncl"),
