@@ -38,7 +38,7 @@ log = logging.getLogger("polarsim")
 FILE = "defects.csv"
 SKIRT = 0.004  # metres above the plane through a rock's rim: lower parts are sand that was cut out with the rock
 SKIRT_SHARE = 0.35  # maximum share of a rock's height that the skirt has
-HIGHER = 0.01  # metres by which the top of a copy may exceed that of the published surface without a warning
+MAX_EXCESS = 0.02  # metres by which a copy may extend beyond the published surface without a warning
 RIM_SCALE = 0.003  # scale of the robust plane through the rim, metres
 
 
@@ -91,6 +91,13 @@ def repaired(mesh: Mesh, grid: FloorGrid, ground: np.ndarray, scanners: np.ndarr
     )
 
 
+def excess(copy: Mesh, mesh: Mesh) -> float:
+    """Return the length, m, by which a copy extends beyond a mesh, upwards or sideways; at most 14 mm in POLAR-Sim."""
+    above = copy.vertices.max(axis=0) - mesh.vertices.max(axis=0)
+    below = mesh.vertices.min(axis=0) - copy.vertices.min(axis=0)  # downwards, a copy has an underside
+    return float(max(above.max(), below[:2].max()))
+
+
 def _skirt_share(mesh: Mesh) -> float:
     """Return the share of a surface's area in its skirt."""
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
@@ -131,10 +138,10 @@ def repair_rocks(
         except ReconstructionError as error:
             log.warning("terrain %s, rock %d cannot be closed: %s", terrain_text(terrain), rock, error)
             continue
-        if (excess := copy.vertices[:, 2].max() - adopted.vertices[:, 2].max()) > HIGHER:
+        if (beyond := excess(copy, adopted)) > MAX_EXCESS:
             log.warning(
-                "terrain %s, rock %d: the closed copy is %.0f mm higher than the published surface",
-                terrain_text(terrain), rock, 1000 * excess,
+                "terrain %s, rock %d: the closed copy extends %.0f mm beyond the published surface",
+                terrain_text(terrain), rock, 1000 * beyond,
             )  # fmt: skip
         closed[obj.rock_name(terrain, rock)] = copy
         closed[obj.rock_name(terrain, rock, decimated=True)] = decimate_mesh(copy, DECIMATED_SHARE)

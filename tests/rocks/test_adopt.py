@@ -144,7 +144,7 @@ def test_a_ground_of_other_rocks_is_refused(tmp_path, ground, number):
     assert not (tmp_path / "rocks.parquet").exists()
 
 
-def test_autonomous_drives_get_closed_rocks_on_the_published_ground(tmp_path, caplog):
+def test_drives_get_closed_rocks_on_the_published_ground(tmp_path, caplog):
     adopt_on(tmp_path, wavy_ground())
     (tmp_path / "cameras").mkdir()  # without positions
     read_terrain_meshes(tmp_path / "meshes", 4)

@@ -13,7 +13,7 @@ from polarsim.rocks.adopt import cleaned, volume_above
 from polarsim.rocks.fitted_ground import fit_ground
 from polarsim.rocks.folder import DECIMATED_SHARE
 from polarsim.rocks.heights import FloorGrid
-from polarsim.rocks.repair import defect_table, defects, repaired
+from polarsim.rocks.repair import MAX_EXCESS, defect_table, defects, excess, repaired
 from polarsim.rocks.scans import Extent
 from polarsim.rocks.solids import decimate_mesh
 from polarsim.rover.world.hulls import DEVIATION_M, convex_parts
@@ -89,6 +89,15 @@ def test_a_closed_copy_keeps_the_surface_and_loses_the_skirt():
     assert volume_above(copy, GRID, LEVEL) == pytest.approx(2 / 3 * np.pi * RADIUS**3, rel=0.05)
 
 
+@pytest.mark.parametrize(
+    ("move", "beyond"),
+    [((0, 0, 0), 0.0), ((0.03, 0, 0), 0.03), ((0, -0.04, 0), 0.04), ((0, 0, 0.05), 0.05), ((0, 0, -1), 0.0)],
+)
+def test_an_excess_is_upwards_or_sideways(move, beyond):
+    ball = half_ball()
+    assert excess(Mesh(ball.vertices + move, ball.faces), ball) == pytest.approx(beyond)
+
+
 @pytest.mark.parametrize("flipped_share", [0.5, 1.0])
 def test_inward_faces_do_not_change_a_closed_copy(rng, flipped_share):
     rock = with_skirt(half_ball())
@@ -112,6 +121,7 @@ def test_published_rocks_become_closed_solids(release_root, terrain):
     for rock, mesh in list(adopted.items())[:4]:
         copy = repaired(mesh, grid, ground, np.array([[3.6, -0.4, 1.5], [0.4, -3.6, 1.5]]), 0.003)
         assert is_watertight(copy.faces), rock
+        assert excess(copy, mesh) < MAX_EXCESS
         upper = mesh.vertices[mesh.vertices[:, 2] > np.median(mesh.vertices[:, 2])]
         assert np.median(KDTree(copy.vertices).query(upper)[0]) < 0.002  # vertices of both are millimetres apart
         coarse = decimate_mesh(copy, DECIMATED_SHARE)
