@@ -105,10 +105,10 @@ def options_digest(terrains: list[int], options: AutonomyOptions) -> str:
 def row_of(case: Case, own: pd.DataFrame) -> str:
     value = own.set_index("metric")["value"]
     closest = value.get("closest pass of a rock above 10 cm", math.nan)  # missing if no rock was near
+    passed = "no rock above 10 cm near" if math.isnan(closest) else f"closest {closest:.3f} m"
     return (
         f"{case.name}: {own['ended'].iloc[0]} after {value['time']:.1f} s, {value['collisions']:.0f} collisions, "
-        f"closest {closest:.3f} m, "
-        f"{value['CPU for a second driven'] * value['time']:.0f} s of CPU, "
+        f"{passed}, {value['CPU for a second driven'] * value['time']:.0f} s of CPU, "
         f"{value['CPU for a second driven']:.2f} a second"
     )
 
