@@ -182,10 +182,10 @@ class Simulation:
         self._servos = kernels.Servos(
             vehicle.drive.gain_n_m_s_rad, vehicle.drive.torque_limit_n_m, np.array(damping, float)
         )
-        rims_of_soil = [Wheel(wheel.outer_radius_m, wheel.width_m) for wheel in vehicle.wheels]
+        soil_wheels = [Wheel(wheel.outer_radius_m, wheel.width_m) for wheel in vehicle.wheels]
         self._slips = np.zeros(count)  # recent slips of the wheels
         self._wheels = Bodies(
-            np.array([rim.numbers() for rim in rims_of_soil]), np.zeros((count, 3)), np.zeros((count, 3, 3)),
+            np.array([wheel.numbers() for wheel in soil_wheels]), np.zeros((count, 3)), np.zeros((count, 3, 3)),
             np.zeros((count, 3)), np.zeros((count, 3)), self._slips,
         )  # fmt: skip
         self._loads = Loads.zeros(count)
@@ -196,7 +196,7 @@ class Simulation:
         )  # fmt: skip
         self._bulldozing = Bulldozing.on(self.ground.cell, max(round(EVERY_S / self.dt), 1))
         self._energy_zero = 0.0
-        self._reach = max(rim.reach for rim in rims_of_soil)
+        self._reach = max(wheel.reach for wheel in soil_wheels)
         self._radii = np.array([wheel.outer_radius_m for wheel in vehicle.wheels])
         self._wheels_xy = [(x, y) for x, y, _ in vehicle.wheel_centres.tolist()]
         self._steer_limit = math.radians(vehicle.steering.limit_deg)

@@ -29,7 +29,7 @@ from polarsim.rover.world.surface import PlacedRock, World, bare_world, with_roc
 VIPER = read_vehicle(Path(__file__).parents[3] / "config/viper.yaml")
 FIRM = SoilOptions(slip_sinkage=False, step_s=0.002)
 CHUNK = 150  # steps per call
-BODY_FRONT, BODY_BOTTOM = 0.65, 0.40 - 0.55 / 2 + 0.25  # m: x in base_link, height above level ground before sinking
+BODY_FRONT, BODY_BOTTOM = 0.65, 0.40 - 0.55 / 2 + 0.275  # m: x in base_link, height above level ground before sinking
 
 
 def flat() -> World:
