@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from polarsim.rover.drive import energy
 from polarsim.rover.drive.control import Command, steer
 from polarsim.rover.drive.mjcf import LINKS, compile_model
+from polarsim.rover.drive.near_rocks import NearRocks
 from polarsim.rover.drive.state import EDGE_MARGIN_M, OffGridError, RoverState, Start, heading_of
 from polarsim.rover.drive.trace import CONTACT_COLUMNS, CONTACTS, GROUND, WHEEL_COLUMNS
 from polarsim.rover.soil.bulldozing import EVERY_S, Bulldozing
@@ -74,6 +75,8 @@ class Simulation:
         self.time_zero = 0  # steps at time 0
         self.command = Command()
         self._put_down(start or Start())
+        bodies = [self.model.body(f"rock{rock}").id for rock in self.rocks]
+        self._near_rocks = NearRocks(self.model, self.data, bodies)
 
     @property
     def time(self) -> float:
@@ -137,6 +140,7 @@ class Simulation:
         steps = max(round(seconds / self.dt), 1)
         self._require_inside(self.data.xpos[self._physics.wheels])
         self._steer(steps * self.dt)
+        self._near_rocks.update(self.data.qpos[:2], steps * self.dt)
         self._run(steps)
         if not (np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all()):
             raise energy.EnergyError(f"at {self.time:.2f} s the rover's state is not finite: use a smaller step_s")

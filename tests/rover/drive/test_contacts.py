@@ -36,13 +36,13 @@ def flat() -> World:
     return bare_world(np.zeros((121, 221)), 0.02, -1.6, -1.2)
 
 
-def with_boxes(*boxes: tuple[float, float, float, float]) -> World:
-    """Return level ground with boxes of a side at x, y, and a height above the ground."""
+def with_boxes(*boxes: tuple[float, float, float, float], ground: World | None = None) -> World:
+    """Return level ground (or `ground`) with boxes of a side at x, y, and a height above the ground."""
     rocks = []
     for number, (x, y, side, height) in enumerate(boxes, 1):
         box = trimesh.creation.box((side, side, 2 * height))
         rocks.append(PlacedRock(4, number, np.asarray(box.vertices) + np.array([x, y, 0.0]), np.asarray(box.faces)))
-    return with_rocks(flat(), rocks)
+    return with_rocks(ground or flat(), rocks)
 
 
 def made(world: World, lunar: Soil, settle_s: float = 0.0, start: Start | None = None) -> Simulation:
