@@ -5,6 +5,7 @@ import yaml
 
 from polarsim.formats import png
 from polarsim.formats.tables import read_parquet
+from tests.rover.drives import RADIUS
 
 pytest.importorskip("evo")
 from evo.core import metrics, sync
@@ -80,8 +81,8 @@ def test_euroc_cameras_have_images_with_stamps_and_a_mount(drives_published, dri
         np.testing.assert_array_equal(own, png.read_png(drive / f"front_end_cam/1_hapke_0256/{frame:05d}.png"))
     base_from_camera = mount(yaml.safe_load((folder / "cam2/sensor.yaml").read_text()))
     row = frames.iloc[0]
-    # Initial pose of the rover: position (1, 0, 0.25), heading west (180 degrees about z).
-    world_from_base = np.array([[-1.0, 0, 0, 1], [0, -1, 0, 0], [0, 0, 1, 0.25], [0, 0, 0, 1]])
+    # Initial pose of the rover: position (1, 0, RADIUS), heading west (180 degrees about z).
+    world_from_base = np.array([[-1.0, 0, 0, 1], [0, -1, 0, 0], [0, 0, 1, RADIUS], [0, 0, 0, 1]])
     np.testing.assert_allclose((world_from_base @ base_from_camera)[:3, 3], row[["x_m", "y_m", "z_m"]], atol=1e-9)
 
 
